@@ -1,0 +1,141 @@
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/prior.hpp"
+#include "estimator/residual.hpp"
+
+namespace orbid::estimator {
+
+/// The coordinate in which steps, mode and Laplace covariance are taken.
+enum class Scale { linear, log };
+
+/// One estimated parameter.
+struct FreeParameter {
+    std::string name;
+    std::string unit;
+    double start = 0.0;
+    Scale scale = Scale::linear;                              ///< log needs start > 0 and lower >= 0
+    double lower = -std::numeric_limits<double>::infinity();  ///< inclusive
+    double upper = std::numeric_limits<double>::infinity();
+    Prior prior = FlatPrior{};
+    double typical_size = 1.0;  ///< > 0: unit of null directions and steps where value and prior say nothing
+};
+
+/// A quantity computed from the estimated parameters, with its gradient.
+struct DerivedQuantity {
+    std::string name;
+    std::function<double(const Eigen::VectorXd& theta)> value;
+    std::function<Eigen::VectorXd(const Eigen::VectorXd& theta)> gradient;  ///< shape (parameters)
+};
+
+enum class Variance { ml, restricted };
+
+/// Why a minimisation ended, and what the estimate is worth.
+enum class EstimateStatus { converged, no_progress, iteration_limit, singular, failed, interrupted };
+[[nodiscard]] std::string_view name(EstimateStatus status);
+
+struct EstimateOptions {
+    Variance variance = Variance::restricted;
+    int maximum_iterations = 200;  ///< theta steps, over all rounds, > 0
+    int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, > 0
+    double step_tolerance = 1e-6;  ///< converged when every step is below this many posterior sds (see Minimum), > 0
+    double relative_singular_value = 1e-9;  ///< below this share of the largest, a direction carries no information
+    std::function<bool()> interrupted;      ///< asked between steps; empty = never
+    std::function<void(int iteration, double objective)> progress;  ///< called after every accepted step; may be empty
+};
+
+/// One estimated or derived number with its uncertainty.
+struct Estimated {
+    std::string name;
+    std::string unit;
+    double value = 0.0;
+    double start = 0.0;
+    double sd = 0.0;  ///< nan when undetermined (singular direction, at a bound)
+    double lower95 = 0.0;
+    double upper95 = 0.0;
+    std::string interval_method;  ///< "t", "normal", "satterthwaite", "sandwich", "none"
+    std::string at_bound;         ///< "", "lower" or "upper"
+    double laplace_sd = 0.0;  ///< sd if the errors were independent; equal to sd unless interval_method is "sandwich"
+    /// Share of the posterior information on this parameter that the data bring, in [0, 1]; 0 = the prior alone
+    /// decides.
+    double data_share = 1.0;
+};
+
+struct EstimatedScale {
+    std::string group;
+    std::string unit;
+    bool factor = false;
+    bool estimated = true;
+    double value = 0.0;
+    double uncertainty = 0.0;        ///< sd of value (Laplace in ln s); 0 when fixed
+    std::size_t count = 0;           ///< records
+    double rms = 0.0;                ///< root mean square of the raw residuals, in the group's data unit
+    double lag1 = 0.0;               ///< lag-1 autocorrelation (ordered groups; nan otherwise)
+    double correlation_records = 1;  ///< integrated autocorrelation time in records (ordered groups)
+    double effective_count = 0;      ///< how many independent values the records are worth
+};
+
+struct ResidualCount {
+    std::string type;
+    int used = 0;
+    int lost = 0;
+    int rejected = 0;
+    int added = 0;
+};
+
+/// One accepted or rejected step, for the history.
+struct StepRecord {
+    int round = 0;
+    std::string_view block;  ///< "theta" or "scales"
+    bool accepted = false;
+    double before =
+        0.0;  ///< objective of this step's own block before and after: Phi at fixed psi, Phi_psi at fixed theta
+    double after = 0.0;
+    double damping = 0.0;
+    std::string_view reason;  ///< "", "no decrease", "block failed", "bound"
+};
+
+struct NullDirection {
+    Eigen::VectorXd components;  ///< in log parameters (relative changes), largest component 1; shape (parameters)
+};
+
+struct Estimate {
+    EstimateStatus status = EstimateStatus::failed;
+    std::string message;
+    std::vector<Estimated> parameters;
+    std::vector<Estimated> derived;
+    std::vector<EstimatedScale> scales;
+    std::vector<std::vector<Eigen::VectorXd>> latents;  ///< per residual, per block
+    std::vector<std::vector<Eigen::VectorXd>> latent_sds;
+    std::vector<std::vector<BlockValue>> residuals;  ///< per residual, per block, at the estimate (e only)
+    Eigen::MatrixXd covariance;                      ///< of theta in natural units, consistent with the sds reported
+    Eigen::MatrixXd correlation;                     ///< shape (parameters, parameters); nan rows where undetermined
+    Eigen::VectorXd singular_values;                 ///< of the scaled sensitivity matrix of the data, descending
+    std::vector<NullDirection> null_directions;
+    bool trust_normal = true;
+    double effective_count = 0;
+    std::vector<ResidualCount> counts;
+    double objective = 0.0;       ///< Phi_psi at the estimate
+    double log_likelihood = 0.0;  ///< ln p(y | theta, z, psi)
+    double degrees_of_freedom = 0;
+    int iterations = 0;
+    int evaluations = 0;
+    int rounds = 0;
+    std::vector<StepRecord> history;
+};
+
+/// Verbeek's modified off-line Bayesian estimator: theta, latent states and error scales from residuals (M8)-(M11).
+///
+/// Estimates with wrong options, starts outside their bounds, a log scale with a start <= 0 or duplicate names are
+/// refused with std::invalid_argument naming value and rule.
+[[nodiscard]] Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+                                const std::vector<DerivedQuantity>& derived = {}, const EstimateOptions& options = {});
+
+}  // namespace orbid::estimator

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/parameter.hpp"
+
+namespace orbid::orbits {
+
+/// The coordinates of a series as data: names and units are owned, because they may come from a file.
+struct SeriesCoordinate {
+    std::string name;
+    std::string unit;
+    bool angle = false;
+};
+
+/// One uninterrupted piece of a record. Columns follow each other by one section or one sampling interval.
+struct Segment {
+    std::string label;       ///< as in the file, or the index
+    Eigen::MatrixXd values;  ///< shape (n, m); nan = missing sample; angles as read (not wrapped by the series)
+    Eigen::VectorXd times;   ///< shape (m) [s] for samples; empty for sections
+};
+
+/// A measured or simulated record.
+struct Series {
+    enum class Sampling { section, samples };
+
+    Sampling sampling = Sampling::section;
+    std::vector<SeriesCoordinate> coordinates;
+    std::vector<Segment> segments;
+    double phase = 0.0;  ///< section: phase of the forcing [rad]
+
+    [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(coordinates.size()); }
+    [[nodiscard]] std::size_t size() const;  ///< points of all segments
+
+    /// Size of each coordinate's range: 2 pi for angles, the central 99.8 % range otherwise (mathematics.md, section
+    /// 2). Distances between states are measured in these units.
+    [[nodiscard]] Eigen::VectorXd scale() const;
+};
+
+}  // namespace orbid::orbits
