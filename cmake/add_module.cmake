@@ -1,0 +1,43 @@
+# Flags that our own code is built with; they travel with the targets and touch nothing else.
+add_library(orbid_warnings INTERFACE)
+target_compile_options(orbid_warnings INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Woverloaded-virtual
+  $<$<BOOL:${ORBID_WERROR}>:-Werror>)
+
+# Scalar, dual and pack must agree in the value, so nothing is contracted to fused operations.
+add_library(orbid_flags INTERFACE)
+target_compile_options(orbid_flags INTERFACE -ffp-contract=off $<$<BOOL:${ORBID_NATIVE}>:-march=native>)
+target_include_directories(orbid_flags INTERFACE ${CMAKE_SOURCE_DIR})
+target_link_libraries(orbid_flags INTERFACE Eigen3::Eigen Threads::Threads)
+# BLAS-like threading inside Eigen would make sums depend on the number of threads.
+target_compile_definitions(orbid_flags INTERFACE EIGEN_DONT_PARALLELIZE)
+
+# One room: a static library of listed sources, its headers each compilable alone, and the rooms it may use.
+#   add_module(periodic HEADERS a.hpp SOURCES a.cpp DEPENDS models PACKAGES fmt::fmt)
+function(add_module name)
+  cmake_parse_arguments(ARG "" "" "HEADERS;SOURCES;DEPENDS;PACKAGES;PRIVATE_PACKAGES" ${ARGN})
+  if(ARG_SOURCES)
+    add_library(orbid_${name} STATIC ${ARG_SOURCES})
+    set(scope PUBLIC)
+    target_link_libraries(orbid_${name} PRIVATE orbid_warnings ${ARG_PRIVATE_PACKAGES})
+  else()
+    add_library(orbid_${name} INTERFACE)
+    set(scope INTERFACE)
+  endif()
+  target_sources(orbid_${name} ${scope} FILE_SET HEADERS BASE_DIRS ${CMAKE_SOURCE_DIR} FILES ${ARG_HEADERS})
+  set_target_properties(orbid_${name} PROPERTIES VERIFY_INTERFACE_HEADER_SETS ON)
+  list(TRANSFORM ARG_DEPENDS PREPEND orbid_)
+  target_link_libraries(orbid_${name} ${scope} orbid_flags ${ARG_DEPENDS} ${ARG_PACKAGES})
+endfunction()
+
+# The tests of one room: one executable of listed sources, registered under its labels.
+#   add_room_tests(periodic SOURCES a_test.cpp DEPENDS periodic)
+function(add_room_tests name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PACKAGES" ${ARGN})
+  list(TRANSFORM ARG_DEPENDS PREPEND orbid_)
+  add_executable(${name}_test ${ARG_SOURCES})
+  target_link_libraries(${name}_test PRIVATE orbid_test_main orbid_warnings ${ARG_DEPENDS} ${ARG_PACKAGES})
+  target_compile_definitions(${name}_test PRIVATE ORBID_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
+  add_test(NAME ${name} COMMAND ${name}_test)
+  set_tests_properties(${name} PROPERTIES LABELS fast)
+endfunction()
