@@ -1,0 +1,174 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/estimate.hpp"
+#include "estimator/prior.hpp"
+#include "estimator/residual.hpp"
+#include "models/expression.hpp"
+#include "models/sensor.hpp"
+#include "models/system.hpp"
+#include "orbits/cycle_search.hpp"
+#include "orbits/series.hpp"
+
+namespace orbid::apps {
+
+/// A job file as plain data: every name resolved to an index, every default filled in, every path absolute.
+/// A Job that job_reader returns has passed all checks that need no data.
+
+struct ModelJob {
+    std::string name;
+    std::string variant;  ///< as the system names it; empty when the model has none
+    std::shared_ptr<const models::System> system;
+    Eigen::VectorXd values;  ///< shape (q): all parameters; data are simulated at these, fixed ones keep them
+};
+
+/// Values of single parameters, for one experiment.
+struct ParameterValue {
+    Eigen::Index parameter;  ///< index into System::parameters()
+    double value;
+};
+
+struct SimulationJob {
+    orbits::Series::Sampling sampling = orbits::Series::Sampling::section;
+    std::size_t sections = 0;              ///< section: points of all trajectories together, >= trajectories
+    double step = 0.0;                     ///< samples: [s], > 0
+    std::size_t count = 0;                 ///< samples: per trajectory, >= 2, the first at the end of the transient
+    std::size_t trajectories = 1;          ///< >= 1; one segment each
+    std::size_t transient = 0;             ///< section: periods, samples: steps, thrown away before the first point
+    std::vector<Eigen::VectorXd> initial;  ///< one state per trajectory; empty = random
+    bool restart = true;                   ///< a captured or resting trajectory is started anew; false = only reported
+    Eigen::VectorXd noise;                 ///< shape (n): sd of a reading in the coordinate's unit, >= 0
+};
+
+/// One coordinate read from a column:  model value = sign * (column * factor - offset).
+struct ColumnJob {
+    Eigen::Index coordinate = 0;  ///< index into System::coordinates()
+    std::string column;           ///< header in the file
+    std::string unit;             ///< of the column, as written
+    double factor = 1.0;          ///< from the column's unit to the coordinate's
+    int sign = 1;
+    double offset = 0.0;  ///< in the coordinate's unit
+};
+
+struct FileJob {
+    std::filesystem::path path;  ///< absolute
+    orbits::Series::Sampling sampling = orbits::Series::Sampling::section;
+    std::string segment_column;      ///< empty: the whole file is one segment
+    std::string time_column;         ///< [s]; samples need one
+    std::vector<ColumnJob> columns;  ///< in the order of the coordinates
+    bool nan_is_missing = false;     ///< "nan" in a cell is a missing sample too, not only an empty cell
+    std::string sha256;              ///< expected, lower-case hex; empty: not given
+};
+
+/// Where one coordinate of a segment's initial state comes from.
+struct InitialValueJob {
+    bool estimate = true;
+    std::optional<double> value;  ///< fixed value, or start when estimated; empty: start from the data
+    estimator::Prior prior = estimator::FlatPrior{};
+};
+
+/// One experiment.
+struct DataJob {
+    std::string name;
+    std::optional<SimulationJob> simulation;  ///< exactly one of simulation and file
+    std::optional<FileJob> file;
+    models::Sensor sensor;
+    std::vector<Eigen::Index> observe;            ///< coordinates used as data, ascending
+    std::vector<ParameterValue> parameters;       ///< values that hold for this experiment only
+    std::vector<Eigen::Index> free;               ///< parameters estimated for this experiment alone (name@experiment)
+    std::optional<std::vector<std::string>> fit;  ///< labels of segments; empty = all that are not in `predict`
+    std::vector<std::string> predict;             ///< labels of segments that are predicted, not fitted
+    std::vector<InitialValueJob> initial_state;   ///< one per coordinate
+    [[nodiscard]] orbits::Series::Sampling sampling() const {
+        return simulation ? simulation->sampling : file->sampling;
+    }
+};
+
+/// Cycles come from a search in the section series, or from a file.
+struct OrbitsJob {
+    std::optional<std::filesystem::path> file;  ///< absolute path of a cycles.json
+    std::string sha256;                         ///< of that file, expected; empty: not given
+    orbits::CycleSearchOptions search;          ///< symmetry_signs filled from the model
+    std::size_t data = 0;                       ///< index into Job::data of the searched series; unused with `file`
+};
+
+struct OrbitStart {
+    int period = 1;
+    std::vector<int> rotation;  ///< one per angle coordinate; empty: from the points
+    Eigen::MatrixXd points;     ///< shape (n, p)
+};
+
+struct PeriodicJob {
+    std::vector<OrbitStart> orbits;
+};
+
+struct FreeParameterJob {
+    Eigen::Index parameter;          ///< index into System::parameters()
+    estimator::FreeParameter value;  ///< start, scale, bounds, prior; name and unit of the model
+};
+
+struct DerivedJob {
+    std::string name;
+    models::Expression expression;  ///< in System::parameters(), in that order
+};
+
+/// Errors of one coordinate. ErrorScale::value is 0 while estimated without a start: "start from the residuals".
+struct ErrorJob {
+    Eigen::Index coordinate = 0;
+    estimator::ErrorScale scale;
+};
+
+struct CyclesResidualJob {
+    std::vector<int> periods;
+    bool covariance = true;        ///< weights: the analysis' covariance times a factor; false: equal, a sd
+    std::vector<ErrorJob> errors;  ///< one per coordinate of the model, in their order
+};
+
+/// Sampled data with exact matching: one free initial state per segment over the whole segment.
+struct SeriesResidualJob {
+    std::vector<std::size_t> data;  ///< indices into Job::data
+    std::vector<ErrorJob> errors;   ///< one per coordinate observed in any of them, ascending
+};
+
+enum class ResidualType { cycles, series };
+
+struct EstimateJob {
+    std::vector<FreeParameterJob> parameters;
+    std::vector<DerivedJob> derived;
+    std::optional<CyclesResidualJob> cycles;
+    std::optional<SeriesResidualJob> series;
+    std::vector<ResidualType> strategy;  ///< in this order; names every residual present, once
+    estimator::Variance variance = estimator::Variance::restricted;
+};
+
+struct ReferenceJob {
+    std::string name;  ///< of a parameter of the model or a derived quantity
+    double value;
+};
+
+enum class SeriesOutput { h5, csv, none };
+
+struct Job {
+    std::filesystem::path source;  ///< absolute path of the job file
+    std::string title;
+    ModelJob model;
+    std::uint64_t seed = 1;
+    double section_phase = 0.0;  ///< [rad], forced models
+    std::vector<DataJob> data;
+    std::optional<OrbitsJob> orbits;
+    std::optional<PeriodicJob> periodic;
+    std::optional<EstimateJob> estimate;
+    std::vector<ReferenceJob> reference;
+    SeriesOutput series_output = SeriesOutput::h5;
+};
+
+}  // namespace orbid::apps

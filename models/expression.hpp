@@ -1,0 +1,192 @@
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace orbid::models {
+
+/// A text that is no expression. `position` counts characters from 0; what() says what was expected there.
+class ExpressionError : public std::invalid_argument {
+public:
+    ExpressionError(const std::string& message, std::size_t position_)
+        : std::invalid_argument(message), position(position_) {}
+    std::size_t position;
+};
+
+/// A formula in named quantities, as in "k2 / (m * l^2)": parsed once, evaluated on any scalar.
+///
+///     sum     = product { (+ | -) product }           left to right
+///     product = signed { (* | /) signed }             left to right
+///     signed  = { + | - } power                       -2^2 = -4
+///     power   = atom [ ^ signed ]                     right to left: 2^3^2 = 512, 2^-1 = 0.5
+///     atom    = number | pi | name | function ( sum ) | ( sum )
+///
+/// Functions: sin cos tan exp log (natural) sqrt abs sign. A name of the given list hides pi and the functions never:
+/// those words are reserved. Where the formula has no value (log of a negative number, division by zero) it evaluates
+/// to nan or an infinity; nothing is thrown.
+class Expression {
+public:
+    /// @param names  the quantities that may occur, in the order of the values given to evaluate().
+    /// @throws ExpressionError naming the character where the text stops making sense, and for a name not in the
+    ///         list.
+    [[nodiscard]] static Expression parse(std::string_view text, std::span<const std::string> names);
+
+    /// The text it was parsed from.
+    [[nodiscard]] const std::string& text() const { return text_; }
+
+    /// Indices of the names that occur, ascending, without duplicates.
+    [[nodiscard]] const std::vector<std::size_t>& used() const { return used_; }
+
+    /// Value at the given quantities; any scalar with + - * / pow and the functions above found by its own namespace
+    /// (double, dual numbers). x^n with a constant whole n is taken by multiplication, so that it has a value and a
+    /// derivative for x <= 0 too.
+    template <class T>
+    [[nodiscard]] T evaluate(std::span<const T> values) const;
+
+    [[nodiscard]] double value(const Eigen::VectorXd& values) const;
+
+    /// Exact gradient by forward derivatives, shape as values. d|x|/dx = sign(x), 0 at x = 0.
+    [[nodiscard]] Eigen::VectorXd gradient(const Eigen::VectorXd& values) const;
+
+    /// One step of the program: postfix notation on a stack.
+    enum class Operation {
+        constant,
+        name,
+        add,
+        subtract,
+        multiply,
+        divide,
+        power,
+        whole_power,
+        negate,
+        sin,
+        cos,
+        tan,
+        exp,
+        log,
+        sqrt,
+        abs,
+        sign
+    };
+    struct Step {
+        Operation operation;
+        double constant = 0.0;  ///< of `constant`; the exponent of `whole_power`
+        std::size_t index = 0;  ///< of `name`
+    };
+    [[nodiscard]] const std::vector<Step>& steps() const { return steps_; }
+
+private:
+    std::string text_;
+    std::vector<Step> steps_;
+    std::vector<std::size_t> used_;
+};
+
+namespace detail {
+
+template <class T>
+T whole_power(const T& base, double exponent) {
+    T result(1.0);
+    T factor = base;
+    // |exponent| <= 64 is ensured by the parser, so this loop is short and exact squares stay exact.
+    for (auto left = static_cast<unsigned>(std::abs(exponent)); left > 0; left /= 2) {
+        if (left % 2 == 1) result = result * factor;
+        if (left > 1) factor = factor * factor;
+    }
+    return exponent < 0 ? T(1.0) / result : result;
+}
+
+}  // namespace detail
+
+template <class T>
+T Expression::evaluate(std::span<const T> values) const {
+    using std::abs;
+    using std::cos;
+    using std::exp;
+    using std::log;
+    using std::pow;
+    using std::sin;
+    using std::sqrt;
+    using std::tan;
+    std::vector<T> stack;
+    stack.reserve(steps_.size());
+    for (const Step& step : steps_) {
+        if (step.operation == Operation::constant) {
+            stack.push_back(T(step.constant));
+            continue;
+        }
+        if (step.operation == Operation::name) {
+            stack.push_back(values[step.index]);
+            continue;
+        }
+        T right = stack.back();
+        stack.pop_back();
+        const auto binary = [&](auto&& combine) {
+            T left = stack.back();
+            stack.pop_back();
+            return T(combine(left, right));
+        };
+        T result(0.0);
+        switch (step.operation) {
+            case Operation::add:
+                result = binary([](const T& a, const T& b) { return T(a + b); });
+                break;
+            case Operation::subtract:
+                result = binary([](const T& a, const T& b) { return T(a - b); });
+                break;
+            case Operation::multiply:
+                result = binary([](const T& a, const T& b) { return T(a * b); });
+                break;
+            case Operation::divide:
+                result = binary([](const T& a, const T& b) { return T(a / b); });
+                break;
+            case Operation::power:
+                result = binary([](const T& a, const T& b) { return T(pow(a, b)); });
+                break;
+            case Operation::whole_power:
+                result = detail::whole_power(right, step.constant);
+                break;
+            case Operation::negate:
+                result = -right;
+                break;
+            case Operation::sin:
+                result = sin(right);
+                break;
+            case Operation::cos:
+                result = cos(right);
+                break;
+            case Operation::tan:
+                result = tan(right);
+                break;
+            case Operation::exp:
+                result = exp(right);
+                break;
+            case Operation::log:
+                result = log(right);
+                break;
+            case Operation::sqrt:
+                result = sqrt(right);
+                break;
+            case Operation::abs:
+                result = abs(right);
+                break;
+            // nan stays nan: right - right is 0 for finite numbers only.
+            case Operation::sign:
+                result = right > T(0.0) ? T(1.0) : right < T(0.0) ? T(-1.0) : T(right - right);
+                break;
+            case Operation::constant:
+            case Operation::name:
+                break;  // handled above
+        }
+        stack.push_back(result);
+    }
+    return stack.back();
+}
+
+}  // namespace orbid::models
