@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace orbid::apps {
+
+/// Where something stands in a text file, counted from 1; columns in bytes.
+struct Place {
+    std::size_t line = 1;
+    std::size_t column = 1;
+};
+
+struct JsonMember;
+
+/// A JSON value that remembers where it stood.
+struct JsonValue {
+    enum class Kind { null, boolean, number, string, array, object };
+
+    Kind kind = Kind::null;
+    bool boolean = false;
+    double number = 0.0;  ///< finite
+    std::string text;
+    std::vector<JsonValue> items;     ///< array
+    std::vector<JsonMember> members;  ///< object, in the order of the file, keys unique
+    Place place;
+};
+
+struct JsonMember {
+    std::string key;
+    Place place;  ///< of the key
+    JsonValue value;
+};
+
+/// "a number", "a list", ...: what a value is, for messages.
+[[nodiscard]] std::string_view description(JsonValue::Kind kind);
+
+/// Something wrong with a job, where, and what would be right.
+struct Problem {
+    enum class Kind { job, data };  ///< data: a data file that cannot be read (exit code 3 instead of 2)
+
+    Place place;
+    std::string pointer;  ///< JSON Pointer (RFC 6901), empty = the whole document
+    std::string rule;
+    Kind kind = Kind::job;
+};
+
+/// "job.json:12: /estimate/parametres: unknown key; did you mean "parameters"?"
+[[nodiscard]] std::string message(const Problem& problem, std::string_view file);
+
+/// The pointer of a member or item below `pointer`, with ~ and / in keys escaped.
+[[nodiscard]] std::string child_pointer(std::string_view pointer, std::string_view key);
+
+struct JsonDocument {
+    std::optional<JsonValue> root;  ///< empty when the syntax is wrong
+    std::vector<Problem> problems;  ///< the syntax error, or every duplicate key
+};
+
+/// Reads JSON with // and /* */ comments. Never throws for a bad text.
+///
+/// Refused: syntax errors (with what was expected), duplicate keys (with both lines; the first one is kept), numbers
+/// beyond the range of double, text that is not UTF-8, an empty file, more than 64 levels of nesting.
+[[nodiscard]] JsonDocument parse_json(std::string_view text);
+
+}  // namespace orbid::apps

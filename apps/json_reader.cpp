@@ -1,0 +1,191 @@
+#include "apps/json_reader.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "orbits/nearest_name.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+// A value shown in a message is cut here, so that a message stays one line.
+constexpr std::size_t longest_shown = 40;
+
+std::string shown(const JsonValue& value) {
+    switch (value.kind) {
+        case JsonValue::Kind::boolean:
+            return value.boolean ? "true" : "false";
+        case JsonValue::Kind::number:
+            return fmt::format("{}", value.number);
+        case JsonValue::Kind::string:
+            return value.text.size() > longest_shown ? fmt::format("\"{}...\"", value.text.substr(0, longest_shown))
+                                                     : fmt::format("\"{}\"", value.text);
+        default:
+            return std::string(description(value.kind));
+    }
+}
+
+std::string listed(const std::vector<std::string>& names) {
+    std::string list;
+    for (const std::string& name : names)
+        list += fmt::format("{}\"{}\"", list.empty() ? "" : ", ", name);
+    return list;
+}
+
+bool is_in(std::string_view name, const std::vector<std::string>& names) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+}  // namespace
+
+std::string suggestion(std::string_view word, const std::vector<std::string>& known) {
+    if (known.empty()) return {};
+    if (const auto near = orbits::nearest_name(word, known)) return fmt::format("; did you mean \"{}\"?", *near);
+    return "; known: " + listed(known);
+}
+
+void ValueReader::report(std::string rule) const {
+    problems_->push_back({value_->place, pointer_, std::move(rule), Problem::Kind::job});
+}
+
+void ValueReader::report_data(std::string rule) const {
+    problems_->push_back({value_->place, pointer_, std::move(rule), Problem::Kind::data});
+}
+
+void ValueReader::report_later(std::string_view what) const {
+    const std::string subject = what.empty() ? shown(*value_) : std::string(what);
+    report(fmt::format("{}: {}", subject, not_in_this_version));
+}
+
+void ValueReader::report_kind(std::string_view expected) const {
+    report(fmt::format("must be {}, not {}", expected, shown(*value_)));
+}
+
+std::optional<double> ValueReader::number() const {
+    if (!is(JsonValue::Kind::number)) {
+        report_kind("a number");
+        return std::nullopt;
+    }
+    return value_->number;
+}
+
+std::optional<double> ValueReader::positive() const {
+    return number([](double x) { return x > 0; }, "> 0");
+}
+
+std::optional<double> ValueReader::nonnegative() const {
+    return number([](double x) { return x >= 0; }, ">= 0");
+}
+
+std::optional<std::uint64_t> ValueReader::whole(std::uint64_t lowest, std::uint64_t highest) const {
+    const auto read = number();
+    if (!read) return std::nullopt;
+    if (std::trunc(*read) == *read && *read >= static_cast<double>(lowest) && *read <= static_cast<double>(highest)) {
+        return static_cast<std::uint64_t>(*read);
+    }
+    report(fmt::format("must be a whole number from {} to {}, not {}", lowest, highest, *read));
+    return std::nullopt;
+}
+
+std::optional<bool> ValueReader::boolean() const {
+    if (!is(JsonValue::Kind::boolean)) {
+        report_kind("true or false");
+        return std::nullopt;
+    }
+    return value_->boolean;
+}
+
+std::optional<std::string> ValueReader::text() const {
+    if (!is(JsonValue::Kind::string)) {
+        report_kind("a text");
+        return std::nullopt;
+    }
+    return value_->text;
+}
+
+std::optional<std::size_t> ValueReader::choice(const std::vector<std::string>& now,
+                                               const std::vector<std::string>& later) const {
+    if (!is(JsonValue::Kind::string)) {
+        report_kind("one of " + listed(now));
+        return std::nullopt;
+    }
+    if (const auto at = std::find(now.begin(), now.end(), value_->text); at != now.end()) {
+        return static_cast<std::size_t>(at - now.begin());
+    }
+    if (is_in(value_->text, later)) {
+        report(fmt::format("\"{}\": {}; this version has {}", value_->text, not_in_this_version, listed(now)));
+    } else {
+        report(fmt::format("unknown value {}{}", shown(*value_), suggestion(value_->text, now)));
+    }
+    return std::nullopt;
+}
+
+std::optional<std::vector<ValueReader>> ValueReader::items() const {
+    if (!is(JsonValue::Kind::array)) {
+        report_kind("a list [ ... ]");
+        return std::nullopt;
+    }
+    std::vector<ValueReader> result;
+    result.reserve(value_->items.size());
+    for (std::size_t i = 0; i < value_->items.size(); ++i) {
+        result.emplace_back(value_->items[i], child_pointer(pointer_, std::to_string(i)), *problems_);
+    }
+    return result;
+}
+
+std::optional<std::vector<std::pair<std::string, ValueReader>>> ValueReader::members() const {
+    if (!is(JsonValue::Kind::object)) {
+        report_kind("an object { ... }");
+        return std::nullopt;
+    }
+    std::vector<std::pair<std::string, ValueReader>> result;
+    result.reserve(value_->members.size());
+    for (const JsonMember& member : value_->members) {
+        result.emplace_back(member.key, ValueReader(member.value, child_pointer(pointer_, member.key), *problems_));
+    }
+    return result;
+}
+
+ObjectReader::ObjectReader(const ValueReader& value) : self_(value), valid_(value.is(JsonValue::Kind::object)) {
+    if (!valid_) value.report_kind("an object { ... }");
+}
+
+std::optional<ValueReader> ObjectReader::find(std::string_view key) {
+    known_.emplace_back(key);
+    for (const JsonMember& member : self_.value_->members) {
+        if (member.key == key) return ValueReader(member.value, child_pointer(self_.pointer_, key), *self_.problems_);
+    }
+    return std::nullopt;
+}
+
+std::optional<ValueReader> ObjectReader::require(std::string_view key, std::string_view meaning) {
+    auto found = find(key);
+    if (!found && valid_) self_.report(fmt::format("\"{}\" is missing: {}", key, meaning));
+    return found;
+}
+
+void ObjectReader::reserve(const std::vector<std::string>& keys) {
+    later_.insert(later_.end(), keys.begin(), keys.end());
+}
+
+void ObjectReader::finish() const {
+    for (const JsonMember& member : self_.value_->members) {
+        if (is_in(member.key, known_)) continue;
+        if (is_in(member.key, later_)) {
+            report(member.key, std::string(not_in_this_version));
+        } else {
+            report(member.key, "unknown key" + suggestion(member.key, known_));
+        }
+    }
+}
+
+void ObjectReader::report(std::string_view key, std::string rule) const {
+    Place place = self_.value_->place;
+    for (const JsonMember& member : self_.value_->members) {
+        if (member.key == key) place = member.place;
+    }
+    self_.problems_->push_back({place, child_pointer(self_.pointer_, key), std::move(rule), Problem::Kind::job});
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,102 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "apps/json_document.hpp"
+
+namespace orbid::apps {
+
+/// `; did you mean "x"?`, else `; known: "a", "b"`; nothing when no name is known.
+[[nodiscard]] std::string suggestion(std::string_view word, const std::vector<std::string>& known);
+
+/// What a job says where a method is reserved but not built.
+inline constexpr std::string_view not_in_this_version = "not in this version";
+
+class ObjectReader;
+
+/// A value of the document, its pointer, and the list that everything wrong with it goes to.
+/// Every reading function returns nothing after it has reported why.
+class ValueReader {
+public:
+    ValueReader(const JsonValue& value, std::string pointer, std::vector<Problem>& problems)
+        : value_(&value), pointer_(std::move(pointer)), problems_(&problems) {}
+
+    [[nodiscard]] const JsonValue& value() const { return *value_; }
+    [[nodiscard]] const std::string& pointer() const { return pointer_; }
+    [[nodiscard]] bool is(JsonValue::Kind kind) const { return value_->kind == kind; }
+
+    [[nodiscard]] std::optional<double> number() const;
+    /// A number for which `accept` holds; `rule` says in words what it must be ("> 0").
+    template <class Accept>
+    [[nodiscard]] std::optional<double> number(Accept accept, std::string_view rule) const {
+        const auto read = number();
+        if (!read || accept(*read)) return read;
+        report(fmt::format("must be {}, not {}", rule, *read));
+        return std::nullopt;
+    }
+    [[nodiscard]] std::optional<double> positive() const;
+    [[nodiscard]] std::optional<double> nonnegative() const;
+    /// A whole number in [lowest, highest], highest at most 2^53 (what a JSON number holds exactly).
+    [[nodiscard]] std::optional<std::uint64_t> whole(std::uint64_t lowest, std::uint64_t highest) const;
+    [[nodiscard]] std::optional<bool> boolean() const;
+    [[nodiscard]] std::optional<std::string> text() const;
+    /// A text that is one of `now`; the index of it. Those of `later` are reserved names.
+    [[nodiscard]] std::optional<std::size_t> choice(const std::vector<std::string>& now,
+                                                    const std::vector<std::string>& later = {}) const;
+    /// The items of a list.
+    [[nodiscard]] std::optional<std::vector<ValueReader>> items() const;
+    /// The members of an object, for objects whose keys are names given by the user.
+    [[nodiscard]] std::optional<std::vector<std::pair<std::string, ValueReader>>> members() const;
+
+    /// Reports what is wrong with this value.
+    void report(std::string rule) const;
+    /// Reports that the data this value names cannot be read.
+    void report_data(std::string rule) const;
+    void report_later(std::string_view what = {}) const;
+
+    /// Reports that a value of another kind was expected ("a number or \"estimate\"").
+    void report_kind(std::string_view expected) const;
+
+private:
+    friend class ObjectReader;
+    const JsonValue* value_;
+    std::string pointer_;
+    std::vector<Problem>* problems_;
+};
+
+/// An object with known keys. Notes each key asked for; `finish` refuses the rest.
+class ObjectReader {
+public:
+    /// A value that is no object is reported; all keys then count as absent, and required ones are not reported again.
+    explicit ObjectReader(const ValueReader& value);
+
+    [[nodiscard]] bool valid() const { return valid_; }
+    [[nodiscard]] const ValueReader& self() const { return self_; }
+
+    /// The value of a key; nothing when absent.
+    [[nodiscard]] std::optional<ValueReader> find(std::string_view key);
+    /// The same; an absent key is reported, with what it should hold.
+    [[nodiscard]] std::optional<ValueReader> require(std::string_view key, std::string_view meaning);
+    /// Keys that are refused until their method is built.
+    void reserve(const std::vector<std::string>& keys);
+    /// Reports every key never asked for.
+    void finish() const;
+
+    /// Reports a problem at a key (its name, not its value).
+    void report(std::string_view key, std::string rule) const;
+
+private:
+    ValueReader self_;
+    bool valid_;
+    std::vector<std::string> known_;
+    std::vector<std::string> later_;
+};
+
+}  // namespace orbid::apps
