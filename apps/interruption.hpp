@@ -1,0 +1,24 @@
+#pragma once
+
+namespace orbid::apps {
+
+/// From its construction on, the first Ctrl-C (SIGINT) or SIGTERM only asks to stop: the run stores a valid result with
+/// status `interrupted`. A second one ends the program at once. The former handlers return on destruction. One at a
+/// time.
+class InterruptionGuard {
+public:
+    InterruptionGuard();
+    ~InterruptionGuard();
+    InterruptionGuard(const InterruptionGuard&) = delete;
+    InterruptionGuard& operator=(const InterruptionGuard&) = delete;
+
+    /// Somebody asked to stop.
+    [[nodiscard]] bool asked() const;
+
+private:
+    using Handler = void (*)(int);
+    Handler former_interrupt_;
+    Handler former_terminate_;
+};
+
+}  // namespace orbid::apps
