@@ -1,0 +1,68 @@
+#include "models/registry.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <stdexcept>
+
+#include "models/model_instances.hpp"
+
+namespace orbid::models {
+
+namespace {
+
+struct Registered {
+    ModelEntry entry;
+    std::vector<std::shared_ptr<const System>> systems;  ///< one per variant, the default first
+};
+
+/// All models in alphabetical order. Systems hold no state, so one of each serves everybody.
+const std::vector<Registered>& registered() {
+    static const std::vector<Registered> all = [] {
+        std::vector<Registered> models;
+        for (const auto& instance :
+             {duffing_model(), free_pendulum_model(), lotka_volterra_model(), parametric_pendulum_model()}) {
+            Registered model{{instance.name, instance.summary, instance.equations, {}}, instance.systems};
+            for (const auto& system : instance.systems)
+                if (!system->variant().empty()) model.entry.variants.push_back(system->variant());
+            models.push_back(std::move(model));
+        }
+        return models;
+    }();
+    return all;
+}
+
+template <class Names>
+std::string joined(const Names& names) {
+    return fmt::format("{}", fmt::join(names, ", "));
+}
+
+}  // namespace
+
+std::span<const ModelEntry> registered_models() {
+    static const std::vector<ModelEntry> entries = [] {
+        std::vector<ModelEntry> list;
+        for (const Registered& model : registered())
+            list.push_back(model.entry);
+        return list;
+    }();
+    return entries;
+}
+
+std::shared_ptr<const System> make_system(std::string_view name, std::string_view variant) {
+    std::vector<std::string_view> names;
+    for (const Registered& model : registered()) {
+        names.push_back(model.entry.name);
+        if (model.entry.name != name) continue;
+        if (variant.empty()) return model.systems.front();
+        for (const auto& system : model.systems)
+            if (system->variant() == variant) return system;
+        throw std::invalid_argument(
+            model.entry.variants.empty()
+                ? fmt::format("variant \"{}\": model {} has no variants", variant, name)
+                : fmt::format("variant \"{}\": model {} has {}", variant, name, joined(model.entry.variants)));
+    }
+    throw std::invalid_argument(fmt::format("model \"{}\": there are {}", name, joined(names)));
+}
+
+}  // namespace orbid::models

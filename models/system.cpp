@@ -1,0 +1,68 @@
+#include "models/system.hpp"
+
+#include <fmt/format.h>
+
+#include <cassert>
+#include <stdexcept>
+
+namespace orbid::models {
+
+std::string_view description(FlowStatus status) {
+    switch (status) {
+        case FlowStatus::ok:
+            return "ok";
+        case FlowStatus::step_budget:
+            return "the step budget was spent";
+        case FlowStatus::not_finite:
+            return "the state left the range of finite numbers";
+        case FlowStatus::grazing:
+            return "the velocity touched zero without crossing: derivatives do not exist there";
+    }
+    return "";
+}
+
+Eigen::Index System::parameter_index(std::string_view wanted) const {
+    const auto table = parameters();
+    for (std::size_t i = 0; i < table.size(); ++i)
+        if (table[i].name == wanted) return static_cast<Eigen::Index>(i);
+    return -1;
+}
+
+Eigen::Index System::coordinate_index(std::string_view wanted) const {
+    const auto table = coordinates();
+    for (std::size_t i = 0; i < table.size(); ++i)
+        if (table[i].name == wanted) return static_cast<Eigen::Index>(i);
+    return -1;
+}
+
+Eigen::VectorXd System::default_parameters() const {
+    const auto table = parameters();
+    Eigen::VectorXd theta(static_cast<Eigen::Index>(table.size()));
+    for (std::size_t i = 0; i < table.size(); ++i)
+        theta[static_cast<Eigen::Index>(i)] = table[i].default_value;
+    return theta;
+}
+
+Eigen::VectorXd ParameterBinding::values(const Eigen::VectorXd& theta) const {
+    if (theta.size() != estimated_count)
+        throw std::invalid_argument(
+            fmt::format("parameter vector: length is {}, must be {}", theta.size(), estimated_count));
+    assert(parameter.size() == estimated.size());
+    Eigen::VectorXd all = base;
+    for (std::size_t i = 0; i < parameter.size(); ++i)
+        all[parameter[i]] = theta[estimated[i]];
+    return all;
+}
+
+Eigen::MatrixXd ParameterBinding::spread(const Eigen::MatrixXd& columns) const {
+    if (columns.cols() != static_cast<Eigen::Index>(parameter.size()))
+        throw std::invalid_argument(
+            fmt::format("derivative columns: number is {}, must be {}", columns.cols(), parameter.size()));
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(columns.rows(), estimated_count);
+    // Two parameters of the system may stand for one estimated value: their columns add up.
+    for (std::size_t i = 0; i < parameter.size(); ++i)
+        all.col(estimated[i]) += columns.col(static_cast<Eigen::Index>(i));
+    return all;
+}
+
+}  // namespace orbid::models
