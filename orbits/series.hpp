@@ -31,13 +31,14 @@ struct Series {
     Sampling sampling = Sampling::section;
     std::vector<SeriesCoordinate> coordinates;
     std::vector<Segment> segments;
-    double phase = 0.0;  ///< section: phase of the forcing [rad]
+    double phase = 0.0;  ///< [rad] phase of the forcing: of the section, or at time 0 of samples
 
     [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(coordinates.size()); }
     [[nodiscard]] std::size_t size() const;  ///< points of all segments
 
     /// Size of each coordinate's range: 2 pi for angles, the central 99.8 % range otherwise (mathematics.md, section
-    /// 2). Distances between states are measured in these units.
+    /// 2), missing samples left out; 1 for a coordinate that never changes or was never read. Distances between states
+    /// are measured in these units. Shape (n).
     [[nodiscard]] Eigen::VectorXd scale() const;
 };
 

@@ -1,0 +1,209 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <memory>
+#include <set>
+#include <stdexcept>
+#include <unordered_set>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "orbits/series_file.hpp"
+#include "orbits/text_table.hpp"
+#include "orbits/unit.hpp"
+
+namespace orbid::orbits {
+namespace {
+
+/// One column to be read: where it stands and how its numbers become values.
+struct Reading {
+    std::size_t column = 0;
+    double factor = 1.0;
+    double sign = 1.0;
+    double offset = 0.0;
+};
+
+/// Points of the segment that is being read, row after row, and the lines they came from.
+struct Rows {
+    std::vector<double> values;
+    std::vector<double> times;
+    std::vector<std::size_t> lines;
+};
+
+double factor_of(const std::string& unit, const std::string& wanted, const std::string& name) {
+    const auto factor = unit_factor(unit, wanted);
+    if (!factor) {
+        throw std::invalid_argument(fmt::format("column of {}: unit \"{}\" cannot be turned into {}; known: {}", name,
+                                                unit, wanted, units_like(wanted)));
+    }
+    return *factor;
+}
+
+void validate(const TableLayout& layout) {
+    if (layout.coordinates.empty()) throw std::invalid_argument("table layout: at least one coordinate is needed");
+    std::set<std::string> names;
+    for (const CoordinateColumn& column : layout.coordinates) {
+        const std::string& name = column.coordinate.name;
+        if (!names.insert(name).second) {
+            throw std::invalid_argument(fmt::format("table layout: coordinate {} is mapped twice", name));
+        }
+        if (!(column.sign == 1.0 || column.sign == -1.0)) {
+            throw std::invalid_argument(fmt::format("column of {}: sign is {}, must be 1 or -1", name, column.sign));
+        }
+        if (!std::isfinite(column.offset)) {
+            throw std::invalid_argument(fmt::format("column of {}: offset must be a finite number", name));
+        }
+    }
+    if (layout.sampling == Series::Sampling::samples && layout.time.empty()) {
+        throw std::invalid_argument("table layout: samples need a column of times");
+    }
+    if (!(layout.time_tolerance > 0.0 && layout.time_tolerance < 1.0)) {
+        throw std::invalid_argument(
+            fmt::format("table layout: time tolerance is {}, must lie in (0, 1)", layout.time_tolerance));
+    }
+}
+
+double value_of(const TextTable& table, std::string_view cell, const Reading& reading, bool nan_is_missing) {
+    constexpr double missing = std::numeric_limits<double>::quiet_NaN();
+    if (cell.empty()) return missing;
+    const double number = table.number(cell, reading.column);
+    if (!std::isfinite(number)) {
+        if (std::isnan(number) && nan_is_missing) return missing;
+        throw DataError(table.place(
+            table.line(), reading.column,
+            fmt::format("\"{}\" is not a finite number; a missing sample is an empty cell{}", cell,
+                        std::isnan(number) ? ", or declare that nan means missing (\"missing\": \"nan\")" : "")));
+    }
+    return reading.sign * (number * reading.factor - reading.offset);
+}
+
+/// Times of a segment ascend in equal steps. The median step is the measure: it stays right when rows are missing.
+void check_times(const TextTable& table, std::size_t column, const Rows& rows, double tolerance) {
+    std::vector<double> steps;
+    for (std::size_t k = 1; k < rows.times.size(); ++k) {
+        const double step = rows.times[k] - rows.times[k - 1];
+        if (!(step > 0.0)) {
+            throw DataError(table.place(rows.lines[k], column,
+                                        fmt::format("time {} s follows {} s; times must ascend within a segment",
+                                                    rows.times[k], rows.times[k - 1])));
+        }
+        steps.push_back(step);
+    }
+    if (steps.empty()) return;
+    const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+    std::nth_element(steps.begin(), middle, steps.end());
+    const double median = *middle;
+    for (std::size_t k = 1; k < rows.times.size(); ++k) {
+        const double step = rows.times[k] - rows.times[k - 1];
+        if (!(std::abs(step - median) <= tolerance * median)) {
+            throw DataError(table.place(
+                rows.lines[k], column,
+                fmt::format("time step {} s where the segment has {} s (tolerance {} %); samples must be equidistant: "
+                            "leave the cells of a missing sample empty, or begin a new segment after a gap",
+                            step, median, 100.0 * tolerance)));
+        }
+    }
+}
+
+void close_segment(Series& series, const std::string& label, Rows& rows) {
+    const Eigen::Index n = series.dimension();
+    const auto points = static_cast<Eigen::Index>(rows.lines.size());
+    Segment segment;
+    segment.label = label;
+    segment.values = Eigen::Map<const Eigen::MatrixXd>(rows.values.data(), n, points);
+    segment.times = Eigen::Map<const Eigen::VectorXd>(rows.times.data(), static_cast<Eigen::Index>(rows.times.size()));
+    series.segments.push_back(std::move(segment));
+    rows.values.clear();
+    rows.times.clear();
+    rows.lines.clear();
+}
+
+}  // namespace
+
+Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
+    validate(layout);
+    const bool sampled = layout.sampling == Series::Sampling::samples;
+    std::vector<double> factors;
+    for (const CoordinateColumn& column : layout.coordinates) {
+        factors.push_back(factor_of(column.unit, column.coordinate.unit, column.coordinate.name));
+    }
+    const double time_factor = sampled ? factor_of(layout.time_unit, "s", "time") : 1.0;
+
+    TextTable table(file);
+    Series series;
+    series.sampling = layout.sampling;
+    series.phase = layout.phase;
+    std::vector<Reading> readings;
+    for (std::size_t i = 0; i < layout.coordinates.size(); ++i) {
+        const CoordinateColumn& column = layout.coordinates[i];
+        series.coordinates.push_back(column.coordinate);
+        readings.push_back({table.column(column.column), factors[i], column.sign, column.offset});
+    }
+    const bool labelled = !layout.segment.empty();
+    const std::size_t label_column = labelled ? table.column(layout.segment) : 0;
+    const std::size_t time_column = sampled ? table.column(layout.time) : 0;
+
+    std::vector<std::string_view> cells;
+    std::unordered_set<std::string> labels;
+    std::string label = "0";
+    Rows rows;
+    std::size_t points = 0;
+    const auto finish = [&] {
+        if (sampled) check_times(table, time_column, rows, layout.time_tolerance);
+        close_segment(series, label, rows);
+    };
+    while (table.next(cells)) {
+        if (labelled && (points == 0 || cells[label_column] != label)) {
+            if (points > 0) finish();
+            label = cells[label_column];
+            if (label.empty()) {
+                throw DataError(table.place(table.line(), label_column, "is empty; every row needs a segment label"));
+            }
+            if (!labels.insert(label).second) {
+                throw DataError(table.place(
+                    table.line(), label_column,
+                    fmt::format("segment \"{}\" comes back after another one; the rows of a segment must follow each "
+                                "other, a new piece needs a new label",
+                                label)));
+            }
+        }
+        for (const Reading& reading : readings) {
+            rows.values.push_back(value_of(table, cells[reading.column], reading, layout.nan_is_missing));
+        }
+        if (sampled) {
+            const double time = table.number(cells[time_column], time_column) * time_factor;
+            if (!std::isfinite(time)) {
+                throw DataError(table.place(table.line(), time_column, "a time must be a finite number"));
+            }
+            rows.times.push_back(time);
+        }
+        rows.lines.push_back(table.line());
+        ++points;
+    }
+    if (points == 0) {
+        throw DataError(fmt::format("{}: has a header but no rows; at least {} are needed", table.file(),
+                                    std::max<std::size_t>(layout.minimum_points, 1)));
+    }
+    finish();
+    if (points < layout.minimum_points) {
+        throw DataError(
+            fmt::format("{}: has {} points, at least {} are needed", table.file(), points, layout.minimum_points));
+    }
+    return series;
+}
+
+TableLayout table_layout(const Series& series) {
+    TableLayout layout;
+    layout.sampling = series.sampling;
+    layout.phase = series.phase;
+    layout.segment = "segment";
+    if (series.sampling == Series::Sampling::samples) layout.time = std::string("t");
+    for (const SeriesCoordinate& coordinate : series.coordinates) {
+        layout.coordinates.push_back({coordinate, coordinate.name, coordinate.unit, 1.0, 0.0});
+    }
+    return layout;
+}
+
+}  // namespace orbid::orbits

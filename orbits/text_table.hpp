@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace orbid::orbits {
+
+/// A text file with a header line, cut into cells on demand: comments, empty lines, quotes, line ends and the byte
+/// order mark are dealt with here; what a cell means is the caller's matter.
+class TextTable {
+public:
+    /// Reads the whole file and its header.
+    /// @throws DataError: file missing, a folder, unreadable, empty, a header cell quoted wrongly.
+    explicit TextTable(const std::filesystem::path& file);
+
+    [[nodiscard]] const std::string& file() const { return file_; }
+    [[nodiscard]] const std::vector<std::string>& header() const { return header_; }
+    [[nodiscard]] char delimiter() const { return delimiter_; }
+    /// Index of the column with this header.
+    /// @throws DataError when there is none (listing what exists, and the nearest) or more than one.
+    [[nodiscard]] std::size_t column(const std::string& name) const;
+
+    /// Cuts the next row into cells, blanks around them taken off. The cells live until the next call.
+    /// @return false after the last row.
+    /// @throws DataError when the number of cells is not that of the header, or a quote does not end on its line.
+    bool next(std::vector<std::string_view>& cells);
+    [[nodiscard]] std::size_t line() const { return line_; }  ///< of the last row, from 1
+    [[nodiscard]] std::size_t bytes_left() const { return text_.size() - position_; }
+
+    /// The number in a cell.
+    /// @throws DataError naming line, column and rule when the cell holds no number or one that no double can hold.
+    [[nodiscard]] double number(std::string_view cell, std::size_t column) const;
+
+    /// "file:line, column \"name\": what"
+    [[nodiscard]] std::string place(std::size_t line, std::size_t column, std::string_view what) const;
+    [[nodiscard]] std::string place(std::size_t line, std::string_view what) const;
+
+private:
+    bool next_line(std::string_view& line);
+    void cut(std::string_view line, std::vector<std::string_view>& cells);
+    std::string_view quoted(std::string_view line, std::size_t& end);
+
+    std::string file_;
+    std::string text_;
+    std::size_t position_ = 0;
+    std::size_t line_ = 0;
+    char delimiter_ = ',';
+    std::vector<std::string> header_;
+    std::vector<std::string> unquoted_;  ///< storage of cells with quotes inside quotes
+};
+
+}  // namespace orbid::orbits

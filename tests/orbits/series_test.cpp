@@ -1,0 +1,74 @@
+#include "orbits/series.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "orbits/nearest_name.hpp"
+#include "orbits/unit.hpp"
+#include "tests/catch.hpp"
+
+using namespace orbid;
+using orbits::Series;
+using tests::WithinAbs;
+using tests::WithinRel;
+
+TEST_CASE("size counts the points of all segments", "[orbits]") {
+    Series series;
+    series.coordinates = {{"x", "", false}};
+    CHECK(series.size() == 0);
+    series.segments = {{"0", Eigen::MatrixXd::Zero(1, 3), {}}, {"1", Eigen::MatrixXd::Zero(1, 4), {}}};
+    CHECK(series.size() == 7);
+    CHECK(series.dimension() == 1);
+}
+
+TEST_CASE("scale is a turn for angles and the central 99.8 % range otherwise", "[orbits]") {
+    // 0, 1, ..., 1000 in two segments: the 0.1 % and 99.9 % quantiles are exactly 1 and 999. A missing sample and one
+    // wild reading among so many change nothing but the position of the quantiles.
+    Series series;
+    series.coordinates = {{"phi", "rad", true}, {"x", "m", false}, {"constant", "m", false}};
+    Eigen::MatrixXd values(3, 1001);
+    for (Eigen::Index k = 0; k <= 1000; ++k)
+        values.col(k) << 0.01, static_cast<double>((k * 387) % 1001), 5.0;
+    series.segments = {{"0", values.leftCols(300), {}}, {"1", values.rightCols(701), {}}};
+    const Eigen::VectorXd scale = series.scale();
+    REQUIRE(scale.size() == 3);
+    CHECK(scale[0] == 2.0 * std::numbers::pi);
+    CHECK_THAT(scale[1], WithinRel(998.0, 1e-14));
+    CHECK(scale[2] == 1.0);
+
+    series.segments[0].values(1, 0) = std::numeric_limits<double>::quiet_NaN();
+    // 1000 values remain, 1 ... 1000 with 0 gone: quantiles at positions 0.999 and 998.001.
+    CHECK_THAT(series.scale()[1], WithinRel(998.001 - 0.999, 1e-12));
+}
+
+TEST_CASE("scale of a coordinate without readings is one", "[orbits]") {
+    Series series;
+    series.coordinates = {{"x", "m", false}};
+    CHECK(series.scale()[0] == 1.0);
+    series.segments = {{"0", Eigen::MatrixXd::Constant(1, 2, std::numeric_limits<double>::quiet_NaN()), {}}};
+    CHECK(series.scale()[0] == 1.0);
+}
+
+TEST_CASE("units turn into each other when they measure the same", "[orbits]") {
+    CHECK(*orbits::unit_factor("rad", "rad") == 1.0);
+    CHECK(*orbits::unit_factor("", "m") == 1.0);
+    CHECK(*orbits::unit_factor("furlong", "furlong") == 1.0);
+    CHECK_THAT(*orbits::unit_factor("deg", "rad"), WithinRel(std::numbers::pi / 180.0, 1e-15));
+    CHECK_THAT(*orbits::unit_factor("turns", "deg"), WithinRel(360.0, 1e-15));
+    CHECK_THAT(*orbits::unit_factor("rpm", "rad/s"), WithinRel(2.0 * std::numbers::pi / 60.0, 1e-15));
+    CHECK_THAT(*orbits::unit_factor("ms", "s"), WithinRel(1e-3, 1e-15));
+    CHECK_FALSE(orbits::unit_factor("deg", "s").has_value());
+    CHECK_FALSE(orbits::unit_factor("degrees", "rad").has_value());
+    CHECK_THAT(orbits::units_like("rad"), tests::ContainsSubstring("deg"));
+    CHECK(orbits::units_like("parsec") == "parsec");
+}
+
+TEST_CASE("the nearest name is found, far ones are not suggested", "[orbits]") {
+    const std::vector<std::string> known{"segment", "t", "theta", "theta_dot"};
+    CHECK(orbits::nearest_name("theta_dt", known) == "theta_dot");
+    CHECK(orbits::nearest_name("Theta", known) == "theta");
+    CHECK(orbits::nearest_name("segmnet", known) == "segment");
+    CHECK_FALSE(orbits::nearest_name("velocity", known).has_value());
+    CHECK_FALSE(orbits::nearest_name("x", known).has_value());
+}
