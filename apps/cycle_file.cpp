@@ -1,0 +1,157 @@
+#include "apps/cycle_file.hpp"
+
+#include <cmath>
+#include <complex>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "apps/json_text.hpp"
+
+namespace orbid::apps {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Rows of a matrix; null when it is empty (not known).
+Json rows(const Eigen::MatrixXd& matrix) {
+    if (matrix.size() == 0) {
+        return nullptr;
+    }
+    Json out = Json::array();
+    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+        Json row = Json::array();
+        for (Eigen::Index j = 0; j < matrix.cols(); ++j) {
+            row.push_back(matrix(i, j));
+        }
+        out.push_back(std::move(row));
+    }
+    return out;
+}
+
+Json complex_pairs(const std::vector<std::complex<double>>& values) {
+    Json out = Json::array();
+    for (const auto& value : values) {
+        out.push_back(Json::array({value.real(), value.imag()}));
+    }
+    return out;
+}
+
+void require_points(const Eigen::MatrixXd& points, int period, std::size_t dimension, std::size_t index) {
+    const auto n = static_cast<Eigen::Index>(dimension);
+    if (period < 1 || points.rows() != n || points.cols() != period) {
+        throw std::invalid_argument(
+            fmt::format("cycle {}: points have shape ({}, {}), must be (coordinates, period) = "
+                        "({}, {}) with period >= 1",
+                        index, points.rows(), points.cols(), n, period));
+    }
+}
+
+void require_shape(const Eigen::MatrixXd& matrix, Eigen::Index height, Eigen::Index width, std::string_view what,
+                   std::size_t index) {
+    if (matrix.size() != 0 && (matrix.rows() != height || matrix.cols() != width)) {
+        throw std::invalid_argument(fmt::format("cycle {}: {} has shape ({}, {}), must be ({}, {})", index, what,
+                                                matrix.rows(), matrix.cols(), height, width));
+    }
+}
+
+Json head_json(const CycleFileHead& head) {
+    Json out;
+    out["format"] = "orbid-cycles/1";
+    out["model"] = head.model;
+    out["coordinates"] = Json::array();
+    out["units"] = Json::array();
+    for (const auto& coordinate : head.coordinates) {
+        out["coordinates"].push_back(coordinate.name);
+        out["units"].push_back(coordinate.unit);
+    }
+    out["section"] = Json::object();
+    if (head.phase) {
+        out["section"]["phase"] = *head.phase;
+    }
+    if (!head.fingerprint.sha256.empty()) {
+        out["fingerprint"] = Json::parse(to_text(head.fingerprint));
+    }
+    return out;
+}
+
+Json time_of(const CycleFileHead& head, int period) {
+    return head.forcing_period_s ? Json(period * *head.forcing_period_s) : Json(nullptr);
+}
+
+Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size_t index) {
+    const auto n = static_cast<Eigen::Index>(head.coordinates.size());
+    require_points(cycle.points, cycle.period, head.coordinates.size(), index);
+    require_shape(cycle.covariance, n * cycle.period, n * cycle.period, "covariance", index);
+    Json out;
+    out["period"] = cycle.period;
+    out["rotation"] = cycle.rotation;
+    out["points"] = rows(cycle.points.transpose());
+    out["covariance"] = rows(cycle.covariance);
+    out["multipliers"] = complex_pairs(cycle.multipliers);
+    out["ln_multiplier"] = Json::array();
+    for (const double value : cycle.ln_multiplier) {
+        out["ln_multiplier"].push_back(value);
+    }
+    out["ln_multiplier_covariance"] = rows(cycle.ln_multiplier_covariance);
+    out["time"] = time_of(head, cycle.period);
+    out["recurrences"] = cycle.recurrences;
+    out["mirror"] = cycle.mirror ? Json(*cycle.mirror) : Json(nullptr);
+    out["quality"] = cycle.quality;
+    return out;
+}
+
+Json orbit_json(const CycleFileHead& head, const periodic::PeriodicOrbit& orbit, std::size_t parameters,
+                std::size_t index) {
+    const auto n = static_cast<Eigen::Index>(head.coordinates.size());
+    require_points(orbit.points, orbit.period, head.coordinates.size(), index);
+    require_shape(orbit.sensitivities, n * orbit.period, static_cast<Eigen::Index>(parameters), "sensitivities", index);
+    Json out;
+    out["period"] = orbit.period;
+    out["rotation"] = orbit.rotation;
+    out["points"] = rows(orbit.points.transpose());
+    out["covariance"] = nullptr;  // computed, not measured
+    out["multipliers"] = complex_pairs(orbit.multipliers);
+    out["ln_multiplier"] = Json::array();
+    for (const auto& multiplier : orbit.multipliers) {
+        out["ln_multiplier"].push_back(std::log(std::abs(multiplier)));  // -infinity (sticking) becomes null
+    }
+    out["ln_multiplier_covariance"] = nullptr;
+    out["time"] = time_of(head, orbit.period);
+    out["recurrences"] = nullptr;
+    out["mirror"] = nullptr;
+    out["quality"] = orbit.sticking ? Json::array({"sticking"}) : Json::array();
+    out["residual"] = orbit.residual;
+    out["status"] = periodic::name(orbit.status);
+    out["iterations"] = orbit.iterations;
+    out["sensitivities"] = rows(orbit.sensitivities);
+    return out;
+}
+
+}  // namespace
+
+std::string cycles_text(const CycleFile& file) {
+    Json out = head_json(file.head);
+    out["missing"] = file.search.missing;
+    out["candidates"] = file.search.candidates;
+    out["rejected"] = file.search.rejected;
+    out["cycles"] = Json::array();
+    for (std::size_t i = 0; i < file.search.cycles.size(); ++i) {
+        out["cycles"].push_back(cycle_json(file.head, file.search.cycles[i], i));
+    }
+    return json_text(out);
+}
+
+std::string orbits_text(const CycleFileHead& head, const std::vector<periodic::PeriodicOrbit>& orbits,
+                        const std::vector<std::string>& parameters) {
+    Json out = head_json(head);
+    out["parameters"] = parameters;
+    out["cycles"] = Json::array();
+    for (std::size_t i = 0; i < orbits.size(); ++i) {
+        out["cycles"].push_back(orbit_json(head, orbits[i], parameters.size(), i));
+    }
+    return json_text(out);
+}
+
+}  // namespace orbid::apps

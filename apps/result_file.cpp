@@ -1,0 +1,269 @@
+#include "apps/result_file.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <string_view>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "apps/json_text.hpp"
+
+namespace orbid::apps {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json rows(const Eigen::MatrixXd& matrix) {
+    Json out = Json::array();
+    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+        Json row = Json::array();
+        for (Eigen::Index j = 0; j < matrix.cols(); ++j) {
+            row.push_back(matrix(i, j));
+        }
+        out.push_back(std::move(row));
+    }
+    return out;
+}
+
+std::optional<double> find(const std::map<std::string, double>& values, const std::string& name) {
+    const auto found = values.find(name);
+    return found == values.end() ? std::nullopt : std::optional<double>(found->second);
+}
+
+Json estimated_json(const estimator::Estimated& x, const std::map<std::string, double>& references) {
+    const auto reference = find(references, x.name);
+    const bool interval = std::isfinite(x.lower95) && std::isfinite(x.upper95);
+    Json out;
+    out["value"] = x.value;
+    out["sd"] = x.sd;
+    out["interval95"] = interval ? Json::array({x.lower95, x.upper95}) : Json(nullptr);
+    out["interval_method"] = x.interval_method;
+    out["start"] = x.start;
+    out["reference"] = reference ? Json(*reference) : Json(nullptr);
+    out["relative_deviation"] = relative_deviation(x.value, reference);
+    out["unit"] = x.unit;
+    out["at_bound"] = x.at_bound.empty() ? Json(nullptr) : Json(x.at_bound);
+    out["laplace_sd"] = x.laplace_sd;
+    out["data_share"] = x.data_share;
+    return out;
+}
+
+Json estimated_list(const std::vector<estimator::Estimated>& list, const std::map<std::string, double>& references) {
+    Json out = Json::object();
+    for (const auto& x : list) {
+        out[x.name] = estimated_json(x, references);
+    }
+    return out;
+}
+
+/// `sd` is always a standard deviation in the data's unit: of a factor group it is the rms of the raw residuals.
+Json scale_json(const estimator::EstimatedScale& scale) {
+    Json out;
+    out["sd"] = scale.factor ? scale.rms : scale.value;
+    out["factor"] = scale.factor ? Json(scale.value) : Json(nullptr);
+    out["uncertainty"] = scale.uncertainty;
+    out["unit"] = scale.unit;
+    out["count"] = scale.count;
+    out["estimated"] = scale.estimated;
+    out["rms"] = scale.rms;
+    out["lag1"] = scale.lag1;
+    out["correlation_records"] = scale.correlation_records;
+    out["effective_count"] = scale.effective_count;
+    return out;
+}
+
+Json initial_state_json(const InitialState& state) {
+    Json out;
+    out["experiment"] = state.experiment;
+    out["segment"] = state.segment;
+    for (const auto& value : state.values) {
+        out["state"][value.coordinate] = {
+            {"value", value.value}, {"sd", value.sd}, {"unit", value.unit}, {"estimated", value.estimated}};
+    }
+    return out;
+}
+
+Json prediction_json(const Prediction& prediction) {
+    Json out;
+    out["experiment"] = prediction.experiment;
+    out["segment"] = prediction.segment;
+    out["rms"] = Json::object();
+    for (const auto& [coordinate, rms] : prediction.rms) {
+        out["rms"][coordinate] = rms;
+    }
+    out["normalised_rms"] = prediction.normalised_rms;
+    out["fitted"] = prediction.fitted;
+    return out;
+}
+
+Json identifiability_json(const estimator::Estimate& estimate) {
+    Json out;
+    out["singular_values"] = Json::array();
+    for (const double value : estimate.singular_values) {
+        out["singular_values"].push_back(value);
+    }
+    out["null_directions"] = Json::array();
+    for (const auto& direction : estimate.null_directions) {
+        Json named = Json::object();
+        for (const auto& [name, component] : named_components(direction, estimate.parameters)) {
+            named[name] = component;
+        }
+        out["null_directions"].push_back(std::move(named));
+    }
+    out["trust_normal"] = estimate.trust_normal;
+    out["effective_count"] = estimate.effective_count;
+    return out;
+}
+
+Json history_json(const std::vector<estimator::StepRecord>& history) {
+    Json out = Json::array();
+    for (const auto& step : history) {
+        out.push_back({{"round", step.round},
+                       {"block", step.block},
+                       {"accepted", step.accepted},
+                       {"before", step.before},
+                       {"after", step.after},
+                       {"damping", step.damping},
+                       {"reason", step.reason}});
+    }
+    return out;
+}
+
+Json orbits_json(const ResultContext& context) {
+    Json out;
+    out["found"] = Json::object();
+    for (const auto& [period, count] : context.orbits_found) {
+        out["found"][std::to_string(period)] = count;
+    }
+    out["missing"] = context.orbits_missing;
+    return out;
+}
+
+Json data_json(const ResultContext& context) {
+    Json out;
+    out["points"] = context.data_points;
+    out["segments"] = context.data_segments;
+    out["captured"] = Json::array();
+    for (const auto& capture : context.captured) {
+        out["captured"].push_back({{"experiment", capture.experiment},
+                                   {"trajectory", capture.trajectory},
+                                   {"section", capture.section},
+                                   {"what", capture.what}});
+    }
+    return out;
+}
+
+std::string cell(const std::string& text) {
+    if (text.find_first_of(",\"\r\n") == std::string::npos) {
+        return text;
+    }
+    std::string out = "\"";
+    for (const char c : text) {
+        out += c == '"' ? "\"\"" : std::string(1, c);
+    }
+    return out + '"';
+}
+
+}  // namespace
+
+double relative_deviation(double value, const std::optional<double>& reference) {
+    return reference && *reference != 0.0 ? (value - *reference) / *reference
+                                          : std::numeric_limits<double>::quiet_NaN();
+}
+
+std::vector<std::pair<std::string, double>> named_components(const estimator::NullDirection& direction,
+                                                             const std::vector<estimator::Estimated>& parameters) {
+    constexpr double rounding = 1e-6;
+    std::vector<std::pair<std::string, double>> out;
+    if (direction.components.size() == 0) {
+        return out;
+    }
+    const double largest = direction.components.cwiseAbs().maxCoeff();
+    for (Eigen::Index i = 0; i < direction.components.size(); ++i) {
+        if (std::abs(direction.components[i]) > rounding * largest) {
+            out.emplace_back(parameters.at(static_cast<std::size_t>(i)).name, direction.components[i]);
+        }
+    }
+    // Compared in steps of the rounding: equal sizes keep the parameters' order, so that the bytes are stable.
+    const auto size = [largest](const std::pair<std::string, double>& named) {
+        return std::llround(std::abs(named.second) / (rounding * largest));
+    };
+    std::stable_sort(out.begin(), out.end(), [size](const auto& a, const auto& b) { return size(a) > size(b); });
+    return out;
+}
+
+std::string result_text(const estimator::Estimate& estimate, const ResultContext& context) {
+    Json out;
+    out["format"] = "orbid-result/1";
+    out["status"] = estimator::name(estimate.status);
+    out["message"] = estimate.message;
+    out["parameters"] = estimated_list(estimate.parameters, context.reference);
+    out["derived"] = estimated_list(estimate.derived, context.reference);
+    out["errors"] = Json::object();
+    for (const auto& scale : estimate.scales) {
+        out["errors"][scale.group] = scale_json(scale);
+    }
+    out["initial_states"] = Json::array();
+    for (const auto& state : context.initial_states) {
+        out["initial_states"].push_back(initial_state_json(state));
+    }
+    out["prediction"] = Json::array();
+    for (const auto& prediction : context.predictions) {
+        out["prediction"].push_back(prediction_json(prediction));
+    }
+    Json names = Json::array();
+    for (const auto& parameter : estimate.parameters) {
+        names.push_back(parameter.name);
+    }
+    out["correlation"] = {{"names", names}, {"matrix", rows(estimate.correlation)}};
+    out["covariance"] = {{"names", names}, {"matrix", rows(estimate.covariance)}};
+    out["identifiability"] = identifiability_json(estimate);
+    out["residuals"] = Json::array();
+    for (const auto& count : estimate.counts) {
+        out["residuals"].push_back({{"type", count.type},
+                                    {"used", count.used},
+                                    {"lost", count.lost},
+                                    {"rejected", count.rejected},
+                                    {"added", count.added}});
+    }
+    out["objective"] = estimate.objective;
+    out["log_likelihood"] = estimate.log_likelihood;
+    out["degrees_of_freedom"] = estimate.degrees_of_freedom;
+    out["iterations"] = estimate.iterations;
+    out["evaluations"] = estimate.evaluations;
+    out["rounds"] = estimate.rounds;
+    out["orbits"] = orbits_json(context);
+    out["data"] = data_json(context);
+    out["history"] = history_json(estimate.history);
+    if (!context.fingerprint.sha256.empty()) {
+        out["fingerprint"] = Json::parse(to_text(context.fingerprint));
+    }
+    return json_text(out);
+}
+
+std::string residuals_text(const std::vector<ResidualRow>& rows) {
+    fmt::memory_buffer out;
+    const auto number = [&out](double value, char end) {
+        if (std::isfinite(value)) {
+            fmt::format_to(std::back_inserter(out), "{}{}", value, end);
+        } else {
+            out.push_back(end);
+        }
+    };
+    fmt::format_to(std::back_inserter(out),
+                   "experiment,segment_or_cycle,coordinate,time_or_phase,observed,predicted,sd\n");
+    for (const ResidualRow& row : rows) {
+        fmt::format_to(std::back_inserter(out), "{},{},{},", cell(row.experiment), cell(row.block),
+                       cell(row.coordinate));
+        number(row.at, ',');
+        number(row.observed, ',');
+        number(row.predicted, ',');
+        number(row.sd, '\n');
+    }
+    return fmt::to_string(out);
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/fingerprint.hpp"
+#include "estimator/estimate.hpp"
+
+namespace orbid::apps {
+
+/// An estimated initial state of one segment, coordinate by coordinate.
+struct InitialState {
+    std::string experiment;
+    std::string segment;
+    struct Value {
+        std::string coordinate;
+        std::string unit;
+        double value;
+        double sd;       ///< nan when undetermined or held fixed
+        bool estimated;  ///< false: held at a given value
+    };
+    std::vector<Value> values;
+};
+
+/// How well a segment is predicted that took no part in the fit (or did: see `fitted`).
+struct Prediction {
+    std::string experiment;
+    std::string segment;
+    std::vector<std::pair<std::string, double>> rms;  ///< per coordinate, in its unit
+    double normalised_rms = 0.0;                      ///< rms over the error sd; nan when there is none
+    bool fitted = false;
+};
+
+/// A simulated trajectory that left the chaos.
+struct Capture {
+    std::string experiment;
+    int trajectory = 0;
+    std::size_t section = 0;  ///< points after which it was noticed
+    std::string what;         ///< "at rest", "captured by a stable orbit of period 10"
+};
+
+/// What result.json says beside the estimate.
+struct ResultContext {
+    std::map<std::string, double> reference;  ///< known values, by name of a parameter or derived quantity
+    std::vector<InitialState> initial_states;
+    std::vector<Prediction> predictions;
+    std::map<int, std::size_t> orbits_found;  ///< period -> cycles
+    std::vector<int> orbits_missing;
+    std::size_t data_points = 0;
+    std::size_t data_segments = 0;
+    std::vector<Capture> captured;
+    Fingerprint fingerprint;  ///< left out of the file when its hash is empty
+};
+
+/// (value - reference) / reference; nan without a reference or with reference 0.
+[[nodiscard]] double relative_deviation(double value, const std::optional<double>& reference);
+
+/// Names with the components of a null direction, by descending size; what is smaller than 1e-6 of the largest is
+/// rounding of the singular value decomposition (1e-16 / relative_singular_value 1e-9, times ten) and left out.
+[[nodiscard]] std::vector<std::pair<std::string, double>> named_components(
+    const estimator::NullDirection& direction, const std::vector<estimator::Estimated>& parameters);
+
+/// Content of result.json, format orbid-result/1. Undefined numbers are null.
+///
+/// Beside the keys of the contract: per parameter `laplace_sd`, `data_share`; per error scale `rms`, `lag1`,
+/// `correlation_records`, `effective_count`, `estimated`; `covariance`, `rounds`, `history`.
+/// An interval is null as a whole when one of its ends is undefined.
+[[nodiscard]] std::string result_text(const estimator::Estimate& estimate, const ResultContext& context);
+
+/// One line of residuals.csv.
+struct ResidualRow {
+    std::string experiment;
+    std::string block;  ///< segment or cycle
+    std::string coordinate;
+    double at;  ///< time [s] or phase [rad]
+    double observed;
+    double predicted;
+    double sd;
+};
+
+/// Content of residuals.csv: a header, one line per record; undefined numbers are empty cells, numbers read back to the
+/// bit, cells with commas or quotes are quoted (RFC 4180).
+[[nodiscard]] std::string residuals_text(const std::vector<ResidualRow>& rows);
+
+}  // namespace orbid::apps
