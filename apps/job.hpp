@@ -38,6 +38,10 @@ struct ParameterValue {
 };
 
 struct SimulationJob {
+    /// Default of `transient` for random starts of a section series; 0 for given starts and for samples. After 300
+    /// periods a contraction of only 10 % per period has left 1e-14 of the way to the attractor.
+    static constexpr std::size_t transient_of_random_sections = 300;
+
     orbits::Series::Sampling sampling = orbits::Series::Sampling::section;
     std::size_t sections = 0;              ///< section: points of all trajectories together, >= trajectories
     double step = 0.0;                     ///< samples: [s], > 0
@@ -49,21 +53,24 @@ struct SimulationJob {
     Eigen::VectorXd noise;                 ///< shape (n): sd of a reading in the coordinate's unit, >= 0
 };
 
-/// One coordinate read from a column:  model value = sign * (column * factor - offset).
+/// One coordinate read from a column of a table:  model value = sign * (column * unit - offset).
 struct ColumnJob {
     Eigen::Index coordinate = 0;  ///< index into System::coordinates()
     std::string column;           ///< header in the file
-    std::string unit;             ///< of the column, as written
-    double factor = 1.0;          ///< from the column's unit to the coordinate's
-    int sign = 1;
-    double offset = 0.0;  ///< in the coordinate's unit
+    std::string unit;             ///< of the column; one that orbits::unit_factor knows for the coordinate
+    int sign = 1;                 ///< +1 or -1
+    double offset = 0.0;          ///< in the coordinate's unit
 };
 
+/// A recorded series: a table in text (.csv, .tsv, .txt), or a file that orbid wrote (.h5, .hdf5), which says itself
+/// what its columns are.
 struct FileJob {
     std::filesystem::path path;  ///< absolute
     orbits::Series::Sampling sampling = orbits::Series::Sampling::section;
-    std::string segment_column;      ///< empty: the whole file is one segment
-    std::string time_column;         ///< [s]; samples need one
+    bool table = true;           ///< text with columns; false: HDF5, `columns` and the two names are empty
+    std::string segment_column;  ///< empty: the whole file is one segment
+    std::string time_column;     ///< samples need one
+    std::string time_unit = "s";
     std::vector<ColumnJob> columns;  ///< in the order of the coordinates
     bool nan_is_missing = false;     ///< "nan" in a cell is a missing sample too, not only an empty cell
     std::string sha256;              ///< expected, lower-case hex; empty: not given

@@ -121,10 +121,10 @@ std::optional<std::size_t> ValueReader::choice(const std::vector<std::string>& n
     return std::nullopt;
 }
 
-std::optional<std::vector<ValueReader>> ValueReader::items() const {
+std::vector<ValueReader> ValueReader::items() const {
     if (!is(JsonValue::Kind::array)) {
         report_kind("a list [ ... ]");
-        return std::nullopt;
+        return {};
     }
     std::vector<ValueReader> result;
     result.reserve(value_->items.size());
@@ -134,10 +134,10 @@ std::optional<std::vector<ValueReader>> ValueReader::items() const {
     return result;
 }
 
-std::optional<std::vector<std::pair<std::string, ValueReader>>> ValueReader::members() const {
+std::vector<std::pair<std::string, ValueReader>> ValueReader::members() const {
     if (!is(JsonValue::Kind::object)) {
         report_kind("an object { ... }");
-        return std::nullopt;
+        return {};
     }
     std::vector<std::pair<std::string, ValueReader>> result;
     result.reserve(value_->members.size());

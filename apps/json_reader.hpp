@@ -50,10 +50,10 @@ public:
     /// A text that is one of `now`; the index of it. Those of `later` are reserved names.
     [[nodiscard]] std::optional<std::size_t> choice(const std::vector<std::string>& now,
                                                     const std::vector<std::string>& later = {}) const;
-    /// The items of a list.
-    [[nodiscard]] std::optional<std::vector<ValueReader>> items() const;
-    /// The members of an object, for objects whose keys are names given by the user.
-    [[nodiscard]] std::optional<std::vector<std::pair<std::string, ValueReader>>> members() const;
+    /// The items of a list; empty after another kind has been reported.
+    [[nodiscard]] std::vector<ValueReader> items() const;
+    /// The members of an object whose keys are names; empty after another kind has been reported.
+    [[nodiscard]] std::vector<std::pair<std::string, ValueReader>> members() const;
 
     /// Reports what is wrong with this value.
     void report(std::string rule) const;

@@ -45,14 +45,13 @@ public:
     [[nodiscard]] const std::vector<std::size_t>& used() const { return used_; }
 
     /// Value at the given quantities; any scalar with + - * / pow and the functions above found by its own namespace
-    /// (double, dual numbers). x^n with a constant whole n is taken by multiplication, so that it has a value and a
-    /// derivative for x <= 0 too.
+    /// (double, dual numbers).
     template <class T>
     [[nodiscard]] T evaluate(std::span<const T> values) const;
 
     [[nodiscard]] double value(const Eigen::VectorXd& values) const;
 
-    /// Exact gradient by forward derivatives, shape as values. d|x|/dx = sign(x), 0 at x = 0.
+    /// Exact gradient by forward derivatives, shape as values. At x = 0 the derivative of abs is 1, that of sign 0.
     [[nodiscard]] Eigen::VectorXd gradient(const Eigen::VectorXd& values) const;
 
     /// One step of the program: postfix notation on a stack.
@@ -64,7 +63,6 @@ public:
         multiply,
         divide,
         power,
-        whole_power,
         negate,
         sin,
         cos,
@@ -77,7 +75,7 @@ public:
     };
     struct Step {
         Operation operation;
-        double constant = 0.0;  ///< of `constant`; the exponent of `whole_power`
+        double constant = 0.0;  ///< of `constant`
         std::size_t index = 0;  ///< of `name`
     };
     [[nodiscard]] const std::vector<Step>& steps() const { return steps_; }
@@ -87,22 +85,6 @@ private:
     std::vector<Step> steps_;
     std::vector<std::size_t> used_;
 };
-
-namespace detail {
-
-template <class T>
-T whole_power(const T& base, double exponent) {
-    T result(1.0);
-    T factor = base;
-    // |exponent| <= 64 is ensured by the parser, so this loop is short and exact squares stay exact.
-    for (auto left = static_cast<unsigned>(std::abs(exponent)); left > 0; left /= 2) {
-        if (left % 2 == 1) result = result * factor;
-        if (left > 1) factor = factor * factor;
-    }
-    return exponent < 0 ? T(1.0) / result : result;
-}
-
-}  // namespace detail
 
 template <class T>
 T Expression::evaluate(std::span<const T> values) const {
@@ -148,9 +130,6 @@ T Expression::evaluate(std::span<const T> values) const {
                 break;
             case Operation::power:
                 result = binary([](const T& a, const T& b) { return T(pow(a, b)); });
-                break;
-            case Operation::whole_power:
-                result = detail::whole_power(right, step.constant);
                 break;
             case Operation::negate:
                 result = -right;

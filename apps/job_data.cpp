@@ -1,0 +1,220 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "apps/job_parts.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using Sampling = orbits::Series::Sampling;
+
+models::Sensor read_sensor(const ValueReader& value, const Job& job) {
+    models::Sensor sensor;
+    ObjectReader object(value);
+    const auto type = object.require("type", "\"state\" or \"angle_difference\"");
+    const auto choice = type ? type->choice({"state", "angle_difference"}) : std::nullopt;
+    if (choice == 1) {
+        sensor.type = models::Sensor::Type::angle_difference;
+        const auto coordinate = [&](std::string_view key, std::string_view meaning) -> std::optional<Eigen::Index> {
+            const auto entry = object.require(key, meaning);
+            const auto name = entry ? entry->text() : std::nullopt;
+            return name ? coordinate_named(*name, *entry, job) : std::nullopt;
+        };
+        const auto angle = coordinate("angle", "the coordinate that is read");
+        const auto rate = coordinate("rate", "the coordinate that the difference quotient stands for");
+        if (angle) {
+            sensor.angle = static_cast<std::size_t>(*angle);
+            const auto& entry = job.model.system->coordinates()[sensor.angle];
+            if (!entry.angle) object.report("angle", fmt::format("{} is no angle", entry.name));
+        }
+        if (rate) sensor.rate = static_cast<std::size_t>(*rate);
+        if (angle && rate && *angle == *rate) object.report("rate", "must be another coordinate than the angle");
+        if (const auto delay = object.require("delay", "seconds between the two readings of the angle, > 0")) {
+            sensor.delay = delay->positive().value_or(1.0);
+        }
+        if (const auto step = object.find("step")) sensor.step = step->nonnegative().value_or(0.0);
+        if (const auto rounding = object.find("rounding")) {
+            using Rounding = models::Sensor::Rounding;
+            if (rounding->choice({"none", "nearest"}) == 1) sensor.rounding = Rounding::nearest;
+            if (sensor.rounding == Rounding::nearest && !(sensor.step > 0)) {
+                rounding->report("rounding needs the encoder's \"step\" > 0");
+            }
+        }
+    }
+    // Without a known type every other key would be called unknown.
+    if (choice) object.finish();
+    return sensor;
+}
+
+/// Labels of segments: texts, or numbers as they stand in the file.
+std::vector<std::string> read_labels(const ValueReader& value) {
+    std::vector<std::string> result;
+    for (const ValueReader& item : value.items()) {
+        std::string label;
+        if (item.is(JsonValue::Kind::number)) {
+            label = fmt::format("{}", item.value().number);
+        } else if (item.is(JsonValue::Kind::string)) {
+            label = item.value().text;
+        } else {
+            item.report_kind("the label of a segment (a number or a text)");
+            continue;
+        }
+        if (std::find(result.begin(), result.end(), label) != result.end()) {
+            item.report(fmt::format("segment {} is listed twice", label));
+        }
+        result.push_back(label);
+    }
+    return result;
+}
+
+void read_segments(const ValueReader& value, DataJob& data) {
+    ObjectReader segments(value);
+    if (const auto predict = segments.find("predict")) data.predict = read_labels(*predict);
+    if (const auto fit = segments.find("fit")) {
+        if (fit->is(JsonValue::Kind::string)) {
+            (void)fit->choice({"all"});
+        } else {
+            data.fit = read_labels(*fit);
+            if (data.fit->empty()) fit->report("must name at least one segment, or be \"all\"");
+            for (const std::string& label : *data.fit) {
+                if (std::find(data.predict.begin(), data.predict.end(), label) == data.predict.end()) continue;
+                fit->report(fmt::format("segment {} stands in \"predict\" too", label));
+            }
+        }
+    }
+    segments.finish();
+}
+
+InitialValueJob read_initial_value(const ValueReader& value) {
+    InitialValueJob initial;
+    if (value.is(JsonValue::Kind::string)) {
+        (void)value.choice({"estimate"});
+        return initial;
+    }
+    if (!value.is(JsonValue::Kind::object)) {
+        value.report_kind("\"estimate\", { \"value\": ... } or { \"start\": ..., \"prior\": ... }");
+        return initial;
+    }
+    ObjectReader object(value);
+    if (const auto fixed = object.find("value")) {
+        initial.estimate = false;
+        initial.value = fixed->number();
+    } else {
+        if (const auto start = object.find("start")) initial.value = start->number();
+        if (const auto prior = object.find("prior")) {
+            initial.prior = read_prior(*prior).value_or(estimator::Prior{});
+        }
+    }
+    object.finish();
+    return initial;
+}
+
+void read_initial_state(ObjectReader& object, const Job& job, DataJob& data) {
+    data.initial_state.resize(coordinate_names(job).size());
+    const auto value = object.find("initial_state");
+    if (!value) return;
+    if (data.sampling() == Sampling::section) {
+        value->report("holds for samples; a section series has no free initial state in this version");
+    }
+    for (const auto& [name, member] : value->members()) {
+        const auto initial = read_initial_value(member);
+        if (const auto index = coordinate_named(name, member, job)) {
+            data.initial_state[static_cast<std::size_t>(*index)] = initial;
+        }
+    }
+}
+
+void read_observe(ObjectReader& object, const Job& job, DataJob& data) {
+    std::vector<Eigen::Index> available;
+    if (data.file && data.file->table) {
+        for (const ColumnJob& column : data.file->columns)
+            available.push_back(column.coordinate);
+    } else {
+        for (std::size_t i = 0; i < coordinate_names(job).size(); ++i) {
+            available.push_back(static_cast<Eigen::Index>(i));
+        }
+    }
+    data.observe = available;
+    const auto value = object.find("observe");
+    if (!value) return;
+    data.observe.clear();
+    for (const std::string& name : read_names(*value)) {
+        const auto index = coordinate_named(name, *value, job);
+        if (!index) continue;
+        if (std::find(available.begin(), available.end(), *index) == available.end()) {
+            value->report(fmt::format("\"{}\" is observed, but \"columns\" names no column for it", name));
+        }
+        data.observe.push_back(*index);
+    }
+    std::sort(data.observe.begin(), data.observe.end());
+    if (value->is(JsonValue::Kind::array) && value->value().items.empty()) {
+        value->report("must name at least one coordinate");
+    }
+}
+
+void read_source(ObjectReader& object, const Job& job, DataJob& data) {
+    const auto simulate = object.find("simulate");
+    const auto file = object.find("file");
+    if (simulate && file) object.report("simulate", "stands beside \"file\": an experiment has one source");
+    if (file) {
+        data.file.emplace();
+        read_file(object, *file, job, *data.file);
+    } else if (simulate) {
+        data.simulation.emplace();
+        read_simulation(*simulate, job, *data.simulation);
+    } else {
+        data.simulation.emplace();
+        if (object.valid()) object.self().report("needs \"simulate\": { ... } or \"file\": \"...\"");
+    }
+}
+
+DataJob read_experiment(const ValueReader& value, const std::string& default_name, const Job& job) {
+    DataJob data;
+    data.name = default_name;
+    ObjectReader object(value);
+    if (const auto name = object.find("name")) {
+        const auto text = name->text();
+        if (text && is_name(*text, *name)) data.name = *text;
+    }
+    read_source(object, job, data);
+    if (const auto sensor = object.find("sensor")) data.sensor = read_sensor(*sensor, job);
+    read_observe(object, job, data);
+    if (const auto parameters = object.find("parameters")) data.parameters = read_parameter_values(*parameters, job);
+    if (const auto free = object.find("free")) {
+        for (const std::string& name : read_names(*free)) {
+            if (const auto index = parameter_named(name, *free, job)) data.free.push_back(*index);
+        }
+        std::sort(data.free.begin(), data.free.end());
+    }
+    if (const auto segments = object.find("segments")) read_segments(*segments, data);
+    read_initial_state(object, job, data);
+    object.finish();
+    return data;
+}
+
+}  // namespace
+
+void read_data(ObjectReader& root, Job& job) {
+    const auto value = root.find("data");
+    if (!value) return;
+    std::vector<ValueReader> experiments;
+    if (value->is(JsonValue::Kind::array)) {
+        experiments = value->items();
+        if (experiments.empty()) value->report("must hold at least one experiment");
+    } else if (value->is(JsonValue::Kind::object)) {
+        experiments.push_back(*value);
+    } else {
+        value->report_kind("an object { ... }, or a list of them");
+    }
+    for (std::size_t i = 0; i < experiments.size(); ++i) {
+        DataJob data = read_experiment(experiments[i], fmt::format("run{}", i + 1), job);
+        const bool twice = std::any_of(job.data.begin(), job.data.end(),
+                                       [&](const DataJob& other) { return other.name == data.name; });
+        if (twice) experiments[i].report(fmt::format("there are two experiments named \"{}\"", data.name));
+        job.data.push_back(std::move(data));
+    }
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "apps/job.hpp"
+#include "apps/json_reader.hpp"
+
+namespace orbid::apps {
+
+/// The blocks of a job, each read into its part of `job`. Order: model, data, orbits, periodic, estimate, reference;
+/// each block uses what stands before it. Where the model is unknown, names and domains are not checked.
+void read_model(ObjectReader& root, Job& job);
+void read_section(ObjectReader& root, Job& job);
+void read_data(ObjectReader& root, Job& job);
+void read_orbits(ObjectReader& root, Job& job);
+void read_periodic(ObjectReader& root, Job& job);
+void read_estimate(ObjectReader& root, Job& job);
+void read_reference(ObjectReader& root, Job& job);
+
+/// Parts of data.
+void read_simulation(const ValueReader& value, const Job& job, SimulationJob& simulation);
+void read_file(ObjectReader& data, const ValueReader& path, const Job& job, FileJob& file);
+
+/// Parts of estimate.
+[[nodiscard]] std::optional<estimator::Prior> read_prior(const ValueReader& value);
+[[nodiscard]] std::optional<estimator::ErrorScale> read_error_scale(const ValueReader& value);
+void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate);
+
+/// Names of the model's parameters or coordinates; empty without a model.
+[[nodiscard]] std::vector<std::string> parameter_names(const Job& job);
+[[nodiscard]] std::vector<std::string> coordinate_names(const Job& job);
+
+/// Index of a parameter or coordinate; an unknown name is reported at `at` with the nearest known one.
+[[nodiscard]] std::optional<Eigen::Index> parameter_named(const std::string& name, const ValueReader& at,
+                                                          const Job& job);
+[[nodiscard]] std::optional<Eigen::Index> coordinate_named(const std::string& name, const ValueReader& at,
+                                                           const Job& job);
+/// A list of names without repetition.
+[[nodiscard]] std::vector<std::string> read_names(const ValueReader& value);
+
+/// A value of a parameter, checked against its domain.
+[[nodiscard]] std::optional<double> read_parameter_value(const ValueReader& value, Eigen::Index parameter,
+                                                         const Job& job);
+/// "parameter": number, ...
+[[nodiscard]] std::vector<ParameterValue> read_parameter_values(const ValueReader& value, const Job& job);
+
+/// A list of different periods, each in [1, 64].
+[[nodiscard]] std::optional<std::vector<int>> read_periods(const ValueReader& value);
+
+/// A state of the model: one number per coordinate.
+[[nodiscard]] std::optional<Eigen::VectorXd> read_state(const ValueReader& value, const Job& job);
+
+/// Names given by the user: [A-Za-z_][A-Za-z0-9_]*; reported otherwise.
+[[nodiscard]] bool is_name(const std::string& name, const ValueReader& at);
+
+/// An existing file, made absolute; a missing one is reported as unreadable data.
+[[nodiscard]] std::optional<std::filesystem::path> read_path(const ValueReader& value, const Job& job);
+
+/// The key "sha256" beside a file: 64 hexadecimal digits.
+[[nodiscard]] std::string read_sha256(ObjectReader& object);
+
+}  // namespace orbid::apps

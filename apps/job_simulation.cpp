@@ -1,0 +1,90 @@
+#include <cmath>
+
+#include "apps/job_parts.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using Sampling = orbits::Series::Sampling;
+
+// More points than any memory holds (2^40 points of two doubles are 16 TB): a typing error.
+constexpr std::uint64_t most_points = std::uint64_t{1} << 40U;
+constexpr std::uint64_t most_trajectories = 1000000;
+
+void read_samples(const ValueReader& value, SimulationJob& simulation) {
+    simulation.sampling = Sampling::samples;
+    ObjectReader samples(value);
+    if (const auto step = samples.require("step", "seconds between two samples, > 0")) {
+        simulation.step = step->positive().value_or(1.0);
+    }
+    if (const auto count = samples.require("count", "number of samples of a trajectory, at least 2")) {
+        simulation.count = count->whole(2, most_points).value_or(2);
+    }
+    samples.finish();
+}
+
+void read_initial(const ValueReader& value, const Job& job, bool trajectories_given, SimulationJob& simulation) {
+    if (value.is(JsonValue::Kind::string)) {
+        (void)value.choice({"random"});
+        return;
+    }
+    if (!value.is(JsonValue::Kind::array)) {
+        value.report_kind("\"random\", or a list of states, one per trajectory");
+        return;
+    }
+    for (const ValueReader& item : value.items()) {
+        if (const auto state = read_state(item, job)) simulation.initial.push_back(*state);
+    }
+    const std::size_t states = value.value().items.size();
+    if (states == 0) value.report("must hold at least one state, or be \"random\"");
+    if (!trajectories_given) {
+        simulation.trajectories = states;
+    } else if (states != simulation.trajectories) {
+        value.report(fmt::format("must hold one state per trajectory: {}, not {}", simulation.trajectories, states));
+    }
+}
+
+}  // namespace
+
+void read_simulation(const ValueReader& value, const Job& job, SimulationJob& simulation) {
+    ObjectReader object(value);
+    const auto sections = object.find("sections");
+    const auto samples = object.find("samples");
+    const auto trajectories = object.find("trajectories");
+    if (trajectories) simulation.trajectories = trajectories->whole(1, most_trajectories).value_or(1);
+    if (sections && samples) {
+        samples->report("stands beside \"sections\": a simulation yields one of the two");
+    } else if (samples) {
+        read_samples(*samples, simulation);
+    } else if (sections) {
+        if (job.model.system && job.model.system->kind() == models::Kind::autonomous) {
+            sections->report(fmt::format("sections of the model {}, which is autonomous: {}; use \"samples\"",
+                                         job.model.name, not_in_this_version));
+        }
+        simulation.sections = sections->whole(simulation.trajectories, most_points).value_or(simulation.trajectories);
+    } else if (object.valid()) {
+        value.report("needs \"sections\": count, or \"samples\": { \"step\": ..., \"count\": ... }");
+    }
+    if (const auto initial = object.find("initial")) read_initial(*initial, job, trajectories.has_value(), simulation);
+    if (const auto transient = object.find("transient")) {
+        simulation.transient = transient->whole(0, most_points).value_or(0);
+    } else if (simulation.initial.empty() && simulation.sampling == Sampling::section) {
+        simulation.transient = SimulationJob::transient_of_random_sections;
+    }
+    if (const auto restart = object.find("restart")) {
+        simulation.restart = restart->choice({"when_captured_or_at_rest", "never"}) != 1;
+    }
+    simulation.noise = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(coordinate_names(job).size()));
+    if (const auto noise = object.find("noise")) {
+        const auto members = noise->members();
+        for (const auto& [name, member] : members) {
+            const auto sd = member.nonnegative();
+            const auto index = coordinate_named(name, member, job);
+            if (sd && index) simulation.noise[*index] = *sd;
+        }
+    }
+    object.finish();
+}
+
+}  // namespace orbid::apps
