@@ -1,0 +1,22 @@
+#pragma once
+
+#include <complex>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace orbid::orbits {
+
+/// Multipliers of a product of one-step Jacobians A_{p-1} ... A_0 (P6), and ln of their moduli.
+struct CycleMultipliers {
+    std::vector<std::complex<double>> values;  ///< largest modulus first; conjugates: positive imaginary part first
+    Eigen::VectorXd ln_modulus;                ///< same order; -inf for a zero multiplier
+};
+
+/// Multipliers without forming the product where they are real: orthogonal iteration around the cycle, so that small
+/// ones keep their digits. Complex pairs and equal moduli, for which it does not settle, come from the product.
+///
+/// @param jacobians  p >= 1 square matrices, shape (n, n), in the order of the points.
+[[nodiscard]] CycleMultipliers cycle_multipliers(const std::vector<Eigen::MatrixXd>& jacobians);
+
+}  // namespace orbid::orbits

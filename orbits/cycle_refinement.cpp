@@ -1,0 +1,136 @@
+#include "orbits/cycle_refinement.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <Eigen/LU>
+
+namespace orbid::orbits {
+
+namespace {
+
+// Largest coordinate of a Newton step: beyond a few boxes local maps say nothing.
+constexpr double step_cap = 0.04;
+
+// Newton has converged when its step is down to rounding; it needs 4-6 steps, more means that it wanders.
+constexpr double converged_step = 1e-13;
+constexpr int maximum_steps = 25;
+
+// New fits until the points lie within this part of the radius around the fits' centres: the fit is then as good as
+// one centred exactly.
+constexpr double centred = 0.02;
+constexpr int maximum_rounds = 10;
+
+// Farther from the centre than this, in radii, a map is not asked any more.
+constexpr double extrapolation = 3.0;
+
+Eigen::VectorXd offset_of(const SectionPoints& section, const Eigen::MatrixXd& points, const LocalMap& map,
+                          Eigen::Index j) {
+    return section.difference(Eigen::VectorXd(points.col(j)), map.centre);
+}
+
+bool fit_all(const SectionPoints& section, const BoxGrid& grid, const FitChoice& fit, RefinedCycle& cycle) {
+    cycle.maps.clear();
+    cycle.supports.clear();
+    for (Eigen::Index j = 0; j < cycle.points.cols(); ++j) {
+        cycle.supports.push_back(gather_neighbourhood(section, grid, cycle.points.col(j), fit.neighbours));
+        cycle.maps.push_back(fit_local_map(section, cycle.supports.back(), fit.order));
+        if (!cycle.maps.back().usable) return false;
+    }
+    return true;
+}
+
+// Newton with the maps as they are; the points are left at the solution.
+bool close_orbit(const SectionPoints& section, RefinedCycle& cycle) {
+    const Eigen::Index n = cycle.points.rows(), p = cycle.points.cols();
+    Eigen::VectorXd defect(n * p);
+    for (int step = 0; step < maximum_steps; ++step) {
+        std::vector<Eigen::MatrixXd> jacobians;
+        for (Eigen::Index j = 0; j < p; ++j) {
+            const LocalMap& map = cycle.maps[static_cast<std::size_t>(j)];
+            const Eigen::VectorXd d = offset_of(section, cycle.points, map, j);
+            if (!(d.cwiseAbs().maxCoeff() <= std::max(step_cap, extrapolation * map.radius))) return false;
+            jacobians.push_back(map.jacobian_at(d));
+            defect.segment(j * n, n) = section.difference(Eigen::VectorXd(map.value + map.displacement(d)),
+                                                          Eigen::VectorXd(cycle.points.col((j + 1) % p)));
+        }
+        Eigen::VectorXd change = coupled_matrix(jacobians).partialPivLu().solve(-defect);
+        if (!change.allFinite()) return false;
+        const double size = change.cwiseAbs().maxCoeff();
+        if (size > step_cap) change *= step_cap / size;
+        for (Eigen::Index j = 0; j < p; ++j)
+            cycle.points.col(j) = section.wrapped(cycle.points.col(j) + change.segment(j * n, n));
+        if (size < converged_step) return true;
+    }
+    return false;
+}
+
+bool is_centred(const SectionPoints& section, const RefinedCycle& cycle, double share) {
+    for (Eigen::Index j = 0; j < cycle.points.cols(); ++j) {
+        const LocalMap& map = cycle.maps[static_cast<std::size_t>(j)];
+        if (!(offset_of(section, cycle.points, map, j).norm() <= share * map.radius)) return false;
+    }
+    return true;
+}
+
+}  // namespace
+
+Eigen::MatrixXd coupled_matrix(const std::vector<Eigen::MatrixXd>& jacobians) {
+    const auto p = static_cast<Eigen::Index>(jacobians.size());
+    const Eigen::Index n = jacobians.front().rows();
+    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(n * p, n * p);
+    for (Eigen::Index j = 0; j < p; ++j) {
+        result.block(j * n, j * n, n, n) += jacobians[static_cast<std::size_t>(j)];
+        result.block(j * n, ((j + 1) % p) * n, n, n) -= Eigen::MatrixXd::Identity(n, n);
+    }
+    return result;
+}
+
+std::vector<Eigen::MatrixXd> RefinedCycle::jacobians(const SectionPoints& section) const {
+    std::vector<Eigen::MatrixXd> result;
+    for (Eigen::Index j = 0; j < points.cols(); ++j) {
+        const LocalMap& map = maps[static_cast<std::size_t>(j)];
+        result.push_back(map.jacobian_at(offset_of(section, points, map, j)));
+    }
+    return result;
+}
+
+RefinedCycle refine_cycle(const SectionPoints& section, const BoxGrid& grid, const Eigen::MatrixXd& start,
+                          const FitChoice& fit) {
+    RefinedCycle cycle;
+    cycle.points = start;
+    for (int round = 0; round < maximum_rounds; ++round) {
+        if (!fit_all(section, grid, fit, cycle)) {
+            cycle.status = RefinementStatus::no_neighbours;
+            return cycle;
+        }
+        if (!close_orbit(section, cycle)) {
+            cycle.status = RefinementStatus::no_solution;
+            return cycle;
+        }
+        if (is_centred(section, cycle, centred)) {
+            cycle.status = RefinementStatus::converged;
+            return cycle;
+        }
+    }
+    // Neighbours that come and go can keep the points moving a little for ever; well inside the fits that is harmless
+    // and part of the differences between refits.
+    cycle.status =
+        is_centred(section, cycle, 10.0 * centred) ? RefinementStatus::converged : RefinementStatus::unsettled;
+    return cycle;
+}
+
+RefinedCycle refit_cycle(const SectionPoints& section, const BoxGrid& grid, const Eigen::MatrixXd& points,
+                         const FitChoice& fit) {
+    RefinedCycle cycle;
+    cycle.points = points;
+    if (!fit_all(section, grid, fit, cycle)) {
+        cycle.status = RefinementStatus::no_neighbours;
+        return cycle;
+    }
+    cycle.status = close_orbit(section, cycle) ? RefinementStatus::converged : RefinementStatus::no_solution;
+    return cycle;
+}
+
+}  // namespace orbid::orbits

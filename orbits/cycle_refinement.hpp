@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "orbits/box_grid.hpp"
+#include "orbits/cycle_multiplier.hpp"
+#include "orbits/local_map.hpp"
+#include "orbits/section_points.hpp"
+
+namespace orbid::orbits {
+
+/// How the refinement of a start ended.
+enum class RefinementStatus {
+    converged,
+    no_neighbours,  ///< too few untorn neighbours at a point of the cycle
+    no_solution,    ///< Newton on the frozen local maps did not converge or ran away
+    unsettled       ///< the points kept moving when the fits were renewed around them
+};
+
+/// A closed orbit of the local maps.
+struct RefinedCycle {
+    RefinementStatus status = RefinementStatus::no_solution;
+    Eigen::MatrixXd points;               ///< shape (n, p), scaled units, wrapped
+    std::vector<LocalMap> maps;           ///< one per point, centred there up to the last correction
+    std::vector<Neighbourhood> supports;  ///< what the maps were fitted to
+    [[nodiscard]] int period() const { return static_cast<int>(points.cols()); }
+    [[nodiscard]] std::vector<Eigen::MatrixXd> jacobians(const SectionPoints& section) const;  ///< at the points
+};
+
+/// A fit of order `order` to the `neighbours` nearest points.
+struct FitChoice {
+    int order = 2;
+    std::size_t neighbours = 32;
+};
+
+/// Newton on all p points together,  F_j(x_j) - x_{j+1} = 0, j mod p  (P8 for all points at once), on local maps that
+/// stay frozen while it runs and are fitted anew around the result until the points stay within a small part of the
+/// neighbourhoods' radius.
+///
+/// @param start  shape (n, p), scaled units: points of the series that nearly close.
+[[nodiscard]] RefinedCycle refine_cycle(const SectionPoints& section, const BoxGrid& grid, const Eigen::MatrixXd& start,
+                                        const FitChoice& fit);
+
+/// The same with the fits of one choice around given points, not renewed: how far the answer depends on the fit.
+[[nodiscard]] RefinedCycle refit_cycle(const SectionPoints& section, const BoxGrid& grid, const Eigen::MatrixXd& points,
+                                       const FitChoice& fit);
+
+/// J of Newton's method: A_j on the diagonal, -1 from each point to the next, cyclic; shape (n p, n p).
+[[nodiscard]] Eigen::MatrixXd coupled_matrix(const std::vector<Eigen::MatrixXd>& jacobians);
+
+/// Errors of a refined cycle, scaled units.
+struct CycleUncertainty {
+    Eigen::MatrixXd covariance;  ///< shape (n p, n p), coordinate fastest
+    CycleMultipliers multipliers;
+    Eigen::MatrixXd ln_multiplier_covariance;  ///< shape (n, n)
+};
+
+/// Covariance of all points together and of ln|multipliers|.
+///
+/// Errors e_j of the fits' values and E_j of their jacobians (local_map_covariance) move the points by the coupled
+/// system dx = -J^-1 e, J = the cyclic matrix of Newton's method (for p = 1 and independent reading errors this is
+/// (M6)), and ln|multipliers| by their derivative along E_j + F''_j dx_j. Added to it, the differences to the refits
+/// with other neighbourhoods as outer products: what the residuals of one fit do not show. Never zero; see
+/// covariance_floor in the source for how small eigenvalues are kept away from it.
+[[nodiscard]] CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCycle& cycle,
+                                                 const std::vector<RefinedCycle>& refits);
+
+}  // namespace orbid::orbits

@@ -1,0 +1,117 @@
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include "orbits/cycle_refinement.hpp"
+
+namespace orbid::orbits {
+
+namespace {
+
+// Smallest eigenvalues of a covariance, relative to its largest and absolute (scaled units squared): the ratio bounds
+// the condition number, so that factorisations work; the absolute value is the rounding of points of order one.
+constexpr double covariance_floor = 1e-9;
+constexpr double rounding_variance = 1e-28;
+
+// Relative change of a jacobian's entries for the derivative of ln|multipliers|: its error is of the order of 1e-6 of
+// the derivative, far below what a covariance needs.
+constexpr double difference_step = 1e-6;
+
+Eigen::MatrixXd floored(const Eigen::MatrixXd& covariance) {
+    Eigen::MatrixXd result = 0.5 * (covariance + covariance.transpose());
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(result, Eigen::EigenvaluesOnly);
+    const double largest = std::max(0.0, solver.eigenvalues().maxCoeff());
+    result.diagonal().array() += covariance_floor * largest + rounding_variance;
+    return result;
+}
+
+// d ln|multipliers| / d (entries of A_0, A_1, ..., column by column), shape (n, p n n).
+Eigen::MatrixXd multiplier_derivative(const std::vector<Eigen::MatrixXd>& jacobians) {
+    const Eigen::Index n = jacobians.front().rows();
+    Eigen::MatrixXd result(n, static_cast<Eigen::Index>(jacobians.size()) * n * n);
+    std::vector<Eigen::MatrixXd> moved = jacobians;
+    Eigen::Index column = 0;
+    for (Eigen::MatrixXd& jacobian : moved) {
+        const double step = difference_step * std::max(jacobian.norm(), difference_step);
+        for (Eigen::Index entry = 0; entry < n * n; ++entry) {
+            const double kept = jacobian.data()[entry];
+            jacobian.data()[entry] = kept + step;
+            const Eigen::VectorXd above = cycle_multipliers(moved).ln_modulus;
+            jacobian.data()[entry] = kept - step;
+            const Eigen::VectorXd below = cycle_multipliers(moved).ln_modulus;
+            jacobian.data()[entry] = kept;
+            // A multiplier that is zero to rounding has no logarithm and no derivative; its variance stays at the
+            // floor.
+            const Eigen::VectorXd slope = (above - below) / (2.0 * step);
+            result.col(column++) = slope.array().isFinite().select(slope, 0.0);
+        }
+    }
+    return result;
+}
+
+// d vec(jacobian) / d place of a local map, shape (n n, n).
+Eigen::MatrixXd curvature(const LocalMap& map) {
+    const Eigen::Index n = map.jacobian.rows();
+    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(n * n, n);
+    for (Eigen::Index d = 0; d < n; ++d) {
+        const Eigen::MatrixXd change = map.jacobian_at(Eigen::VectorXd::Unit(n, d)) - map.jacobian;
+        result.col(d) = Eigen::Map<const Eigen::VectorXd>(change.data(), n * n);
+    }
+    return result;
+}
+
+}  // namespace
+
+CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCycle& cycle,
+                                   const std::vector<RefinedCycle>& refits) {
+    const Eigen::Index n = cycle.points.rows(), p = cycle.points.cols();
+    const std::vector<Eigen::MatrixXd> jacobians = cycle.jacobians(section);
+    CycleUncertainty result;
+    result.multipliers = cycle_multipliers(jacobians);
+
+    const Eigen::MatrixXd inverse = -coupled_matrix(jacobians).inverse();  // points from values
+    const Eigen::MatrixXd derivative = multiplier_derivative(jacobians);
+
+    // ln|multipliers| move with the jacobians directly and, through the curvature, with the points.
+    Eigen::MatrixXd by_points(n, n * p);
+    for (Eigen::Index j = 0; j < p; ++j)
+        by_points.middleCols(j * n, n) =
+            derivative.middleCols(j * n * n, n * n) * curvature(cycle.maps[static_cast<std::size_t>(j)]);
+    const Eigen::MatrixXd by_values = by_points * inverse;
+
+    result.covariance = Eigen::MatrixXd::Zero(n * p, n * p);
+    result.ln_multiplier_covariance = Eigen::MatrixXd::Zero(n, n);
+    for (Eigen::Index j = 0; j < p; ++j) {
+        const Eigen::MatrixXd errors =
+            local_map_covariance(cycle.supports[static_cast<std::size_t>(j)], cycle.maps[static_cast<std::size_t>(j)]);
+        Eigen::MatrixXd to_points = Eigen::MatrixXd::Zero(n * p, errors.rows());
+        to_points.leftCols(n) = inverse.middleCols(j * n, n);
+        Eigen::MatrixXd to_multipliers(n, errors.rows());
+        to_multipliers.leftCols(n) = by_values.middleCols(j * n, n);
+        to_multipliers.rightCols(n * n) = derivative.middleCols(j * n * n, n * n);
+        result.covariance += to_points * errors * to_points.transpose();
+        result.ln_multiplier_covariance += to_multipliers * errors * to_multipliers.transpose();
+    }
+
+    for (const RefinedCycle& refit : refits) {
+        if (refit.status != RefinementStatus::converged) continue;
+        Eigen::VectorXd change(n * p);
+        for (Eigen::Index j = 0; j < p; ++j)
+            change.segment(j * n, n) =
+                section.difference(Eigen::VectorXd(refit.points.col(j)), Eigen::VectorXd(cycle.points.col(j)));
+        const Eigen::VectorXd ln_change =
+            cycle_multipliers(refit.jacobians(section)).ln_modulus - result.multipliers.ln_modulus;
+        const double share = 1.0 / static_cast<double>(refits.size());
+        result.covariance += share * change * change.transpose();
+        if (ln_change.allFinite()) result.ln_multiplier_covariance += share * ln_change * ln_change.transpose();
+    }
+
+    result.covariance = floored(result.covariance);
+    result.ln_multiplier_covariance = floored(result.ln_multiplier_covariance);
+    return result;
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "orbits/series.hpp"
+
+namespace orbid::orbits {
+
+/// The points of a section series in units of Series::scale(), one after the other, ready for neighbour searches.
+///
+/// Angles are turns in [-1/2, 1/2): differences of two points go through difference(). The true images are kept as the
+/// successors: point i is mapped to point i + 1 when has_image(i).
+class SectionPoints {
+public:
+    /// @param signs  S = diag(signs): sections are mapped onto each other by x -> S x. Empty: no symmetry.
+    /// @throws std::invalid_argument for a series of time samples, one without coordinates, segments of another
+    ///         dimension, coordinates without spread, signs of wrong length or other than +1 and -1.
+    explicit SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs = std::nullopt);
+
+    [[nodiscard]] Eigen::Index dimension() const { return scale_.size(); }
+    [[nodiscard]] std::size_t size() const { return has_image_.size(); }
+    [[nodiscard]] const double* point(std::size_t i) const { return values_.data() + i * scale_.size(); }
+    [[nodiscard]] const std::vector<double>& values() const { return values_; }  ///< point after point
+    /// Point i + 1 is the image of point i: both finite and in the same segment.
+    [[nodiscard]] bool has_image(std::size_t i) const { return has_image_[i] != 0; }
+    [[nodiscard]] std::size_t image_count() const { return image_count_; }
+    [[nodiscard]] const Eigen::VectorXd& scale() const { return scale_; }  ///< [coordinate unit per scaled unit]
+    [[nodiscard]] const std::vector<char>& angle() const { return angle_; }
+    [[nodiscard]] const Eigen::VectorXd& signs() const { return signs_; }  ///< empty: no symmetry
+    [[nodiscard]] bool symmetric() const { return signs_.size() > 0; }
+
+    /// a - b in coordinate d; angles: the representative in [-1/2, 1/2].
+    [[nodiscard]] double difference(double a, double b, Eigen::Index d) const {
+        const double r = a - b;
+        return angle_[static_cast<std::size_t>(d)] ? r - std::nearbyint(r) : r;
+    }
+    /// a - b, shape (n).
+    [[nodiscard]] Eigen::VectorXd difference(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
+    /// The same state with angles in [-1/2, 1/2).
+    [[nodiscard]] Eigen::VectorXd wrapped(Eigen::VectorXd x) const;
+    /// Whole turns taken by the angles from point i to its image, per angle coordinate, as read; meaningful only when
+    /// turns_known().
+    [[nodiscard]] double advance(std::size_t i, Eigen::Index angle_coordinate) const;
+    /// All angles were read without wrapping (their readings cover more than one turn), so turns can be counted.
+    [[nodiscard]] bool turns_known() const { return turns_known_; }
+
+private:
+    Eigen::VectorXd scale_;
+    Eigen::VectorXd signs_;
+    std::vector<char> angle_;
+    std::vector<double> values_;
+    std::vector<double> turns_;  ///< readings of the angles in turns, point after point; empty unless turns_known_
+    std::vector<char> has_image_;
+    std::size_t image_count_ = 0;
+    std::size_t angle_count_ = 0;
+    bool turns_known_ = false;
+};
+
+}  // namespace orbid::orbits
