@@ -11,16 +11,17 @@
 namespace orbid::periodic {
 
 struct ShootingOptions {
-    double tolerance = 1e-12;  ///< converged when closing error and Newton step fall below this x scale (or stagnate at
-                               ///< rounding level), > 0
+    /// Converged when closing error and Newton step fall below this x scale, or stagnate at rounding level; > 0. That
+    /// last step is still taken: the error of the points is its square, down to the error of the flow.
+    double tolerance = 1e-9;
     int maximum_iterations = 40;    ///< Newton steps, > 0
     double minimum_damping = 1e-4;  ///< smallest step length tried, in (0, 1)
     /// A converged orbit whose points moved farther than this (relative to `scale`, see below) is `other_orbit`. > 0;
     /// infinity: any.
     double maximum_distance = 0.1;
     /// Typical size of each coordinate (angle: 2 pi); empty: 2 pi for angles, largest |guess| or 1 otherwise.
-    Eigen::VectorXd scale;
-    models::FlowOptions flow;
+    Eigen::VectorXd scale{};
+    models::FlowOptions flow{};
 };
 
 /// Periodic orbit by multiple shooting with one node per forcing period and damped Newton on all nodes (M7's matrix).

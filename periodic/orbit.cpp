@@ -1,0 +1,25 @@
+#include "periodic/orbit.hpp"
+
+namespace orbid::periodic {
+
+std::string_view name(OrbitStatus status) {
+    switch (status) {
+        case OrbitStatus::converged:
+            return "converged";
+        case OrbitStatus::no_progress:
+            return "no_progress";
+        case OrbitStatus::iteration_limit:
+            return "iteration_limit";
+        case OrbitStatus::not_simulated:
+            return "not_simulated";
+        case OrbitStatus::singular:
+            return "singular";
+        case OrbitStatus::other_orbit:
+            return "other_orbit";
+        case OrbitStatus::shorter_period:
+            return "shorter_period";
+    }
+    return "unknown";
+}
+
+}  // namespace orbid::periodic
