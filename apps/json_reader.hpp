@@ -55,6 +55,9 @@ public:
     /// The members of an object whose keys are names; empty after another kind has been reported.
     [[nodiscard]] std::vector<std::pair<std::string, ValueReader>> members() const;
 
+    /// Problems found so far in the whole document.
+    [[nodiscard]] std::size_t problem_count() const { return problems_->size(); }
+
     /// Reports what is wrong with this value.
     void report(std::string rule) const;
     /// Reports that the data this value names cannot be read.

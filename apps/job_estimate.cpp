@@ -1,0 +1,220 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "apps/job_parts.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// Default lower bound on a linear scale of a parameter that must be > 0: bounds are inclusive and 0 is outside the
+/// domain, so it is this share of the typical size.
+constexpr double smallest_positive_share = 1e-9;
+
+void set_default_bounds(const models::Parameter& entry, estimator::FreeParameter& free) {
+    const bool log_scale = free.scale == estimator::Scale::log;
+    free.upper = infinity;
+    switch (entry.domain) {
+        case models::Domain::real:
+            free.lower = log_scale ? 0.0 : -infinity;
+            break;
+        case models::Domain::nonnegative:
+            free.lower = 0.0;
+            break;
+        case models::Domain::positive:
+            free.lower = log_scale ? 0.0 : smallest_positive_share * entry.typical_size;
+            break;
+    }
+}
+
+/// [lower, upper], null = none.
+void read_bounds(const ValueReader& value, const models::Parameter& entry, estimator::FreeParameter& free) {
+    const auto items = value.items();
+    if (items.size() != 2) {
+        if (value.is(JsonValue::Kind::array)) value.report("must be [lower, upper]; null stands for no bound");
+        return;
+    }
+    const auto bound = [](const ValueReader& item, double none) {
+        return item.is(JsonValue::Kind::null) ? none : item.number().value_or(none);
+    };
+    const bool no_lower = items[0].is(JsonValue::Kind::null);
+    const double lower = bound(items[0], free.lower);
+    const double upper = bound(items[1], infinity);
+    if (!(lower < upper)) {
+        value.report(fmt::format("lower bound {} must be below the upper bound {}", lower, upper));
+        return;
+    }
+    const bool log_scale = free.scale == estimator::Scale::log;
+    // On a log scale the bound 0 is never reached.
+    const bool allowed = no_lower || (log_scale ? lower >= 0.0 : models::contains(entry.domain, lower));
+    if (!allowed) {
+        items[0].report(fmt::format("lower bound {} lies outside the domain of {}: must be {}", lower, entry.name,
+                                    log_scale ? ">= 0 on a log scale" : models::rule(entry.domain)));
+        return;
+    }
+    free.lower = lower;
+    free.upper = upper;
+}
+
+void check_start(const ValueReader& at, const models::Parameter& entry, const estimator::FreeParameter& free) {
+    if (!models::contains(entry.domain, free.start)) {
+        at.report(fmt::format("start {} of {} ({}): must be {}", free.start, entry.name, entry.description,
+                              models::rule(entry.domain)));
+    } else if (free.scale == estimator::Scale::log && !(free.start > 0.0)) {
+        at.report(fmt::format("start {} of {} has no logarithm: use \"scale\": \"linear\", or a start > 0", free.start,
+                              entry.name));
+    } else if (!(free.lower <= free.start && free.start <= free.upper)) {
+        at.report(fmt::format("start {} of {} lies outside its bounds [{}, {}]", free.start, entry.name, free.lower,
+                              free.upper));
+    } else if (!std::isfinite(estimator::negative_log_density(free.prior, free.start))) {
+        at.report(fmt::format("start {} of {} has no density under its prior", free.start, entry.name));
+    }
+}
+
+FreeParameterJob read_free(const ValueReader& value, Eigen::Index index, const Job& job) {
+    const models::Parameter& entry = job.model.system->parameters()[static_cast<std::size_t>(index)];
+    FreeParameterJob result{index, {}};
+    estimator::FreeParameter& free = result.value;
+    free.name = entry.name;
+    free.unit = entry.unit;
+    free.typical_size = entry.typical_size;
+    free.start = job.model.values[index];
+    free.scale = entry.domain == models::Domain::positive ? estimator::Scale::log : estimator::Scale::linear;
+    ObjectReader object(value);
+    const std::size_t problems_before = value.problem_count();
+    if (const auto scale = object.find("scale")) {
+        const auto choice = scale->choice({"linear", "log"});
+        if (choice) free.scale = *choice == 0 ? estimator::Scale::linear : estimator::Scale::log;
+    }
+    const auto start = object.find("start");
+    if (start) free.start = start->number().value_or(free.start);
+    set_default_bounds(entry, free);
+    if (const auto bounds = object.find("bounds")) read_bounds(*bounds, entry, free);
+    if (const auto prior = object.find("prior")) free.prior = read_prior(*prior).value_or(estimator::Prior{});
+    object.finish();
+    // What is wrong already would only be reported a second time in other words.
+    if (value.problem_count() == problems_before) check_start(start.value_or(value), entry, free);
+    return result;
+}
+
+void read_derived(const ValueReader& value, const Job& job, EstimateJob& estimate) {
+    const std::vector<std::string> names = parameter_names(job);
+    for (const auto& [name, member] : value.members()) {
+        const auto text = member.text();
+        if (!is_name(name, member) || !text) continue;
+        if (std::find(names.begin(), names.end(), name) != names.end()) {
+            member.report(fmt::format("\"{}\" is a parameter of the model already", name));
+        }
+        if (!job.model.system) continue;
+        try {
+            estimate.derived.push_back({name, models::Expression::parse(*text, names)});
+        } catch (const models::ExpressionError& error) {
+            member.report(error.what());
+        }
+    }
+}
+
+void read_strategy(ObjectReader& object, EstimateJob& estimate) {
+    std::vector<ResidualType> present;
+    if (estimate.cycles) present.push_back(ResidualType::cycles);
+    if (estimate.series) present.push_back(ResidualType::series);
+    const auto value = object.find("strategy");
+    if (!value) {
+        estimate.strategy = present;
+        return;
+    }
+    if (value->is(JsonValue::Kind::string)) {
+        if (value->value().text == "auto") {
+            value->report_later();
+        } else {
+            value->report_kind("a list of \"cycles\" and \"series\"");
+        }
+        return;
+    }
+    for (const ValueReader& item : value->items()) {
+        const auto choice = item.choice({"cycles", "series"}, {"harvest", "stage0"});
+        if (!choice) continue;
+        const auto type = *choice == 0 ? ResidualType::cycles : ResidualType::series;
+        if (std::find(present.begin(), present.end(), type) == present.end()) {
+            item.report(fmt::format("there is no residual of type {} in \"residuals\"", item.value().text));
+        } else if (std::find(estimate.strategy.begin(), estimate.strategy.end(), type) != estimate.strategy.end()) {
+            item.report(fmt::format("\"{}\" is listed twice", item.value().text));
+        }
+        estimate.strategy.push_back(type);
+    }
+    if (value->is(JsonValue::Kind::array) && estimate.strategy.size() < present.size()) {
+        value->report("must name every type of \"residuals\"");
+    }
+}
+
+/// A method of which only "none" exists: { key: none } is accepted, other values are reserved.
+void read_none(ObjectReader& object, std::string_view block, std::string_view key, double none) {
+    const auto value = object.find(block);
+    if (!value) return;
+    ObjectReader inner(*value);
+    if (const auto entry = inner.find(key)) {
+        const auto number = entry->number();
+        if (number && *number != none) entry->report_later(fmt::format("\"{}\": {}", key, *number));
+    }
+    inner.finish();
+}
+
+void check_experiments(const ValueReader& at, const Job& job, const EstimateJob& estimate) {
+    const auto names = parameter_names(job);
+    const auto is_free = [&](Eigen::Index index) {
+        return std::any_of(estimate.parameters.begin(), estimate.parameters.end(),
+                           [&](const FreeParameterJob& free) { return free.parameter == index; });
+    };
+    for (const DataJob& data : job.data) {
+        for (const Eigen::Index index : data.free) {
+            if (is_free(index)) continue;
+            at.report(fmt::format("{} is free in \"{}\", but has no entry in \"parameters\" (its start and bounds)",
+                                  names[static_cast<std::size_t>(index)], data.name));
+        }
+        for (const ParameterValue& value : data.parameters) {
+            const bool own = std::find(data.free.begin(), data.free.end(), value.parameter) != data.free.end();
+            if (own || data.simulation || !is_free(value.parameter)) continue;
+            at.report(fmt::format("{} is estimated, and given for \"{}\": list it in \"free\" there, or leave one out",
+                                  names[static_cast<std::size_t>(value.parameter)], data.name));
+        }
+    }
+}
+
+}  // namespace
+
+void read_estimate(ObjectReader& root, Job& job) {
+    const auto value = root.find("estimate");
+    if (!value) {
+        for (const DataJob& data : job.data) {
+            if (!data.free.empty()) root.self().report(fmt::format("\"free\" in \"{}\" needs \"estimate\"", data.name));
+        }
+        return;
+    }
+    EstimateJob estimate;
+    ObjectReader object(*value);
+    if (const auto parameters = object.require("parameters", "the free ones; {} for none")) {
+        for (const auto& [name, member] : parameters->members()) {
+            const auto index = parameter_named(name, member, job);
+            if (index) estimate.parameters.push_back(read_free(member, *index, job));
+        }
+        if (job.model.system) check_experiments(*parameters, job, estimate);
+    }
+    if (const auto derived = object.find("derived")) read_derived(*derived, job, estimate);
+    if (const auto residuals = object.require("residuals", "[ { \"type\": \"cycles\" } ], for example")) {
+        read_residuals(*residuals, job, estimate);
+    }
+    if (const auto variance = object.find("variance")) {
+        const auto choice = variance->choice({"ml", "restricted"}, {"integrated"});
+        if (choice == 0) estimate.variance = estimator::Variance::ml;
+    }
+    read_strategy(object, estimate);
+    read_none(object, "multi_start", "starts", 1.0);
+    read_none(object, "posterior", "sample", 0.0);
+    object.finish();
+    job.estimate = std::move(estimate);
+}
+
+}  // namespace orbid::apps

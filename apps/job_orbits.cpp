@@ -1,0 +1,168 @@
+#include <algorithm>
+#include <cstddef>
+
+#include "apps/job_parts.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+// A local fit over more points than this is no longer local in any series of usable length.
+constexpr std::uint64_t most_neighbours = 100000;
+
+/// Number of coefficients of a local map of n coordinates, intercept included, plus the two that
+/// CycleSearchOptions::neighbours asks for.
+std::uint64_t fewest_neighbours(std::size_t n, int order) {
+    return (order == 1 ? n + 1 : (n + 1) * (n + 2) / 2) + 2;
+}
+
+void read_symmetry(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
+    const auto value = object.find("symmetry");
+    const auto symmetry = job.model.system ? job.model.system->symmetry() : std::nullopt;
+    // A symmetry with a shift in phase maps the section onto another one.
+    const bool usable = symmetry && symmetry->phase_shift == 0.0;
+    bool wanted = usable;
+    if (value) wanted = value->boolean().value_or(usable);
+    if (wanted && usable) orbits.search.symmetry_signs = symmetry->signs;
+    if (wanted && !usable && job.model.system) {
+        value->report(fmt::format("the model {} has no symmetry that maps the section onto itself; must be false",
+                                  job.model.name));
+    }
+}
+
+void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
+    if (const auto method = object.find("method")) (void)method->choice({"local_maps"}, {"closest_return"});
+    orbits::CycleSearchOptions& search = orbits.search;
+    if (const auto periods = object.find("periods")) search.periods = read_periods(*periods).value_or(search.periods);
+    if (const auto box = object.find("box")) {
+        search.box = box->number([](double x) { return x > 0.0 && x < 0.5; }, "> 0 and < 0.5").value_or(search.box);
+    }
+    if (const auto order = object.find("local_map")) {
+        const auto choice = order->choice({"linear", "quadratic"}, {"cubic"});
+        if (choice) search.order = *choice == 0 ? 1 : 2;
+    }
+    if (const auto neighbours = object.find("neighbours")) {
+        const std::size_t n = std::max<std::size_t>(coordinate_names(job).size(), 1);
+        const auto number = neighbours->whole(fewest_neighbours(n, search.order), most_neighbours);
+        search.neighbours = static_cast<int>(number.value_or(32));
+    }
+    read_symmetry(object, job, orbits);
+    // The first section series is searched.
+    const auto series = std::find_if(job.data.begin(), job.data.end(), [](const DataJob& data) {
+        return data.sampling() == orbits::Series::Sampling::section;
+    });
+    if (series == job.data.end()) {
+        object.self().report("needs a section series in \"data\", or the \"file\" of a list of cycles");
+        return;
+    }
+    orbits.data = static_cast<std::size_t>(series - job.data.begin());
+    const bool another = std::any_of(series + 1, job.data.end(), [](const DataJob& data) {
+        return data.sampling() == orbits::Series::Sampling::section;
+    });
+    if (another) object.self().report(fmt::format("cycles of several section series: {}", not_in_this_version));
+    if (job.model.system && series->observe.size() < job.model.system->coordinates().size()) {
+        object.self().report(fmt::format("needs every coordinate of the model, but \"{}\" observes {} of {}",
+                                         series->name, series->observe.size(), job.model.system->coordinates().size()));
+    }
+}
+
+std::vector<int> read_rotation(const ValueReader& value, const Job& job) {
+    std::size_t angles = 0;
+    if (job.model.system) {
+        for (const models::Coordinate& coordinate : job.model.system->coordinates())
+            angles += coordinate.angle ? 1 : 0;
+    }
+    // More turns than this per orbit no pendulum makes; the limit keeps the number an int.
+    constexpr double most_turns = 1e6;
+    const auto turns = [](const ValueReader& item) {
+        const auto whole = item.number(
+            [](double x) { return x == static_cast<double>(static_cast<int>(x)) && x < most_turns && x > -most_turns; },
+            "a whole number of turns");
+        return static_cast<int>(whole.value_or(0.0));
+    };
+    std::vector<int> rotation;
+    if (value.is(JsonValue::Kind::number)) {
+        rotation.push_back(turns(value));
+    } else if (value.is(JsonValue::Kind::array)) {
+        for (const ValueReader& item : value.items())
+            rotation.push_back(turns(item));
+    } else {
+        value.report_kind("a whole number of turns, or a list with one per angle");
+        return {};
+    }
+    if (job.model.system && rotation.size() != angles) {
+        value.report(fmt::format("must hold one number per angle of the model: {}, not {}", angles, rotation.size()));
+    }
+    return rotation;
+}
+
+OrbitStart read_start(const ValueReader& value, const Job& job) {
+    OrbitStart start;
+    ObjectReader object(value);
+    if (const auto period = object.require("period", "in periods of the forcing, >= 1")) {
+        start.period = static_cast<int>(period->whole(1, 1000).value_or(1));
+    }
+    if (const auto rotation = object.find("rotation")) start.rotation = read_rotation(*rotation, job);
+    if (const auto points = object.require("points", "one state per period: [[...], ...]")) {
+        const auto items = points->items();
+        const auto period = static_cast<std::size_t>(start.period);
+        if (points->is(JsonValue::Kind::array) && items.size() != period) {
+            points->report(fmt::format("must hold one state per period: {}, not {}", start.period, items.size()));
+        }
+        start.points = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(coordinate_names(job).size()), start.period);
+        for (std::size_t j = 0; j < items.size(); ++j) {
+            const auto state = read_state(items[j], job);
+            if (state && j < period && state->size() == start.points.rows()) {
+                start.points.col(static_cast<Eigen::Index>(j)) = *state;
+            }
+        }
+    }
+    object.finish();
+    return start;
+}
+
+bool is_forced(const ValueReader& at, const Job& job, std::string_view what) {
+    if (!job.model.system || job.model.system->kind() == models::Kind::forced) return true;
+    at.report(fmt::format("{} of the model {}, which is not forced: {}", what, job.model.name, not_in_this_version));
+    return false;
+}
+
+}  // namespace
+
+void read_orbits(ObjectReader& root, Job& job) {
+    const auto value = root.find("orbits");
+    if (!value) return;
+    OrbitsJob orbits;
+    ObjectReader object(*value);
+    (void)is_forced(*value, job, "cycles");
+    if (const auto file = object.find("file")) {
+        orbits.file = read_path(*file, job);
+        orbits.sha256 = read_sha256(object);
+    } else if (object.valid()) {
+        read_search(object, job, orbits);
+    }
+    object.finish();
+    job.orbits = std::move(orbits);
+}
+
+void read_periodic(ObjectReader& root, Job& job) {
+    const auto value = root.find("periodic");
+    if (!value) return;
+    PeriodicJob periodic;
+    ObjectReader object(*value);
+    object.reserve({"search", "continuation"});
+    (void)is_forced(*value, job, "periodic orbits");
+    if (const auto method = object.find("method")) {
+        (void)method->choice({"multiple_shooting"}, {"finite_difference", "collocation"});
+    }
+    if (const auto orbits = object.require("orbits", "starts, each { \"period\": ..., \"points\": [[...], ...] }")) {
+        const auto items = orbits->items();
+        if (items.empty() && orbits->is(JsonValue::Kind::array)) orbits->report("must hold at least one start");
+        for (const ValueReader& item : items)
+            periodic.orbits.push_back(read_start(item, job));
+    }
+    object.finish();
+    job.periodic = std::move(periodic);
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,164 @@
+#include <algorithm>
+
+#include "apps/job_parts.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using Sampling = orbits::Series::Sampling;
+
+/// "normal" with a standard deviation; other distributions are reserved.
+estimator::ErrorScale read_error(const ValueReader& value) {
+    estimator::ErrorScale scale;
+    scale.value = 0.0;
+    ObjectReader object(value);
+    object.reserve({"dof"});
+    if (const auto distribution = object.find("distribution")) {
+        (void)distribution->choice({"normal"}, {"student_t", "laplace", "lognormal", "relative", "ar1"});
+    }
+    if (const auto sd = object.find("sd")) scale = read_error_scale(*sd).value_or(scale);
+    object.finish();
+    return scale;
+}
+
+/// One entry per coordinate in `coordinates`; those not named have normal errors with estimated sd.
+std::vector<ErrorJob> read_errors(const std::optional<ValueReader>& value, const std::vector<Eigen::Index>& coordinates,
+                                  const Job& job) {
+    std::vector<ErrorJob> errors;
+    for (const Eigen::Index coordinate : coordinates) {
+        errors.push_back({coordinate, {.estimate = true, .value = 0.0, .prior = estimator::FlatPrior{}}});
+    }
+    if (!value) return errors;
+    for (const auto& [name, member] : value->members()) {
+        if (name == "covariance") {
+            member.report_later("a covariance between responses");
+            continue;
+        }
+        if (name == "ln_multiplier") {
+            member.report_later("errors of multipliers");
+            continue;
+        }
+        const estimator::ErrorScale scale = read_error(member);
+        const auto index = coordinate_named(name, member, job);
+        if (!index) continue;
+        bool used = false;
+        for (ErrorJob& error : errors) {
+            if (error.coordinate != *index) continue;
+            error.scale = scale;
+            used = true;
+        }
+        if (!used) member.report(fmt::format("\"{}\" is not observed: it has no errors", name));
+    }
+    return errors;
+}
+
+void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
+    CyclesResidualJob cycles;
+    const bool searched = job.orbits && !job.orbits->file;
+    if (!job.orbits) object.self().report("needs \"orbits\": { ... }, a search for cycles or a file of them");
+    if (searched) cycles.periods = job.orbits->search.periods;
+    if (const auto periods = object.find("periods")) {
+        cycles.periods = read_periods(*periods).value_or(cycles.periods);
+        for (const int period : cycles.periods) {
+            const auto& found = job.orbits ? job.orbits->search.periods : cycles.periods;
+            if (searched && std::find(found.begin(), found.end(), period) == found.end()) {
+                periods->report(
+                    fmt::format("period {} is not searched for: it does not stand in /orbits/periods", period));
+            }
+        }
+    }
+    if (const auto weights = object.find("weights")) cycles.covariance = weights->choice({"covariance", "equal"}) != 1;
+    if (const auto positions = object.find("positions")) {
+        if (positions->boolean() == false) positions->report("must be true: there is no other datum in this version");
+    }
+    if (const auto multipliers = object.find("multipliers")) {
+        if (multipliers->boolean() == true) multipliers->report_later();
+    }
+    std::vector<Eigen::Index> coordinates;
+    for (std::size_t i = 0; i < coordinate_names(job).size(); ++i)
+        coordinates.push_back(static_cast<Eigen::Index>(i));
+    cycles.errors = read_errors(object.find("errors"), coordinates, job);
+    if (estimate.cycles) object.self().report(fmt::format("a second residual of type cycles: {}", not_in_this_version));
+    estimate.cycles = std::move(cycles);
+}
+
+void read_series_data(const ValueReader& value, const Job& job, SeriesResidualJob& series) {
+    std::vector<std::string> known;
+    for (const DataJob& data : job.data)
+        known.push_back(data.name);
+    for (const std::string& name : read_names(value)) {
+        const auto at = std::find(known.begin(), known.end(), name);
+        if (at == known.end()) {
+            value.report(fmt::format("there are no data named \"{}\"{}", name, suggestion(name, known)));
+            continue;
+        }
+        const auto index = static_cast<std::size_t>(at - known.begin());
+        if (job.data[index].sampling() == Sampling::section) {
+            value.report(
+                fmt::format("\"{}\" is a section series; as a series residual: {}", name, not_in_this_version));
+        }
+        series.data.push_back(index);
+    }
+    if (value.is(JsonValue::Kind::array) && value.value().items.empty())
+        value.report("must name at least one experiment");
+    std::sort(series.data.begin(), series.data.end());
+}
+
+void read_series(ObjectReader& object, const Job& job, EstimateJob& estimate) {
+    SeriesResidualJob series;
+    if (const auto data = object.find("data")) {
+        read_series_data(*data, job, series);
+    } else {
+        for (std::size_t i = 0; i < job.data.size(); ++i) {
+            if (job.data[i].sampling() == Sampling::samples) series.data.push_back(i);
+        }
+        if (series.data.empty()) object.self().report("needs sampled data: an entry of \"data\" with samples");
+    }
+    // Exact matching with "auto" or "segment": one free initial state per segment, the flow over all of it.
+    if (const auto matching = object.find("matching")) {
+        if (matching->is(JsonValue::Kind::object)) {
+            matching->report_later("matching with a variance");
+        } else {
+            (void)matching->choice({"exact"}, {"auto"});
+        }
+    }
+    if (const auto interval = object.find("interval")) {
+        if (interval->is(JsonValue::Kind::number)) {
+            interval->report_later("nodes within a segment");
+        } else {
+            (void)interval->choice({"auto", "segment"});
+        }
+    }
+    std::vector<Eigen::Index> coordinates;
+    for (const std::size_t index : series.data) {
+        for (const Eigen::Index coordinate : job.data[index].observe)
+            coordinates.push_back(coordinate);
+    }
+    std::sort(coordinates.begin(), coordinates.end());
+    coordinates.erase(std::unique(coordinates.begin(), coordinates.end()), coordinates.end());
+    series.errors = read_errors(object.find("errors"), coordinates, job);
+    if (estimate.series) object.self().report(fmt::format("a second residual of type series: {}", not_in_this_version));
+    estimate.series = std::move(series);
+}
+
+}  // namespace
+
+void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate) {
+    const auto items = value.items();
+    if (items.empty() && value.is(JsonValue::Kind::array)) value.report("must hold at least one residual");
+    for (const ValueReader& item : items) {
+        ObjectReader object(item);
+        const auto type = object.require("type", "\"cycles\" or \"series\"");
+        const auto choice = type ? type->choice({"cycles", "series"}, {"waveform"}) : std::nullopt;
+        if (!choice) continue;  // without the type every other key would be called unknown
+        if (*choice == 0) {
+            read_cycles(object, job, estimate);
+        } else {
+            read_series(object, job, estimate);
+        }
+        object.finish();
+    }
+}
+
+}  // namespace orbid::apps
