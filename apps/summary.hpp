@@ -1,0 +1,28 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "apps/result_file.hpp"
+#include "estimator/estimate.hpp"
+#include "orbits/cycle_search.hpp"
+#include "periodic/orbit.hpp"
+
+namespace orbid::apps {
+
+/// The estimate for people, on standard output: status, parameters with intervals and how they were made, deviations
+/// from known values, error scales, what the data do not determine, counts of residuals, predictions. 100 columns, no
+/// colour, digits as the standard deviations support.
+///
+/// @param title  of the job; may be empty.
+[[nodiscard]] std::string estimate_summary(const estimator::Estimate& estimate, const ResultContext& context,
+                                           std::string_view title);
+
+/// Cycles found, by period: how many, of how many points, from how many recurrences, how accurate; what is missing.
+[[nodiscard]] std::string cycles_summary(const orbits::CycleSearch& search);
+
+/// Computed orbits one by one: period, rotation, status, first point, multipliers, closing error.
+[[nodiscard]] std::string orbits_summary(const std::vector<periodic::PeriodicOrbit>& orbits);
+
+}  // namespace orbid::apps
