@@ -9,10 +9,12 @@
 
 namespace orbid::models {
 
-/// Width of the chunks in which directions of derivative are carried: few directions (a state of two coordinates and
-/// two parameters) do not pay for eight.
-inline constexpr std::size_t narrow_chunk = 4;
-inline constexpr std::size_t wide_chunk = 8;
+/// Directions carried at once: those of the start (they are part of the step control) and two or six parameters. Few
+/// parameters do not pay for eight directions, more are taken in several passes.
+template <Model M>
+inline constexpr std::size_t narrow_chunk = dimension_of<M> + 2;
+template <Model M>
+inline constexpr std::size_t wide_chunk = dimension_of<M> + 6;
 
 template <class T, std::size_t n>
 std::array<T, n> array_from(const Eigen::VectorXd& x) {
@@ -22,20 +24,18 @@ std::array<T, n> array_from(const Eigen::VectorXd& x) {
     return a;
 }
 
-/// Sets partials so that directions [first, first + N) of (x0, free parameters) are carried.
+/// Sets partials for the directions of the start and the free parameters [first, first + N - n).
 template <std::size_t N, std::size_t n, std::size_t q>
 void seed(State<Dual<N>, n>& x, Values<Dual<N>, q>& p, std::span<const Eigen::Index> free, std::size_t first) {
-    for (std::size_t i = 0; i < N; ++i) {
-        const std::size_t direction = first + i;
-        if (direction < n)
-            x[direction].partial[i] = 1.0;
-        else if (direction < n + free.size())
-            p[static_cast<std::size_t>(free[direction - n])].partial[i] = 1.0;
-    }
+    for (std::size_t i = 0; i < n; ++i)
+        x[i].partial[i] = 1.0;
+    for (std::size_t i = n; i < N && first + i - n < free.size(); ++i)
+        p[static_cast<std::size_t>(free[first + i - n])].partial[i] = 1.0;
 }
 
-/// One solution at all durations; with N > 0 the columns of `result.sensitivities` for directions [first, first + N).
-/// `result` has its shapes already. Everything else in it is overwritten with the same values at each pass.
+/// One solution at all durations; the columns of `result.sensitivities` for the start and the free parameters
+/// [first, first + N - n), unless it has no columns. `result` has its shapes already; everything else in it is
+/// overwritten with the same values at each pass.
 template <Model M, std::size_t N>
 void flow_pass(const Eigen::VectorXd& x0, double phase, std::span<const double> durations, const Eigen::VectorXd& theta,
                std::span<const Eigen::Index> free, std::size_t first, Clock clock, const FlowOptions& options,
@@ -44,8 +44,8 @@ void flow_pass(const Eigen::VectorXd& x0, double phase, std::span<const double> 
     constexpr std::size_t q = parameter_count_of<M>;
     auto x = array_from<Scalar<N>, n>(x0);
     auto p = array_from<Scalar<N>, q>(theta);
-    if constexpr (N > 0) seed<N, n, q>(x, p, free, first);
-    const std::size_t directions = n + free.size();
+    seed<N, n, q>(x, p, free, first);
+    const std::size_t directions = result.sensitivities.cols() > 0 ? n + free.size() : 0;
     Trajectory<M, N> trajectory(p, x, phase, clock, options);
     result.status = FlowStatus::ok;
     for (std::size_t k = 0; k < durations.size() && result.status == FlowStatus::ok; ++k) {
@@ -54,10 +54,12 @@ void flow_pass(const Eigen::VectorXd& x0, double phase, std::span<const double> 
         for (std::size_t i = 0; i < n; ++i) {
             const auto row = static_cast<Eigen::Index>(i);
             result.states(row, static_cast<Eigen::Index>(k)) = value_of(trajectory.state()[i]);
-            if constexpr (N > 0)
-                for (std::size_t j = 0; j < N && first + j < directions; ++j)
-                    result.sensitivities(row, static_cast<Eigen::Index>(k * directions + first + j)) =
-                        trajectory.state()[i].partial[j];
+            if (directions == 0) continue;
+            for (std::size_t j = 0; j < N && (j < n || first + j < directions); ++j) {
+                const std::size_t direction = j < n ? j : first + j;
+                result.sensitivities(row, static_cast<Eigen::Index>(k * directions + direction)) =
+                    trajectory.state()[i].partial[j];
+            }
         }
     }
     result.stopped_after = trajectory.s();

@@ -82,7 +82,7 @@ public:
         FlowResult result;
         result.states.resize(n, static_cast<Eigen::Index>(durations.size()));
         result.sensitivities.resize(n, 0);
-        flow_pass<M, 0>(x0, phase, durations, theta, {}, 0, clock, options, result);
+        flow_pass<M, narrow_chunk<M>>(x0, phase, durations, theta, {}, 0, clock, options, result);
         return result;
     }
 
@@ -94,15 +94,16 @@ public:
         FlowResult result;
         result.states.resize(n, static_cast<Eigen::Index>(durations.size()));
         result.sensitivities.setZero(n, static_cast<Eigen::Index>(durations.size() * directions));
-        for (std::size_t first = 0; first < directions;) {
-            if (directions - first <= narrow_chunk) {
-                flow_pass<M, narrow_chunk>(x0, phase, durations, theta, free, first, clock, options, result);
-                first += narrow_chunk;
+        std::size_t first = 0;
+        do {
+            if (free.size() - first <= narrow_chunk<M> - n) {
+                flow_pass<M, narrow_chunk<M>>(x0, phase, durations, theta, free, first, clock, options, result);
+                first += narrow_chunk<M> - n;
             } else {
-                flow_pass<M, wide_chunk>(x0, phase, durations, theta, free, first, clock, options, result);
-                first += wide_chunk;
+                flow_pass<M, wide_chunk<M>>(x0, phase, durations, theta, free, first, clock, options, result);
+                first += wide_chunk<M> - n;
             }
-        }
+        } while (first < free.size());
         return result;
     }
 
@@ -205,17 +206,19 @@ private:
             for (std::size_t i = 0; i < n; ++i)
                 reading[static_cast<Eigen::Index>(i)] = values[i];
             if (!free) return;
-            const std::size_t directions = n + free->size();
-            for (std::size_t first = 0; first < directions; first += narrow_chunk) {
-                auto x = array_from<Dual<narrow_chunk>, n>(state);
-                auto p = array_from<Dual<narrow_chunk>, q>(theta);
-                seed<narrow_chunk, n, q>(x, p, *free, first);
+            constexpr std::size_t N = wide_chunk<M>;
+            std::size_t first = 0;
+            do {
+                auto x = array_from<Dual<N>, n>(state);
+                auto p = array_from<Dual<N>, q>(theta);
+                seed<N, n, q>(x, p, *free, first);
                 const auto y = M::instrument(x, p);
                 for (std::size_t i = 0; i < n; ++i)
-                    for (std::size_t j = 0; j < narrow_chunk && first + j < directions; ++j)
-                        derivative(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(first + j)) =
+                    for (std::size_t j = 0; j < N && (j < n || first + j < n + free->size()); ++j)
+                        derivative(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j < n ? j : first + j)) =
                             y[i].partial[j];
-            }
+                first += N - n;
+            } while (first < free->size());
         } else {
             reading = state;
             if (free) derivative.leftCols(n).setIdentity();

@@ -64,20 +64,17 @@ public:
     using T = Scalar<N>;
     static constexpr std::size_t n = dimension_of<M>;
     using Point = State<T, n>;
-    using Values_ = State<double, n>;
 
-    /// @param error  estimated local error of the values
+    /// @param error  estimated local error, of the derivatives too
     void step(const Field<M, N>& field, const Point& x, const Point& slope, double s, double ds, Point& end,
-              Values_& error) {
-        Flat flat_error;
+              Point& error) {
         const auto system = [&field](const Flat& state, Flat& derivative, double at) {
             derivative = flat(field(point(state), at));
         };
-        Flat flat_end;
+        Flat flat_end, flat_error;
         method_.do_step(system, flat(x), flat(slope), s, flat_end, ds, flat_error);
         end = point(flat_end);
-        for (std::size_t i = 0; i < n; ++i)
-            error[i] = flat_error[i * (N + 1)];
+        error = point(flat_error);
     }
 
 private:
@@ -99,18 +96,35 @@ private:
         method_;
 };
 
-/// Largest ratio of estimated to allowed local error, allowed = absolute + relative |x|. An angle counts with at most
-/// pi: turning around many times must not loosen the tolerance.
-template <Model M, std::size_t n>
-double error_ratio(const State<double, n>& error, const State<double, n>& start, const State<double, n>& end,
-                   const FlowOptions& options) {
+/// Largest ratio of estimated to allowed local error.
+///
+/// Values: allowed = absolute + relative |x|. An angle counts with at most pi: turning around many times must not
+/// loosen the tolerance. Derivatives with respect to the start (the first n directions, when any are carried): allowed
+/// = 10 relative (largest entry of their column, at least 1). Near an equilibrium, and on an orbit such as phi = 0, the
+/// values alone would allow any step: with them the multipliers of the hanging pendulum were wrong in the third digit.
+template <Model M, std::size_t N>
+double error_ratio(const State<Scalar<N>, dimension_of<M>>& error, const State<Scalar<N>, dimension_of<M>>& start,
+                   const State<Scalar<N>, dimension_of<M>>& end, const FlowOptions& options) {
+    constexpr std::size_t n = dimension_of<M>;
     double worst = 0.0;
-    for (std::size_t i = 0; i < n; ++i) {
-        double size = std::max(std::abs(start[i]), std::abs(end[i]));
-        if (M::coordinates[i].angle) size = std::min(size, std::numbers::pi);
-        const double ratio = std::abs(error[i]) / (options.absolute_tolerance + options.relative_tolerance * size);
+    const auto judge = [&worst](double size, double allowed) {
+        const double ratio = std::abs(size) / allowed;
         // nan must come out as a failed step: max(worst, nan) would drop it.
         if (!(ratio <= worst)) worst = std::isnan(ratio) ? std::numeric_limits<double>::infinity() : ratio;
+    };
+    for (std::size_t i = 0; i < n; ++i) {
+        double size = std::max(std::abs(value_of(start[i])), std::abs(value_of(end[i])));
+        if (M::coordinates[i].angle) size = std::min(size, std::numbers::pi);
+        judge(value_of(error[i]), options.absolute_tolerance + options.relative_tolerance * size);
+    }
+    if constexpr (N >= n) {
+        for (std::size_t j = 0; j < n; ++j) {
+            double size = 1.0;
+            for (std::size_t i = 0; i < n; ++i)
+                size = std::max(size, std::abs(end[i].partial[j]));
+            for (std::size_t i = 0; i < n; ++i)
+                judge(error[i].partial[j], 10.0 * options.relative_tolerance * size);
+        }
     }
     return worst;
 }

@@ -12,8 +12,9 @@ namespace orbid::models {
 /// One solution of a model on its way, with N directions of derivative (M4): error-controlled steps that end on the
 /// instants asked for, switching located and passed by (M5), sticking.
 ///
-/// Every decision (step size, events, sticking) looks at values only, so trajectories with different N take the same
-/// steps and have bit-identical values.
+/// Every decision (step size, events, sticking) looks at the values and, when N >= n, at the derivatives with respect
+/// to the start, which are the first n directions of every trajectory with derivatives: all such trajectories take the
+/// same steps and have bit-identical values. N = 0 controls the values only.
 template <Model M, std::size_t N>
 class Trajectory {
 public:
@@ -63,8 +64,7 @@ public:
                 slope_ = field_(x_, s_);
                 slope_known_ = true;
             }
-            Point end;
-            State<double, n> error;
+            Point end, error;
             stepper_.step(field_, x_, slope_, s_, ds, end, error);
             const State<double, n> start_values = values_of<N, n>(x_);
             const State<double, n> end_values = values_of<N, n>(end);
@@ -72,7 +72,7 @@ public:
                 step_ = 0.25 * ds;
                 continue;
             }
-            const double ratio = error_ratio<M, n>(error, start_values, end_values, options_);
+            const double ratio = error_ratio<M, N>(error, x_, end, options_);
             // Order 8: the local error goes with the eighth power of the step. Safety 0.9, change at most 5 times.
             const double factor = ratio > 0.0 ? std::clamp(0.9 * std::pow(ratio, -0.125), 0.2, 5.0) : 5.0;
             if (!(ratio <= 1.0)) {
@@ -225,8 +225,7 @@ private:
 
     /// Steps to the surface and through it, or sticks.
     [[nodiscard]] FlowStatus pass(double ds, double target) requires SwitchingModel<M> {
-        Point end;
-        State<double, n> error;
+        Point end, error;
         stepper_.step(field_, x_, slope_, s_, ds, end, error);
         const double side = values_.side;
         s_ = std::min(s_ + ds, target);

@@ -1,0 +1,252 @@
+#include <Eigen/LU>
+#include <cmath>
+#include <numbers>
+
+#include "models/model_system.hpp"
+#include "models/registry.hpp"
+#include "tests/catch.hpp"
+
+namespace orbid::models {
+
+using tests::WithinAbs;
+
+namespace {
+
+constexpr double pi = std::numbers::pi;
+
+/// Mass on a linear spring with dry friction only, pushed by a force: solved in closed form between velocity zeros.
+///     x'' = -w2 x - c sgn(x') + b cos(omega t)
+struct DryOscillator {
+    static constexpr std::string_view name = "dry_oscillator";
+    static constexpr std::string_view summary = "spring, dry friction, harmonic force";
+    static constexpr std::string_view equations = "x'' = -w2 x - c sgn(x') + b cos(omega t)";
+    static constexpr std::array coordinates{real("x", "m"), real("x_dot", "m/s")};
+    static constexpr std::array parameters{Parameter{"w2", "1/s^2", positive, 4.0, "stiffness"},
+                                           Parameter{"c", "m/s^2", nonnegative, 0.5, "dry friction"},
+                                           Parameter{"b", "m/s^2", any_real, 0.0, "force", typical(1.0)},
+                                           Parameter{"omega", "rad/s", positive, 1.0, "frequency of the force"}};
+    static constexpr std::size_t forcing_frequency = 3;
+    static bool smooth(const Values<double, 4>& p) { return p[1] == 0.0; }
+    template <class T>
+    static State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, 4>& p, double side) {
+        using std::cos;
+        return {x[1], p[2] * cos(phase) - p[0] * x[0] - side * p[1]};
+    }
+};
+
+const System& oscillator() {
+    static const ModelSystem<DryOscillator> system;
+    return system;
+}
+
+Eigen::VectorXd theta_of(double w2, double c, double b, double omega) {
+    Eigen::VectorXd theta(4);
+    theta << w2, c, b, omega;
+    return theta;
+}
+
+/// Worst difference between the sensitivities and central differences of the flow, relative to their size.
+double difference_error(const System& system, const Eigen::VectorXd& x0, double phase, double duration,
+                        const Eigen::VectorXd& theta, const std::vector<Eigen::Index>& free, Clock clock) {
+    const std::array<double, 1> durations{duration};
+    const auto exact = system.flow_with_sensitivities(x0, phase, durations, theta, free, clock);
+    REQUIRE(exact.status == FlowStatus::ok);
+    const Eigen::Index n = x0.size();
+    double worst = 0.0;
+    for (Eigen::Index j = 0; j < n + static_cast<Eigen::Index>(free.size()); ++j) {
+        const auto at = [&](double step) -> Eigen::VectorXd {
+            Eigen::VectorXd x = x0, p = theta;
+            if (j < n)
+                x[j] += step;
+            else
+                p[free[static_cast<std::size_t>(j - n)]] += step;
+            return system.flow(x, phase, durations, p, clock).states.col(0);
+        };
+        const double size = j < n ? 1.0 : std::abs(theta[free[static_cast<std::size_t>(j - n)]]);
+        const double h = 1e-4 * size;
+        // Fourth order: error h^4 times the fifth derivative, rounding 1e-12 / h.
+        const Eigen::VectorXd difference = (8.0 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12.0 * h);
+        worst = std::max(worst, (difference - exact.sensitivities.col(j)).norm() * size /
+                                    (1.0 + exact.sensitivities.col(j).norm() * size));
+    }
+    return worst;
+}
+
+}  // namespace
+
+TEST_CASE("a dry oscillator loses four times c / w^2 per period and sticks where the spring is too weak",
+          "[models][reference]") {
+    const double w2 = 4.0, c = 0.5, w = 2.0;
+    const Eigen::VectorXd theta = theta_of(w2, c, 0.0, 1.0);
+    // Released from rest at 1.1: half swings end at -(x - 2 c/w2): 1.1, -0.85, 0.6, -0.35, 0.1; |0.1| < c/w2 = 0.125.
+    std::vector<double> durations;
+    for (int i = 0; i <= 5; ++i)
+        durations.push_back(i * pi / w);
+    durations.push_back(100.0);
+    const auto flow = oscillator().flow_with_sensitivities(Eigen::Vector2d(1.1, 0.0), 0.0, durations, theta,
+                                                           std::array<Eigen::Index, 2>{0, 1}, Clock::time);
+    REQUIRE(flow.status == FlowStatus::ok);
+    CHECK(flow.crossings == 4);
+    CHECK(flow.stickings == 1);
+    const std::array<double, 7> turning{1.1, -0.85, 0.6, -0.35, 0.1, 0.1, 0.1};
+    for (Eigen::Index k = 0; k < 7; ++k) {
+        CAPTURE(k);
+        // Tolerance 1e-12 per step, some fifty steps.
+        CHECK_THAT(flow.states(0, k), WithinAbs(turning[static_cast<std::size_t>(k)], 1e-11));
+        CHECK_THAT(flow.states(1, k), WithinAbs(0.0, 1e-10));
+    }
+    CHECK(flow.states(1, 6) == 0.0);
+    // After sticking x = x0 - 8 c / w2: d/dx0 = 1, d/dv0 = 0 (a turning point), d/dw2 = 8 c / w2^2, d/dc = -8 / w2.
+    const Eigen::MatrixXd d = flow.sensitivity(6, 4);
+    CHECK_THAT(d(0, 0), WithinAbs(1.0, 1e-10));
+    CHECK_THAT(d(0, 1), WithinAbs(0.0, 1e-10));
+    CHECK_THAT(d(0, 2), WithinAbs(8.0 * c / (w2 * w2), 1e-10));
+    CHECK_THAT(d(0, 3), WithinAbs(-8.0 / w2, 1e-10));
+    CHECK(d.row(1).isZero(0.0));
+    // At duration 0 nothing has happened yet.
+    CHECK(flow.sensitivity(0, 4).leftCols(2).isIdentity(0.0));
+    CHECK(oscillator().at_rest(flow.states.col(6), theta));
+    CHECK_FALSE(oscillator().at_rest(Eigen::Vector2d(0.3, 0.0), theta));
+}
+
+TEST_CASE("the velocity derivative is multiplied by a+ / a- at a crossing", "[models][reference]") {
+    // One crossing at x = -0.85 from x0 = 1.1: a- = -w2 x + c = 3.9, a+ = -w2 x - c = 2.9. In the plane (x, v / w) both
+    // halves are rotations by w t about (+-c / w2, 0), with the factor between them.
+    const double w = 2.0, c = 0.5;
+    const Eigen::VectorXd theta = theta_of(w * w, c, 0.0, 1.0);
+    const double first = 0.6, second = 0.7;
+    const double x0 = 1.1;
+    // Start on the way down at angle w first before the turning point.
+    const double centre = c / 4.0, radius = x0 - centre;
+    const Eigen::Vector2d start(centre + radius * std::cos(pi - w * first), -w * radius * std::sin(pi - w * first));
+    const std::array<double, 1> duration{first + second};
+    const auto flow = oscillator().flow_with_sensitivities(start, 0.0, duration, theta, {}, Clock::time);
+    REQUIRE(flow.crossings == 1);
+    const auto rotation = [&](double t) {
+        Eigen::Matrix2d r;
+        r << std::cos(w * t), std::sin(w * t) / w, -w * std::sin(w * t), std::cos(w * t);
+        return r;
+    };
+    const Eigen::Matrix2d expected =
+        rotation(second) * Eigen::Vector2d(1.0, (3.4 - 0.5) / (3.4 + 0.5)).asDiagonal() * rotation(first);
+    CHECK((flow.sensitivities - expected).norm() < 1e-10);
+}
+
+TEST_CASE("sticking ends when the force exceeds the friction", "[models][reference]") {
+    // Held at x = 0 while b |cos| <= c. From phase pi/2 the force grows towards -b: released when cos tau = -c / b.
+    const double c = 0.5, b = 0.9, omega = 1.5;
+    const Eigen::VectorXd theta = theta_of(4.0, c, b, omega);
+    const double release = std::acos(-c / b) - pi / 2;
+    const std::array<double, 3> durations{0.5 * release, 0.999 * release, release + 0.3};
+    const std::vector<Eigen::Index> free{0, 1, 2, 3};
+    const auto flow =
+        oscillator().flow_with_sensitivities(Eigen::Vector2d(0.0, 0.0), pi / 2, durations, theta, free, Clock::phase);
+    REQUIRE(flow.status == FlowStatus::ok);
+    CHECK(flow.stickings == 1);
+    CHECK(flow.states.leftCols(2).isZero(0.0));
+    CHECK(flow.sensitivity(1, 6).row(1).isZero(0.0));
+    // Afterwards x'' = -w2 x + c + b cos(omega t): free and forced oscillation about c / w2, from rest at x = 0.
+    const double w = 2.0, t0 = (pi / 2 + release) / omega, t = 0.3 / omega;
+    const double forced = b / (w * w - omega * omega);
+    const double A = -c / (w * w) - forced * std::cos(omega * t0), B = forced * omega * std::sin(omega * t0) / w;
+    const double x = c / (w * w) + forced * std::cos(omega * (t0 + t)) + A * std::cos(w * t) + B * std::sin(w * t);
+    CHECK_THAT(flow.states(0, 2), WithinAbs(x, 1e-12));
+    // A start that is held at another place, and all parameters, across the release.
+    CHECK(difference_error(oscillator(), Eigen::Vector2d(0.02, 0.3), 0.0, 7.0, theta, free, Clock::phase) < 1e-7);
+    CHECK(difference_error(oscillator(), Eigen::Vector2d(0.02, 0.3), 0.0, 7.0, theta, free, Clock::time) < 1e-7);
+    // A force that never suffices: held for ever, cheaply.
+    const std::array<double, 1> long_time{1e6};
+    const auto held =
+        oscillator().flow(Eigen::Vector2d(0.1, 0.0), 0.0, long_time, theta_of(4.0, 0.5, 0.05, 1.0), Clock::phase);
+    CHECK(held.status == FlowStatus::ok);
+    CHECK(held.steps == 0);
+    CHECK(oscillator().at_rest(Eigen::Vector2d(0.1, 0.0), theta_of(4.0, 0.5, 0.05, 1.0)));
+    CHECK_FALSE(oscillator().at_rest(Eigen::Vector2d(0.1, 0.0), theta_of(4.0, 0.5, 0.15, 1.0)));
+}
+
+TEST_CASE("a velocity that touches zero is grazing", "[models][fast]") {
+    // Without a spring force at the origin and c < b: v' = b cos tau - c vanishes together with v. Constructed:
+    // start so that v reaches 0 exactly when its derivative does.
+    const double c = 0.5, b = 1.0;
+    const double graze = std::acos(c / b);  // slows before 2 pi - graze, speeds up after it
+    // x'' = b cos t - c + tiny spring: w2 -> 1e-12 makes the closed form v(t) = v0 + b sin t - c t exact to 1e-11.
+    const Eigen::VectorXd theta = theta_of(1e-12, c, b, 1.0);
+    const double until = 2.0 * pi - graze;
+    // v(until) = 0 with v0 chosen; bisect to the last digit on what the integrator computes.
+    double lo = -(b * std::sin(until) - c * until) - 1e-6, hi = lo + 2e-6;
+    const std::array<double, 1> duration{until + 0.5};
+    FlowStatus seen = FlowStatus::ok;
+    for (int i = 0; i < 80 && seen == FlowStatus::ok; ++i) {
+        const double v0 = 0.5 * (lo + hi);
+        const auto flow = oscillator().flow(Eigen::Vector2d(0.0, v0), 0.0, duration, theta, Clock::time);
+        seen = flow.status;
+        (flow.crossings > 0 ? lo : hi) = v0;
+    }
+    CHECK(hi - lo < 1e-6);
+    CHECK((seen == FlowStatus::grazing || hi - lo < 1e-14));
+}
+
+TEST_CASE("both crossings of a short reversal are found", "[models][fast]") {
+    // v dips below zero for a moment: v(t) = v0 + b sin t - c t with c small, minimum just below 0.
+    const double b = 1.0, c = 1e-3;
+    const Eigen::VectorXd theta = theta_of(1e-12, c, b, 1.0);
+    for (const double depth : {1e-2, 1e-4, 1e-6, 1e-8}) {
+        CAPTURE(depth);
+        const double lowest = 2.0 * pi - std::acos(c / b);
+        const double v0 = c * lowest - b * std::sin(lowest) - depth;
+        const std::array<double, 1> duration{2.0 * pi};
+        const auto flow = oscillator().flow(Eigen::Vector2d(0.0, v0), 0.0, duration, theta, Clock::time,
+                                            {.relative_tolerance = 1e-6, .absolute_tolerance = 1e-6});
+        CHECK(flow.status == FlowStatus::ok);
+        // The friction of 1e-3 holds for a moment at the second zero when the dip is shallow.
+        if (depth > 1e-5) CHECK(flow.crossings + flow.stickings >= 2);
+    }
+}
+
+TEST_CASE("sensitivities of the pendulum equal differences across crossings and sticking", "[models][fast]") {
+    const auto system = make_system("parametric_pendulum");
+    Eigen::VectorXd theta = system->default_parameters();
+    theta[2] = 1e-3;
+    std::vector<Eigen::Index> free;
+    for (Eigen::Index i = 0; i < 9; ++i)
+        free.push_back(i);
+    for (const Eigen::Vector2d& x0 :
+         {Eigen::Vector2d(0.3, 2.0), Eigen::Vector2d(2.5, -8.0), Eigen::Vector2d(-1.0, 0.5)})
+        for (const Clock clock : {Clock::phase, Clock::time}) {
+            CAPTURE(x0[0], x0[1], clock == Clock::phase);
+            const double duration = clock == Clock::phase ? 6.5 : 0.7;
+            // Worst measured 4e-9.
+            CHECK(difference_error(*system, x0, 0.7, duration, theta, free, clock) < 4e-8);
+        }
+    // Strong friction: sticks and lets go within the period.
+    theta[2] = 0.1;
+    const std::array<double, 1> period{2.0 * pi};
+    const Eigen::Vector2d x0(0.4, 1.0);
+    REQUIRE(system->flow(x0, 0.0, period, theta, Clock::phase).stickings > 0);
+    for (const Clock clock : {Clock::phase, Clock::time})
+        CHECK(difference_error(*system, x0, 0.0, clock == Clock::phase ? 6.5 : 0.7, theta, free, clock) < 4e-8);
+    const auto stuck = system->flow_with_sensitivities(x0, 0.0, period, theta, {}, Clock::phase);
+    CHECK_THAT(stuck.sensitivities.determinant(), WithinAbs(0.0, 1e-15));
+}
+
+TEST_CASE("starts on the switching surface", "[models][fast]") {
+    const auto system = make_system("parametric_pendulum");
+    Eigen::VectorXd theta = system->default_parameters();
+    const std::array<double, 1> periods{20.0 * pi};
+    for (const double phi : {0.0, pi, -pi, 1.0, -1.0, 3.0}) {
+        CAPTURE(phi);
+        const auto flow = system->flow(Eigen::Vector2d(phi, 0.0), 0.0, periods, theta, Clock::phase);
+        CHECK(flow.status == FlowStatus::ok);
+        CHECK(flow.steps < 2000);
+    }
+    CHECK(system->at_rest(Eigen::Vector2d(0.0, 0.0), theta));
+    CHECK(system->at_rest(Eigen::Vector2d(pi, 0.0), theta));
+    CHECK_FALSE(system->at_rest(Eigen::Vector2d(1.0, 0.0), theta));
+    // Resting states with k1 = 1e-3: |phi| < 0.00196 rad, k1 / (m l^2) over the largest |P|.
+    theta[2] = 1e-3;
+    CHECK(system->at_rest(Eigen::Vector2d(0.0019, 0.0), theta));
+    CHECK_FALSE(system->at_rest(Eigen::Vector2d(0.0020, 0.0), theta));
+    CHECK(system->flow(Eigen::Vector2d(0.0019, 0.0), 0.0, periods, theta, Clock::phase).states(0, 0) == 0.0019);
+}
+
+}  // namespace orbid::models
