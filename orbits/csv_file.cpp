@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <limits>
 #include <memory>
 #include <set>
@@ -192,6 +193,16 @@ Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
             fmt::format("{}: has {} points, at least {} are needed", table.file(), points, layout.minimum_points));
     }
     return series;
+}
+
+std::string read_origin(const std::filesystem::path& file) {
+    if (file.extension() != ".csv") return read_hdf5(file).origin;
+    constexpr std::string_view mark = "# origin: ";  // as write_csv puts it, on the first line
+    std::ifstream in(file, std::ios::binary);
+    if (!in) throw DataError(fmt::format("{}: cannot be opened", file.string()));
+    std::string line;
+    std::getline(in, line);
+    return line.starts_with(mark) ? line.substr(mark.size()) : std::string();
 }
 
 TableLayout table_layout(const Series& series) {

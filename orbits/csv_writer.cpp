@@ -67,6 +67,7 @@ void write_csv(const std::filesystem::path& file, const Series& series) {
     constexpr std::size_t chunk = 1 << 20;  // bytes between two writes: large enough that they cost nothing
     const bool sampled = series.sampling == Series::Sampling::samples;
     fmt::memory_buffer text;
+    if (!series.origin.empty()) text.append("# origin: " + series.origin + '\n');
     text.append(header);
     for (const Segment& segment : series.segments) {
         const std::string label = cell(segment.label);

@@ -102,6 +102,25 @@ public:
         return sizes;
     }
 
+    /// The text of a dataset; empty when there is none.
+    std::string text_dataset(hid_t file, const std::string& path) const {
+        if (H5Lexists(file, path.c_str(), H5P_DEFAULT) <= 0) return {};
+        const Hdf5Handle dataset(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
+        if (!dataset.valid()) fail(fmt::format("\"{}\" must be a dataset", path));
+        const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
+        const Hdf5Handle space(H5Dget_space(dataset.id()), H5Sclose);
+        if (H5Tget_class(type.id()) != H5T_STRING || H5Tis_variable_str(type.id()) > 0 ||
+            H5Sget_simple_extent_npoints(space.id()) != 1) {
+            fail(fmt::format("dataset \"{}\" must hold one text of fixed length", path));
+        }
+        std::string text(H5Tget_size(type.id()), '\0');
+        if (H5Dread(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()) < 0) {
+            fail(fmt::format("dataset \"{}\" cannot be read; the file is damaged", path));
+        }
+        text.resize(std::min(text.find('\0'), text.size()));
+        return text;
+    }
+
     void read(const Hdf5Handle& dataset, const std::string& path, double* values) const {
         const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
         if (H5Tget_class(type.id()) != H5T_FLOAT) fail(fmt::format("dataset \"{}\" must hold floating numbers", path));
@@ -132,6 +151,7 @@ void read_header(const Reader& read, hid_t file, Series& series) {
     const auto phase = read.numbers(file, "phase");
     if (phase.size() != 1 || !std::isfinite(phase.front())) read.fail("attribute \"phase\" must be one finite number");
     series.phase = phase.front();
+    series.origin = read.text_dataset(file, "origin");
     const auto names = read.strings(file, "coordinates");
     const auto units = read.strings(file, "units");
     const auto angles = read.numbers(file, "angles");

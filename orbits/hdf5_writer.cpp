@@ -72,6 +72,20 @@ public:
         return made;
     }
 
+    /// A text of any length: attributes end at 64 KiB.
+    void text_dataset(hid_t group, const char* name, const std::string& text) const {
+        const Hdf5Handle properties = checked(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
+        check(H5Pset_obj_track_times(properties.id(), false), name);
+        const Hdf5Handle type = checked(H5Tcopy(H5T_C_S1), H5Tclose, name);
+        check(H5Tset_size(type.id(), text.size()), name);
+        check(H5Tset_strpad(type.id(), H5T_STR_NULLPAD), name);
+        check(H5Tset_cset(type.id(), H5T_CSET_UTF8), name);
+        const Hdf5Handle made =
+            checked(H5Dcreate2(group, name, type.id(), single(name).id(), H5P_DEFAULT, properties.id(), H5P_DEFAULT),
+                    H5Dclose, name);
+        check(H5Dwrite(made.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()), name);
+    }
+
 private:
     std::string file_;
 };
@@ -119,6 +133,8 @@ void write_hdf5(const std::filesystem::path& file, const Series& series) {
     write.strings(root.id(), "coordinates", names, false);
     write.strings(root.id(), "units", units, false);
     write.attribute(root.id(), "angles", H5T_NATIVE_SCHAR, write.simple({angles.size()}, "angles"), angles.data());
+
+    if (!series.origin.empty()) write.text_dataset(out.id(), "origin", series.origin);
 
     const Hdf5Handle segments = write.group(out.id(), "segments");
     const Hdf5Handle times = sampled ? write.group(out.id(), "times") : Hdf5Handle();

@@ -32,6 +32,7 @@ struct Series {
     std::vector<SeriesCoordinate> coordinates;
     std::vector<Segment> segments;
     double phase = 0.0;  ///< [rad] phase of the forcing: of the section, or at time 0 of samples
+    std::string origin;  ///< what made it, one line of free text that files keep; may be empty
 
     [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(coordinates.size()); }
     [[nodiscard]] std::size_t size() const;  ///< points of all segments

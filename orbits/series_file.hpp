@@ -56,6 +56,11 @@ struct TableLayout {
 ///         line breaks, or names that are used twice.
 void write_csv(const std::filesystem::path& file, const Series& series);
 
+/// Series::origin of a file that write_csv or write_hdf5 wrote, told apart by the ending ".csv".
+/// Empty when the file says nothing of its origin.
+/// @throws DataError as the readers do.
+[[nodiscard]] std::string read_origin(const std::filesystem::path& file);
+
 /// The layout of what write_csv(series) writes.
 [[nodiscard]] TableLayout table_layout(const Series& series);
 
@@ -70,6 +75,7 @@ void write_csv(const std::filesystem::path& file, const Series& series);
 ///     /                attributes format, sampling ("section" or "samples"), phase [rad], coordinates, units, angles
 ///     /segments/000000 dataset (points, coordinates), attribute label; one per segment, in order
 ///     /times/000000    dataset (points) [s], for samples
+///     /origin          one text, when the series has an origin
 ///
 /// Nothing in the file depends on the time of writing: equal series give equal bytes. As write_csv about the name.
 /// @throws DataError when the file cannot be written; std::invalid_argument for a series whose parts have different
