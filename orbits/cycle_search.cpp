@@ -1,6 +1,7 @@
 #include "orbits/cycle_search.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
@@ -40,6 +41,13 @@ constexpr double same_boxes = 0.3;
 // Refits that differ by more than this many standard deviations are remarked on.
 constexpr double remarkable = 3.0;
 
+// Noise blurs a small neighbourhood: fits of this many times the asked neighbours are tried as well.
+constexpr std::array<double, 3> enlargements{1.0, 4.0, 16.0};
+
+// A larger neighbourhood must bring the largest standard deviation down to this part to be preferred: a smaller gain
+// may be luck, and choosing the luckiest estimate makes it too small.
+constexpr double worthwhile = 0.5;
+
 struct Draft {
     Eigen::MatrixXd points;  // shape (n, p), scaled
     std::size_t recurrences = 0;
@@ -48,7 +56,8 @@ struct Draft {
     double disagreement = 0.0;  // of refits, largest over the coordinates, in sds
     CycleUncertainty uncertainty;
     double largest_sd = 0.0;
-    Eigen::VectorXd advance;  // turns per cycle and angle coordinate, when known
+    double enlargement = 1.0;  // of the neighbourhoods
+    Eigen::VectorXd advance;   // turns per cycle and angle coordinate, when known
 };
 
 void validate(const CycleSearchOptions& options) {
@@ -209,20 +218,42 @@ private:
         for (int j = 0; j < period; ++j)
             start.col(j) =
                 Eigen::Map<const Eigen::VectorXd>(section_.point(seed.start + static_cast<std::size_t>(j)), n);
-        const RefinedCycle cycle = refine_cycle(section_, grid_, start, fit(1.0));
         Draft draft;
-        draft.points = cycle.points;
         draft.recurrences = seed.recurrences;
-        draft.accepted = cycle.status == RefinementStatus::converged && explains(cycle);
+        for (const double enlargement : enlargements) {
+            const RefinedCycle cycle = refine_cycle(section_, grid_, start, fit(enlargement));
+            draft.accepted = cycle.status == RefinementStatus::converged && explains(cycle);
+            if (!draft.accepted) continue;
+            draft.points = cycle.points;
+            draft.enlargement = enlargement;
+            break;
+        }
         return draft;
     }
 
-    // Covariance, and whether the cycle can be believed.
+    // Covariance, and whether the cycle can be believed. Where noise matters, wider neighbourhoods win.
     void judge(Draft& draft) const {
-        const RefinedCycle cycle = refit_cycle(section_, grid_, draft.points, fit(1.0));
-        const std::vector<RefinedCycle> refits{refit_cycle(section_, grid_, draft.points, fit(0.5)),
-                                               refit_cycle(section_, grid_, draft.points, fit(2.0))};
-        draft.accepted = cycle.status == RefinementStatus::converged && explains(cycle);
+        const double first = draft.enlargement;
+        Draft best = draft;
+        judge(best, refit_cycle(section_, grid_, draft.points, fit(first)));
+        for (const double enlargement : enlargements) {
+            if (!(enlargement > first)) continue;
+            Draft wider = draft;
+            wider.enlargement = enlargement;
+            judge(wider, refine_cycle(section_, grid_, draft.points, fit(enlargement)));
+            if (!wider.accepted) continue;
+            if (!best.accepted || wider.largest_sd < worthwhile * best.largest_sd) best = std::move(wider);
+        }
+        draft = std::move(best);
+    }
+
+    void judge(Draft& draft, const RefinedCycle& cycle) const {
+        draft.accepted = false;
+        if (cycle.status != RefinementStatus::converged) return;
+        const std::vector<RefinedCycle> refits{
+            refit_cycle(section_, grid_, cycle.points, fit(0.5 * draft.enlargement)),
+            refit_cycle(section_, grid_, cycle.points, fit(2.0 * draft.enlargement))};
+        draft.accepted = explains(cycle);
         for (const RefinedCycle& refit : refits)
             draft.accepted = draft.accepted && refit.status == RefinementStatus::converged &&
                              distance(section_, cycle.points, refit.points, 0, false) <= largest_disagreement;
@@ -241,7 +272,8 @@ private:
                         .cwiseAbs()
                         .maxCoeff());
         for (const Neighbourhood& support : cycle.supports)
-            if (support.offsets.rows() < static_cast<Eigen::Index>(fit(1.0).neighbours)) draft.torn = true;
+            if (support.offsets.rows() < static_cast<Eigen::Index>(fit(draft.enlargement).neighbours))
+                draft.torn = true;
         count_turns(draft, cycle);
     }
 
