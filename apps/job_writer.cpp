@@ -1,0 +1,117 @@
+#include "apps/job_writer.hpp"
+
+#include "apps/json_text.hpp"
+
+namespace orbid::apps {
+
+namespace detail {
+
+using Json = nlohmann::ordered_json;
+
+std::string path_text(const std::filesystem::path& path, const std::filesystem::path& folder) {
+    const auto relative = path.lexically_relative(std::filesystem::absolute(folder).lexically_normal());
+    // Empty when the two have no common root.
+    return relative.empty() ? path.generic_string() : relative.generic_string();
+}
+
+std::string parameter_name(const Job& job, Eigen::Index index) {
+    return std::string(job.model.system->parameters()[static_cast<std::size_t>(index)].name);
+}
+
+std::string coordinate_name(const Job& job, Eigen::Index index) {
+    return std::string(job.model.system->coordinates()[static_cast<std::size_t>(index)].name);
+}
+
+Json state_document(const Eigen::VectorXd& state) {
+    Json list = Json::array();
+    for (const double x : state)
+        list.push_back(x);
+    return list;
+}
+
+}  // namespace detail
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json model_document(const Job& job) {
+    Json model{{"name", job.model.name}, {"variant", job.model.variant}, {"parameters", Json::object()}};
+    for (Eigen::Index i = 0; i < job.model.values.size(); ++i) {
+        model["parameters"][detail::parameter_name(job, i)] = job.model.values[i];
+    }
+    return model;
+}
+
+Json orbits_document(const OrbitsJob& orbits, const std::filesystem::path& folder) {
+    Json object = Json::object();
+    if (orbits.file) {
+        object["file"] = detail::path_text(*orbits.file, folder);
+        if (!orbits.sha256.empty()) object["sha256"] = orbits.sha256;
+        return object;
+    }
+    object["method"] = "local_maps";
+    object["periods"] = orbits.search.periods;
+    object["box"] = orbits.search.box;
+    object["neighbours"] = orbits.search.neighbours;
+    object["local_map"] = orbits.search.order == 1 ? "linear" : "quadratic";
+    object["symmetry"] = orbits.search.symmetry_signs.has_value();
+    return object;
+}
+
+Json periodic_document(const PeriodicJob& periodic) {
+    Json starts = Json::array();
+    for (const OrbitStart& orbit : periodic.orbits) {
+        Json start{{"period", orbit.period}};
+        if (!orbit.rotation.empty()) start["rotation"] = orbit.rotation;
+        start["points"] = Json::array();
+        for (Eigen::Index j = 0; j < orbit.points.cols(); ++j) {
+            start["points"].push_back(detail::state_document(orbit.points.col(j)));
+        }
+        starts.push_back(std::move(start));
+    }
+    return {{"method", "multiple_shooting"}, {"orbits", std::move(starts)}};
+}
+
+Json output_document(SeriesOutput series) {
+    switch (series) {
+        case SeriesOutput::h5:
+            return {{"series", "h5"}};
+        case SeriesOutput::csv:
+            return {{"series", "csv"}};
+        case SeriesOutput::none:
+            break;
+    }
+    return {{"series", "none"}};
+}
+
+}  // namespace
+
+Json job_document(const Job& job, const std::filesystem::path& folder, const Versions& versions) {
+    Json document{{"format", "orbid-job/1"}};
+    for (const auto& [name, version] : versions)
+        document["versions"][name] = version;
+    document["title"] = job.title;
+    document["model"] = model_document(job);
+    document["seed"] = job.seed;
+    if (job.model.system->kind() == models::Kind::forced) document["section"]["phase"] = job.section_phase;
+    for (const DataJob& data : job.data)
+        document["data"].push_back(detail::data_document(job, data, folder));
+    if (job.orbits) document["orbits"] = orbits_document(*job.orbits, folder);
+    if (job.periodic) document["periodic"] = periodic_document(*job.periodic);
+    if (job.estimate) document["estimate"] = detail::estimate_document(job);
+    if (!job.reference.empty()) {
+        Json reference = Json::object();
+        for (const ReferenceJob& entry : job.reference)
+            reference[entry.name] = entry.value;
+        document["reference"] = std::move(reference);
+    }
+    document["output"] = output_document(job.series_output);
+    return document;
+}
+
+std::string job_text(const Job& job, const std::filesystem::path& folder, const Versions& versions) {
+    return json_text(job_document(job, folder, versions));
+}
+
+}  // namespace orbid::apps
