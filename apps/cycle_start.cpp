@@ -1,0 +1,89 @@
+#include "apps/cycle_start.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "orbits/lifted_cycle_residual.hpp"
+#include "orbits/one_period_residual.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+// The matching sd starts at the defect that the one-period prediction leaves, and falls by this factor per stage (the
+// schedule is uncritical between 0.3 and 0.001).
+constexpr double matching_factor = 0.1;
+// It ends at this share of the range: small against any point error, so that the nodes are orbits to all purposes, and
+// large against the error of the flow (1e-11).
+constexpr double final_matching = 1e-8;
+// A stage only has to come near its optimum: the next one moves it again.
+constexpr int stage_iterations = 60;
+constexpr double stage_tolerance = 1e-2;
+
+void move_starts(std::vector<estimator::FreeParameter>& parameters, const estimator::Estimate& estimate) {
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        parameters[i].start = estimate.parameters[i].value;
+}
+
+Eigen::VectorXd starts(const std::vector<estimator::FreeParameter>& parameters) {
+    Eigen::VectorXd theta(static_cast<Eigen::Index>(parameters.size()));
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        theta[static_cast<Eigen::Index>(i)] = parameters[i].start;
+    return theta;
+}
+
+}  // namespace
+
+CycleStart start_from_cycles(const Workspace& work, const std::vector<estimator::FreeParameter>& parameters,
+                             const models::ParameterBinding& binding, const std::vector<orbits::Cycle>& cycles,
+                             const orbits::CycleTargetOptions& targets, const estimator::EstimateOptions& options) {
+    const Job& job = work.job;
+    std::vector<estimator::FreeParameter> current = parameters;
+    CycleStart result;
+    const auto stage = [&](std::string_view name, estimator::Residual& residual) {
+        estimator::EstimateOptions stage_options = options;
+        stage_options.variance = estimator::Variance::ml;
+        stage_options.maximum_iterations = stage_iterations;
+        stage_options.step_tolerance = stage_tolerance;
+        const auto estimate = estimator::estimate(current, {&residual}, {}, stage_options);
+        result.iterations += estimate.iterations;
+        result.evaluations += estimate.evaluations;
+        work.progress.log(fmt::format("{}: {}, {} iterations, objective {:.6g}; {}", name,
+                                      estimator::name(estimate.status), estimate.iterations, estimate.objective,
+                                      estimate.message));
+        return estimate;
+    };
+
+    orbits::OnePeriodOptions one_period_options;
+    one_period_options.targets = targets;
+    orbits::OnePeriodResidual one_period(job.model.system, binding, cycles, job.section_phase, starts(current),
+                                         one_period_options);
+    const auto first = stage("one-period prediction", one_period);
+    if (first.status != estimator::EstimateStatus::failed) move_starts(current, first);
+
+    orbits::LiftedCycleOptions lifted_options;
+    lifted_options.targets = targets;
+    const Eigen::VectorXd scale = orbits::target_scale(work.system(), cycles);
+    orbits::LiftedCycleResidual lifted(job.model.system, binding, cycles, job.section_phase, starts(current), scale,
+                                       lifted_options);
+    std::vector<Eigen::VectorXd> latents = lifted.initial_latents();
+    // Relative to the range, so that one number serves all coordinates.
+    double matching = (lifted.matching_defect(starts(current), latents).array() / scale.array()).maxCoeff();
+    matching = std::max(matching, final_matching);
+    while (true) {
+        if (options.interrupted && options.interrupted()) break;
+        auto tightened = lifted.tightened(matching * scale, latents);
+        const auto estimate = stage(fmt::format("lifted cycles, matching sd {:.1e} of the range", matching), tightened);
+        if (estimate.status == estimator::EstimateStatus::failed) break;
+        move_starts(current, estimate);
+        latents = estimate.latents.front();
+        if (matching <= final_matching) break;
+        matching = std::max(matching * matching_factor, final_matching);
+    }
+    result.theta = starts(current);
+    result.nodes = lifted.nodes(latents);
+    return result;
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,220 @@
+#include "apps/data_stage.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <variant>
+
+#include <fmt/format.h>
+
+#include "apps/atomic_file.hpp"
+#include "apps/stage_fingerprint.hpp"
+#include "orbits/series_file.hpp"
+#include "orbits/virtual_experiment.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using Kind = orbits::TrajectoryEvent::Kind;
+
+Eigen::VectorXd experiment_values(const Job& job, const DataJob& data) {
+    Eigen::VectorXd values = job.model.values;
+    for (const ParameterValue& own : data.parameters)
+        values[own.parameter] = own.value;
+    return values;
+}
+
+orbits::VirtualExperimentOptions simulation_options(const Job& job, const DataJob& data) {
+    const SimulationJob& simulation = *data.simulation;
+    orbits::VirtualExperimentOptions options;
+    if (simulation.sampling == orbits::Series::Sampling::section) {
+        options.plan = orbits::SectionPlan{simulation.sections, simulation.transient};
+    } else {
+        options.plan = orbits::SamplePlan{simulation.step, simulation.count, simulation.transient};
+    }
+    options.trajectories = simulation.trajectories;
+    if (!simulation.initial.empty()) {
+        options.initial.resize(job.model.system->dimension(), static_cast<Eigen::Index>(simulation.initial.size()));
+        for (std::size_t i = 0; i < simulation.initial.size(); ++i) {
+            options.initial.col(static_cast<Eigen::Index>(i)) = simulation.initial[i];
+        }
+    }
+    options.restart = simulation.restart ? orbits::Restart::when_captured_or_at_rest : orbits::Restart::never;
+    options.phase = job.section_phase;
+    options.sensor = data.sensor;
+    options.noise = simulation.noise;
+    options.seed = job.seed;
+    return options;
+}
+
+std::string words(const orbits::TrajectoryEvent& event) {
+    switch (event.kind) {
+        case Kind::captured:
+            return fmt::format("captured by a stable orbit of period {}", event.period);
+        case Kind::failed:
+            return fmt::format("cannot be continued: {}", models::description(event.status));
+        default:
+            return std::string(orbits::name(event.kind));
+    }
+}
+
+std::vector<Capture> captures(const std::string& experiment, const std::vector<orbits::TrajectoryEvent>& events) {
+    std::vector<Capture> list;
+    for (const auto& event : events) {
+        if (event.kind == Kind::restarted) continue;
+        list.push_back({experiment, static_cast<int>(event.trajectory), event.section, words(event)});
+    }
+    return list;
+}
+
+/// What series files say of their origin: the fingerprint, and what the simulation noticed.
+std::string origin_text(const Fingerprint& fingerprint, const std::vector<Capture>& captured) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const Capture& capture : captured) {
+        list.push_back({{"experiment", capture.experiment},
+                        {"trajectory", capture.trajectory},
+                        {"section", capture.section},
+                        {"what", capture.what}});
+    }
+    return nlohmann::json{{"fingerprint", to_text(fingerprint)}, {"captured", list}}.dump();
+}
+
+struct Origin {
+    std::string fingerprint;
+    std::vector<Capture> captured;
+};
+
+/// A text that is no origin of ours gives an empty one: the file then counts as stale.
+Origin origin_of(const std::string& text) {
+    Origin origin;
+    const auto json = nlohmann::json::parse(text, nullptr, false);
+    if (!json.is_object() || !json.contains("fingerprint") || !json["fingerprint"].is_string()) return origin;
+    origin.fingerprint = json["fingerprint"].get<std::string>();
+    if (!json.contains("captured") || !json["captured"].is_array()) return origin;
+    for (const auto& entry : json["captured"]) {
+        if (!entry.is_object()) continue;
+        origin.captured.push_back({entry.value("experiment", std::string()), entry.value("trajectory", 0),
+                                   entry.value("section", std::size_t{0}), entry.value("what", std::string())});
+    }
+    return origin;
+}
+
+orbits::Series read_stored(const std::filesystem::path& file, SeriesOutput format, const orbits::Series& shape) {
+    return format == SeriesOutput::csv ? orbits::read_csv(file, orbits::table_layout(shape)) : orbits::read_hdf5(file);
+}
+
+/// A series without data: what the coordinates of a simulated series are called.
+orbits::Series empty_series(const Job& job, const DataJob& data) {
+    orbits::Series series;
+    series.sampling = data.sampling();
+    series.phase = job.section_phase;
+    for (const models::Coordinate& coordinate : job.model.system->coordinates()) {
+        series.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
+    }
+    return series;
+}
+
+Experiment simulated(const Workspace& work, std::size_t index) {
+    const Job& job = work.job;
+    const DataJob& data = job.data[index];
+    const bool stored = job.series_output != SeriesOutput::none;
+    const std::string ending = job.series_output == SeriesOutput::csv ? ".csv" : ".h5";
+    const auto file =
+        work.file(job.data.size() == 1 ? "series" + ending : fmt::format("series_{}{}", data.name, ending));
+    const std::string place = work.document["data"].is_array() ? fmt::format("/data/{}", index) : "/data";
+    const Fingerprint wanted = stage_fingerprint(
+        work.document, {"/model", "/seed", "/section", place + "/simulate", place + "/sensor", place + "/parameters"});
+
+    if (stored && std::filesystem::exists(file)) {
+        // An unreadable file of ours is one to be replaced, unless a later stage alone was asked for.
+        std::optional<Origin> origin;
+        try {
+            origin = origin_of(orbits::read_origin(file));
+        } catch (const orbits::DataError&) {
+            origin = Origin{};
+        }
+        if (reusable(work, Stage::simulate, file, origin->fingerprint, wanted)) {
+            Experiment experiment{read_stored(file, job.series_output, empty_series(job, data)), origin->captured};
+            work.progress.reused("simulate",
+                                 fmt::format("{} points from {}", experiment.series.size(), file.filename().string()));
+            return experiment;
+        }
+    }
+
+    work.progress.begin("simulate");
+    auto run = orbits::simulate(work.system(), experiment_values(job, data), simulation_options(job, data));
+    if (!run.complete) throw orbits::DataError(fmt::format("{}: cannot be simulated: {}", data.name, run.message));
+    Experiment experiment{std::move(run.series), captures(data.name, run.events)};
+    experiment.series.origin = origin_text(wanted, experiment.captured);
+    if (stored) {
+        write_atomically(file, [&](const std::filesystem::path& temporary) {
+            if (job.series_output == SeriesOutput::csv) {
+                orbits::write_csv(temporary, experiment.series);
+            } else {
+                orbits::write_hdf5(temporary, experiment.series);
+            }
+        });
+    }
+    work.progress.end(
+        fmt::format("{} points in {} segments", experiment.series.size(), experiment.series.segments.size()));
+    for (const Capture& capture : experiment.captured) {
+        work.progress.say(fmt::format("{}, trajectory {}, section {}: {}", capture.experiment, capture.trajectory,
+                                      capture.section, capture.what));
+    }
+    return experiment;
+}
+
+Experiment measured(const Workspace& work, const DataJob& data) {
+    const FileJob& file = *data.file;
+    work.progress.begin("read");
+    Experiment experiment;
+    if (file.path.extension() == ".csv" || !file.columns.empty()) {
+        orbits::TableLayout layout;
+        layout.sampling = file.sampling;
+        layout.segment = file.segment_column;
+        layout.time = file.time_column;
+        layout.nan_is_missing = file.nan_is_missing;
+        layout.phase = work.job.section_phase;
+        layout.minimum_points = 2;
+        for (const ColumnJob& column : file.columns) {
+            const auto& coordinate = work.system().coordinates()[static_cast<std::size_t>(column.coordinate)];
+            layout.coordinates.push_back(
+                {{std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle},
+                 column.column,
+                 column.unit,
+                 static_cast<double>(column.sign),
+                 column.offset});
+        }
+        experiment.series = orbits::read_csv(file.path, layout);
+    } else {
+        experiment.series = orbits::read_hdf5(file.path, 2);
+        if (experiment.series.sampling != file.sampling) {
+            throw orbits::DataError(
+                fmt::format("{}: holds {}, but the job says \"kind\": \"{}\"", file.path.string(),
+                            file.sampling == orbits::Series::Sampling::section ? "samples" : "sections",
+                            file.sampling == orbits::Series::Sampling::section ? "section" : "samples"));
+        }
+        for (const auto& coordinate : experiment.series.coordinates) {
+            if (work.system().coordinate_index(coordinate.name) < 0) {
+                throw orbits::DataError(fmt::format("{}: coordinate \"{}\" is none of model {}", file.path.string(),
+                                                    coordinate.name, work.system().name()));
+            }
+        }
+    }
+    work.progress.end(fmt::format("{} points in {} segments from {}", experiment.series.size(),
+                                  experiment.series.segments.size(), file.path.filename().string()));
+    return experiment;
+}
+
+}  // namespace
+
+std::vector<Experiment> load_data(const Workspace& work) {
+    std::vector<Experiment> experiments;
+    for (std::size_t i = 0; i < work.job.data.size(); ++i) {
+        experiments.push_back(work.job.data[i].simulation ? simulated(work, i) : measured(work, work.job.data[i]));
+    }
+    return experiments;
+}
+
+}  // namespace orbid::apps

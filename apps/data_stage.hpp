@@ -1,0 +1,22 @@
+#pragma once
+
+#include <vector>
+
+#include "apps/workspace.hpp"
+#include "orbits/series.hpp"
+
+namespace orbid::apps {
+
+/// The record of one experiment and what happened while it was simulated.
+struct Experiment {
+    orbits::Series series;
+    std::vector<Capture> captured;
+};
+
+/// Reads or simulates the records of all experiments of the job, in their order; simulated ones are stored as
+/// series.h5 (or .csv), series_NAME.h5 when there are several, and taken from there while their fingerprint fits.
+///
+/// @throws orbits::DataError when a file cannot be read or used, StaleFile as reusable() does.
+[[nodiscard]] std::vector<Experiment> load_data(const Workspace& work);
+
+}  // namespace orbid::apps

@@ -1,0 +1,104 @@
+#include "apps/orbits_stage.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "apps/atomic_file.hpp"
+#include "apps/cycle_reader.hpp"
+#include "apps/stage_fingerprint.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+Fingerprint cycles_fingerprint(const Workspace& work) {
+    const OrbitsJob& orbits = *work.job.orbits;
+    const std::string data = work.document.contains("data") && work.document["data"].is_array()
+                                 ? fmt::format("/data/{}", orbits.data)
+                                 : "/data";
+    return stage_fingerprint(work.document,
+                             {"/model", "/seed", "/section", data + "/simulate", data + "/file", data + "/sha256",
+                              data + "/columns", data + "/missing", data + "/sensor", data + "/parameters", "/orbits"});
+}
+
+void say_missing(const Workspace& work, const orbits::CycleSearch& search) {
+    for (const int period : search.missing) {
+        work.progress.say(fmt::format("no cycle of period {} was found", period));
+    }
+}
+
+/// Periods asked for of which a list from a file has none.
+orbits::CycleSearch from_file(const Workspace& work) {
+    const OrbitsJob& orbits = *work.job.orbits;
+    orbits::CycleSearch search = read_cycles(*orbits.file, work.system()).search;
+    search.missing.clear();
+    if (work.job.estimate && work.job.estimate->cycles) {
+        for (const int period : work.job.estimate->cycles->periods) {
+            const bool found = std::any_of(search.cycles.begin(), search.cycles.end(),
+                                           [&](const orbits::Cycle& cycle) { return cycle.period == period; });
+            if (!found) search.missing.push_back(period);
+        }
+    }
+    work.progress.reused("orbits",
+                         fmt::format("{} cycles from {}", search.cycles.size(), orbits.file->filename().string()));
+    return search;
+}
+
+}  // namespace
+
+CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint) {
+    CycleFileHead head;
+    head.model = job.model.name;
+    for (const models::Coordinate& coordinate : job.model.system->coordinates()) {
+        head.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
+    }
+    if (job.model.system->kind() == models::Kind::forced) {
+        head.phase = job.section_phase;
+        head.forcing_period_s = job.model.system->period(job.model.values, models::Clock::time);
+    }
+    head.fingerprint = std::move(fingerprint);
+    return head;
+}
+
+orbits::CycleSearch load_cycles(const Workspace& work, const std::vector<Experiment>& data) {
+    const OrbitsJob& orbits = *work.job.orbits;
+    if (orbits.file) {
+        orbits::CycleSearch search = from_file(work);
+        say_missing(work, search);
+        return search;
+    }
+    const auto file = work.file("cycles.json");
+    const Fingerprint wanted = cycles_fingerprint(work);
+    if (std::filesystem::exists(file)) {
+        std::string stored;
+        orbits::CycleSearch search;
+        try {
+            CycleFile read = read_cycles(file, work.system());
+            stored = read.head.fingerprint.sha256.empty() ? std::string() : to_text(read.head.fingerprint);
+            search = std::move(read.search);
+        } catch (const orbits::DataError&) {
+            // A file of ours that cannot be read is stale, and replaced.
+        }
+        if (reusable(work, Stage::orbits, file, stored, wanted)) {
+            work.progress.reused("orbits", fmt::format("{} cycles from cycles.json", search.cycles.size()));
+            say_missing(work, search);
+            return search;
+        }
+    }
+    work.progress.begin("orbits");
+    orbits::CycleSearch search;
+    try {
+        search = orbits::find_cycles(data[orbits.data].series, orbits.search);
+    } catch (const std::invalid_argument& error) {
+        // The job was checked: what is refused here is the series (too short, a coordinate without spread).
+        throw orbits::DataError(
+            fmt::format("{}: cannot be searched for cycles: {}", work.job.data[orbits.data].name, error.what()));
+    }
+    write_atomically(file, cycles_text({cycle_file_head(work.job, wanted), search}));
+    work.progress.end(fmt::format("{} cycles from {} candidates", search.cycles.size(), search.candidates));
+    say_missing(work, search);
+    return search;
+}
+
+}  // namespace orbid::apps

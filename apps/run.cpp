@@ -1,0 +1,167 @@
+#include "apps/run.hpp"
+
+#include <cstdio>
+#include <optional>
+#include <thread>
+
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+
+#include "apps/atomic_file.hpp"
+#include "apps/data_stage.hpp"
+#include "apps/estimate_stage.hpp"
+#include "apps/fingerprint.hpp"
+#include "apps/interruption.hpp"
+#include "apps/job_writer.hpp"
+#include "apps/orbits_stage.hpp"
+#include "apps/output_folder.hpp"
+#include "apps/periodic_stage.hpp"
+#include "apps/progress.hpp"
+#include "apps/section_plot.hpp"
+#include "apps/summary.hpp"
+#include "apps/version.hpp"
+#include "apps/workspace.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+constexpr int success = 0;
+constexpr int no_valid_answer = 1;
+constexpr int wrong_call = 2;
+constexpr int unusable_data = 3;
+constexpr int interrupted = 130;
+
+/// SHA-256 of a file the job names; a job that states it wants that very file.
+void sign(const std::filesystem::path& path, std::string& expected) {
+    if (!std::filesystem::exists(path)) throw orbits::DataError(fmt::format("{}: no such file", path.string()));
+    const std::string found = sha256_of_file(path);
+    if (!expected.empty() && expected != found) {
+        throw orbits::DataError(
+            fmt::format("{}: is not the file the job was made for: its SHA-256 is {}, the job says {}", path.string(),
+                        found, expected));
+    }
+    expected = found;
+}
+
+void sign_files(Job& job) {
+    for (DataJob& data : job.data) {
+        if (data.file) sign(data.file->path, data.file->sha256);
+    }
+    if (job.orbits && job.orbits->file) sign(*job.orbits->file, job.orbits->sha256);
+}
+
+bool wants(const RunOptions& options, Stage stage) {
+    return options.stage == Stage::all || options.stage == stage;
+}
+
+void print(const std::string& text) {
+    std::fputs(text.c_str(), stdout);
+}
+
+bool is_section_search(const Job& job) {
+    return job.orbits && !job.orbits->file;
+}
+
+int exit_code(estimator::EstimateStatus status) {
+    switch (status) {
+        case estimator::EstimateStatus::converged:
+            return success;
+        case estimator::EstimateStatus::interrupted:
+            return interrupted;
+        default:
+            return no_valid_answer;
+    }
+}
+
+/// Runs the stages that the command and the job name; the exit code is the worst of theirs.
+int run_stages(const Workspace& work) {
+    const Job& job = work.job;
+    const bool estimating = wants(work.options, Stage::estimate) && job.estimate;
+    const bool searching = job.orbits && (wants(work.options, Stage::orbits) || (estimating && job.estimate->cycles));
+    const bool loading = wants(work.options, Stage::simulate) || (searching && is_section_search(job)) ||
+                         (estimating && (job.estimate->series || is_section_search(job)));
+    int code = success;
+
+    std::vector<Experiment> data;
+    if (loading) data = load_data(work);
+
+    orbits::CycleSearch search;
+    if (searching && !work.interruption.asked()) {
+        search = load_cycles(work, data);
+        if (wants(work.options, Stage::orbits)) print(cycles_summary(search));
+        if (search.cycles.empty()) code = no_valid_answer;
+        if (is_section_search(job) && work.system().dimension() >= 2) {
+            SectionPlotOptions plot;
+            plot.title = job.title;
+            write_atomically(work.file("section.svg"),
+                             section_svg(data[job.orbits->data].series, plotted(search.cycles), plot));
+        }
+    }
+    if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {
+        const auto orbits = compute_orbits(work);
+        print(orbits_summary(orbits));
+        const bool any = std::any_of(orbits.begin(), orbits.end(), [](const periodic::PeriodicOrbit& orbit) {
+            return orbit.status == periodic::OrbitStatus::converged;
+        });
+        if (!any) code = no_valid_answer;
+    }
+    if (estimating) {
+        const EstimateOutcome outcome = run_estimate(work, data, search);
+        print(estimate_summary(outcome.estimate, outcome.context, job.title));
+        code = std::max(code, exit_code(outcome.estimate.status));
+    } else if (work.interruption.asked()) {
+        code = interrupted;
+    }
+    return code;
+}
+
+/// The stage a single-stage command names must stand in the job.
+std::optional<std::string> missing_block(const Job& job, Stage stage) {
+    if (stage == Stage::simulate && job.data.empty()) return "simulate needs a \"data\" block in the job";
+    if (stage == Stage::orbits && !job.orbits) return "orbits needs an \"orbits\" block in the job";
+    if (stage == Stage::periodic && !job.periodic) return "periodic needs a \"periodic\" block in the job";
+    if (stage == Stage::estimate && !job.estimate) return "estimate needs an \"estimate\" block in the job";
+    const bool nothing = job.data.empty() && !job.orbits && !job.periodic && !job.estimate;
+    if (stage == Stage::all && nothing) return "the job names no stage: nothing to run";
+    return std::nullopt;
+}
+
+}  // namespace
+
+int run_job(const Job& asked, const RunOptions& options) {
+    if (const auto missing = missing_block(asked, options.stage)) {
+        fmt::print(stderr, "{}: {}\n", asked.source.string(), *missing);
+        return wrong_call;
+    }
+    Progress progress(options.quiet);
+    const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::thread::hardware_concurrency());
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    const InterruptionGuard interruption;
+    try {
+        Job job = asked;
+        sign_files(job);
+        const nlohmann::ordered_json ordered = job_document(job, options.out, versions());
+        const nlohmann::json document = nlohmann::json::parse(ordered.dump());
+        prepare_output_folder(options.out, document, options.force);
+        remove_leftover_temporaries(options.out);
+        write_atomically(options.out / "job.json", job_text(job, options.out, versions()));
+
+        const Workspace work{job, options, document, progress, interruption};
+        const int code = run_stages(work);
+        write_atomically(options.out / "timing.json", timing_text(progress.times(), threads, versions()));
+        write_atomically(options.out / "log.txt", progress.log_text());
+        return code;
+    } catch (const FolderRefused& error) {
+        fmt::print(stderr, "{}\n", error.what());
+        return wrong_call;
+    } catch (const StaleFile& error) {
+        fmt::print(stderr, "{}\n", error.what());
+        return wrong_call;
+    } catch (const orbits::DataError& error) {
+        fmt::print(stderr, "{}\n", error.what());
+        return unusable_data;
+    }
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/interruption.hpp"
+#include "apps/job.hpp"
+#include "apps/progress.hpp"
+#include "apps/result_file.hpp"
+#include "apps/run.hpp"
+#include "orbits/series.hpp"
+
+namespace orbid::apps {
+
+/// A single-stage command found a file of an earlier stage that belongs to another job.
+class StaleFile : public std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+/// What the stages of one run share.
+struct Workspace {
+    const Job& job;
+    const RunOptions& options;
+    const nlohmann::json& document;  ///< the complete job, as job.json holds it
+    Progress& progress;
+    const InterruptionGuard& interruption;
+
+    [[nodiscard]] std::filesystem::path file(const std::string& name) const { return options.out / name; }
+    [[nodiscard]] const models::System& system() const { return *job.model.system; }
+};
+
+/// May the file of an earlier stage be used? Compares the fingerprint in it (as text; empty: none) with what the job
+/// wants.
+///
+/// @return true when they agree; false when the stage has to run anew.
+/// @throws StaleFile naming file and key when they differ and only a later stage was asked for.
+[[nodiscard]] bool reusable(const Workspace& work, Stage stage, const std::filesystem::path& file,
+                            const std::string& stored_fingerprint, const Fingerprint& wanted);
+
+}  // namespace orbid::apps
