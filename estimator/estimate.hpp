@@ -46,7 +46,7 @@ struct EstimateOptions {
     int maximum_iterations = 200;  ///< theta steps, over all rounds, > 0
     int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, > 0
     double step_tolerance = 1e-6;  ///< converged when every step is below this many posterior sds (see Minimum), > 0
-    double relative_singular_value = 1e-9;  ///< below this share of the largest, a direction carries no information
+    double relative_singular_value = 3e-8;  ///< below this share of the largest, a direction carries no information
     std::function<bool()> interrupted;      ///< asked between steps; empty = never
     std::function<void(int iteration, double objective)> progress;  ///< called after every accepted step; may be empty
 };

@@ -1,0 +1,358 @@
+#include "estimator/estimate.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "estimator/posterior.hpp"
+#include "estimator/problem_setup.hpp"
+
+namespace orbid::estimator {
+
+namespace {
+
+constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
+
+std::string label(const Problem& problem, const ActiveBlock& block) {
+    const Residual& residual = *problem.residuals[block.residual];
+    return std::string(residual.type()) + " \"" + residual.layout()[block.block].label + "\"";
+}
+
+EstimateStatus status_of(Outcome outcome) {
+    switch (outcome) {
+        case Outcome::converged:
+            return EstimateStatus::converged;
+        case Outcome::no_progress:
+        case Outcome::blocks_stopped:
+            return EstimateStatus::no_progress;
+        case Outcome::iteration_limit:
+            return EstimateStatus::iteration_limit;
+        case Outcome::interrupted:
+            return EstimateStatus::interrupted;
+        case Outcome::start_failed:
+        case Outcome::no_freedom:
+            break;
+    }
+    return EstimateStatus::failed;
+}
+
+/// The rounds of one estimate: minimise, take out blocks that stopped, let the residuals look again.
+class Rounds {
+public:
+    Rounds(const Problem& problem, State& state) : problem_(problem), state_(state) {
+        for (const Residual* residual : problem.residuals) {
+            ResidualCount count{std::string(residual->type()), 0, 0, 0, 0};
+            count.lost = static_cast<int>(std::count_if(residual->layout().begin(), residual->layout().end(),
+                                                        [](const BlockLayout& block) { return !block.active; }));
+            counts.push_back(count);
+        }
+    }
+
+    void run();
+
+    BlockSet set;
+    Minimum minimum;
+    Ledger ledger;
+    std::vector<ResidualCount> counts;
+
+private:
+    bool suspend_stopped();
+    bool refresh();
+    void adopt_latents(std::size_t residual, const std::vector<bool>& was_active);
+
+    const Problem& problem_;
+    State& state_;
+};
+
+/// Takes the stopped blocks out. False when too much would be lost: half of a residual's blocks or more.
+bool Rounds::suspend_stopped() {
+    std::vector<std::size_t> lost(problem_.residuals.size(), 0);
+    std::vector<std::size_t> active(problem_.residuals.size(), 0);
+    for (const ActiveBlock& block : set.blocks)
+        ++active[block.residual];
+    for (const std::size_t b : minimum.stopped)
+        ++lost[set.blocks[b].residual];
+    for (std::size_t r = 0; r < lost.size(); ++r)
+        if (2 * lost[r] >= std::max<std::size_t>(active[r], 1) && lost[r] > 0) return false;
+    for (const std::size_t b : minimum.stopped) {
+        problem_.residuals[set.blocks[b].residual]->suspend(set.blocks[b].block);
+        ++counts[set.blocks[b].residual].lost;
+    }
+    return true;
+}
+
+/// Blocks that are new, or came back, start from the residual's own latent states.
+void Rounds::adopt_latents(std::size_t residual, const std::vector<bool>& was_active) {
+    const auto fresh = problem_.residuals[residual]->initial_latents();
+    const auto& layout = problem_.residuals[residual]->layout();
+    auto& latents = state_.latents[residual];
+    latents.resize(layout.size());
+    for (std::size_t b = 0; b < layout.size(); ++b) {
+        const bool kept = b < was_active.size() && was_active[b] && latents[b].size() == layout[b].latents;
+        if (!kept) latents[b] = fresh[b];
+    }
+}
+
+bool Rounds::refresh() {
+    bool changed = false;
+    std::size_t first = 0;
+    for (std::size_t r = 0; r < problem_.residuals.size(); ++r) {
+        Residual& residual = *problem_.residuals[r];
+        std::vector<bool> was_active;
+        for (const BlockLayout& block : residual.layout())
+            was_active.push_back(block.active);
+        const auto groups = static_cast<Eigen::Index>(residual.groups().size());
+        const Eigen::VectorXd scales = state_.ln_scale.segment(static_cast<Eigen::Index>(first), groups).array().exp();
+        const RefreshReport report = residual.refresh(state_.theta, state_.latents[r], scales);
+        first += residual.groups().size();
+        counts[r].lost += report.lost;
+        counts[r].rejected += report.rejected;
+        counts[r].added += report.added;
+        if (report.changed) adopt_latents(r, was_active);
+        changed = changed || report.changed;
+    }
+    return changed;
+}
+
+void Rounds::run() {
+    const int limit = problem_.options.maximum_rounds;
+    for (ledger.round = 1;; ++ledger.round) {
+        set = freeze(problem_.residuals, problem_.channels);
+        minimum = Minimum{};
+        if (set.records == 0) {
+            minimum.message = "no residual record takes part";
+            return;
+        }
+        minimum = minimise(problem_, set, state_, ledger);
+        const bool last = ledger.round >= limit;
+        if (minimum.outcome == Outcome::start_failed || minimum.outcome == Outcome::blocks_stopped) {
+            const bool at_start = minimum.outcome == Outcome::start_failed;
+            minimum.message =
+                (at_start ? "cannot be evaluated at the start: " : "stopped three steps in a row: ") +
+                label(problem_, set.blocks[minimum.stopped.front()]) +
+                (minimum.stopped.size() > 1 ? " and " + std::to_string(minimum.stopped.size() - 1) + " more of " +
+                                                  std::to_string(set.blocks.size()) + " blocks"
+                                            : "");
+            if (last || !suspend_stopped()) return;
+            if (at_start) continue;
+        } else if (minimum.outcome != Outcome::converged && minimum.outcome != Outcome::no_progress) {
+            return;
+        }
+        if (last) {
+            if (limit > 1 && minimum.outcome == Outcome::converged) {
+                minimum.outcome = Outcome::iteration_limit;
+                minimum.message = "the limit of " + std::to_string(limit) +
+                                  " rounds is reached while the set of blocks still changes";
+            }
+            return;
+        }
+        const bool stopped = minimum.outcome == Outcome::blocks_stopped;
+        if (!refresh() && !stopped) return;
+    }
+}
+
+Estimated bare(const FreeParameter& parameter, double value) {
+    Estimated result;
+    result.name = parameter.name;
+    result.unit = parameter.unit;
+    result.value = value;
+    result.start = parameter.start;
+    result.sd = result.lower95 = result.upper95 = result.laplace_sd = nan_value;
+    result.interval_method = "none";
+    return result;
+}
+
+void fill_parameters(const Problem& problem, const State& state, const Minimum& minimum, const Posterior& posterior,
+                     Estimate& estimate) {
+    const Eigen::Index q = state.theta.size();
+    Eigen::VectorXd slope(q);
+    std::vector<bool> known(static_cast<std::size_t>(q), false);
+    for (Eigen::Index i = 0; i < q; ++i) {
+        const auto index = static_cast<std::size_t>(i);
+        const Coordinate& coordinate = problem.coordinates[index];
+        slope[i] = coordinate.slope(state.theta[i]);
+        Estimated result = bare(problem.parameters[index], state.theta[i]);
+        const int side = minimum.step.active[index];
+        if (side != 0) result.at_bound = side < 0 ? "lower" : "upper";
+        const Uncertainty uncertainty = posterior.along(Eigen::VectorXd::Unit(q, i));
+        result.interval_method = uncertainty.method;
+        result.sd = uncertainty.sd * slope[i];
+        result.laplace_sd = uncertainty.laplace_sd * slope[i];
+        result.lower95 = coordinate.natural(state.u[i] - uncertainty.quantile * uncertainty.sd);
+        result.upper95 = coordinate.natural(state.u[i] + uncertainty.quantile * uncertainty.sd);
+        known[index] = std::isfinite(result.sd);
+        if (side == 0) {
+            const double data = posterior.identifiable().data_variance[i];
+            result.data_share = std::isfinite(data) ? std::clamp(posterior.laplace()(i, i) / data, 0.0, 1.0) : 0.0;
+        }
+        estimate.parameters.push_back(std::move(result));
+    }
+    estimate.covariance = slope.asDiagonal() * posterior.covariance() * slope.asDiagonal();
+    estimate.correlation.resize(q, q);
+    for (Eigen::Index i = 0; i < q; ++i)
+        for (Eigen::Index j = 0; j < q; ++j) {
+            const bool both = known[static_cast<std::size_t>(i)] && known[static_cast<std::size_t>(j)];
+            if (!both) estimate.covariance(i, j) = nan_value;
+            const Eigen::MatrixXd& c = posterior.covariance();
+            estimate.correlation(i, j) = !both ? nan_value : i == j ? 1.0 : c(i, j) / std::sqrt(c(i, i) * c(j, j));
+        }
+}
+
+void fill_derived(const Problem& problem, const State& state, const Posterior& posterior,
+                  const std::vector<DerivedQuantity>& derived, Estimate& estimate) {
+    Eigen::VectorXd start(state.theta.size());
+    Eigen::VectorXd slope(state.theta.size());
+    for (std::size_t i = 0; i < problem.parameters.size(); ++i) {
+        start[static_cast<Eigen::Index>(i)] = problem.parameters[i].start;
+        slope[static_cast<Eigen::Index>(i)] = problem.coordinates[i].slope(state.theta[static_cast<Eigen::Index>(i)]);
+    }
+    for (const DerivedQuantity& quantity : derived) {
+        Estimated result;
+        result.name = quantity.name;
+        result.value = quantity.value(state.theta);
+        result.start = quantity.value(start);
+        const Uncertainty uncertainty = posterior.along(quantity.gradient(state.theta).cwiseProduct(slope));
+        result.sd = uncertainty.sd;
+        result.laplace_sd = uncertainty.laplace_sd;
+        result.interval_method = uncertainty.method;
+        result.lower95 = result.value - uncertainty.quantile * uncertainty.sd;
+        result.upper95 = result.value + uncertainty.quantile * uncertainty.sd;
+        estimate.derived.push_back(std::move(result));
+    }
+}
+
+void fill_scales(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
+                 const Posterior& posterior, Estimate& estimate) {
+    for (std::size_t c = 0; c < problem.channels.size(); ++c) {
+        const Channel& channel = problem.channels[c];
+        const Group& group = problem.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)];
+        EstimatedScale scale;
+        scale.group = group.name;
+        scale.unit = group.unit;
+        scale.factor = group.factor;
+        scale.estimated = group.scale.estimate;
+        scale.value = std::exp(state.ln_scale[static_cast<Eigen::Index>(c)]);
+        scale.uncertainty = scale.value * posterior.ln_scale_sd(static_cast<Eigen::Index>(c));
+        double square = 0.0;
+        for (std::size_t b = 0; b < set.blocks.size(); ++b)
+            for (std::size_t i = 0; i < set.blocks[b].channel.size(); ++i)
+                if (set.blocks[b].channel[i] == static_cast<int>(c)) {
+                    const double e = minimum.evaluation.values[b].e[static_cast<Eigen::Index>(i)];
+                    square += e * e;
+                    ++scale.count;
+                }
+        scale.rms = scale.count > 0 ? std::sqrt(square / static_cast<double>(scale.count)) : 0.0;
+        const Autocorrelation& correlation = posterior.autocorrelations()[c];
+        scale.lag1 = group.ordered ? correlation.lag1 : nan_value;
+        scale.correlation_records = correlation.records;
+        scale.effective_count = static_cast<double>(scale.count) / correlation.records;
+        estimate.effective_count += scale.effective_count;
+        estimate.scales.push_back(std::move(scale));
+    }
+}
+
+void fill_blocks(const Problem& problem, const BlockSet& set, const State& state, Minimum& minimum,
+                 const Posterior* posterior, Estimate& estimate) {
+    estimate.latents = state.latents;
+    for (std::size_t r = 0; r < problem.residuals.size(); ++r) {
+        const std::size_t count = problem.residuals[r]->layout().size();
+        BlockValue none;
+        none.status = BlockStatus::failed;
+        estimate.residuals.emplace_back(count, none);
+        estimate.latent_sds.emplace_back();
+        for (const Eigen::VectorXd& z : state.latents[r])
+            estimate.latent_sds.back().push_back(Eigen::VectorXd::Constant(z.size(), nan_value));
+    }
+    if (posterior == nullptr) return;
+    for (std::size_t b = 0; b < set.blocks.size(); ++b) {
+        const ActiveBlock& block = set.blocks[b];
+        estimate.residuals[block.residual][block.block] = {BlockStatus::ok, minimum.evaluation.values[b].e, {}, {}};
+        estimate.latent_sds[block.residual][block.block] = posterior->latent_sds()[b];
+        ++estimate.counts[block.residual].used;
+    }
+}
+
+void describe(const Problem& problem, const Minimum& minimum, const Posterior& posterior, Estimate& estimate) {
+    const Identifiability& identifiable = posterior.identifiable();
+    estimate.singular_values = identifiable.singular_values;
+    estimate.null_directions = identifiable.null_directions;
+    std::string words;
+    for (const NullDirection& direction : identifiable.null_directions)
+        words += (words.empty() ? "" : "; ") + in_words(direction, problem.parameters);
+    if (!identifiable.undecided.empty()) {
+        if (estimate.status == EstimateStatus::converged) estimate.status = EstimateStatus::singular;
+        estimate.message = words + "; " + estimate.message;
+    } else if (!words.empty()) {
+        estimate.message += "; " + words + ": there the prior alone decides";
+    }
+    for (std::size_t i = 0; i < minimum.step.active.size(); ++i)
+        if (minimum.step.active[i] != 0)
+            estimate.message += "; " + problem.parameters[i].name + " is at its " +
+                                (minimum.step.active[i] < 0 ? "lower" : "upper") + " bound";
+    for (std::size_t c = 0; c < minimum.scale_at_floor.size(); ++c)
+        if (minimum.scale_at_floor[c])
+            estimate.message += "; the residuals of " + estimate.scales[c].group +
+                                " are at rounding level, their scale is held at its floor";
+    if (posterior.has_sandwich())
+        estimate.message += "; residuals are autocorrelated: intervals from " + std::to_string(posterior.clusters()) +
+                            " clusters of consecutive records";
+}
+
+}  // namespace
+
+std::string_view name(EstimateStatus status) {
+    switch (status) {
+        case EstimateStatus::converged:
+            return "converged";
+        case EstimateStatus::no_progress:
+            return "no_progress";
+        case EstimateStatus::iteration_limit:
+            return "iteration_limit";
+        case EstimateStatus::singular:
+            return "singular";
+        case EstimateStatus::failed:
+            return "failed";
+        case EstimateStatus::interrupted:
+            return "interrupted";
+    }
+    return "failed";
+}
+
+Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+                  const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {
+    const Problem problem = set_up(parameters, residuals, derived, options);
+    State state = initial_state(problem);
+    Rounds rounds(problem, state);
+    rounds.run();
+
+    Estimate result;
+    result.status = status_of(rounds.minimum.outcome);
+    result.message = rounds.minimum.message;
+    result.counts = rounds.counts;
+    result.iterations = rounds.ledger.iterations;
+    result.evaluations = rounds.ledger.evaluations;
+    result.rounds = rounds.ledger.round;
+    result.history = rounds.ledger.history;
+    if (result.status == EstimateStatus::failed) {
+        for (std::size_t i = 0; i < parameters.size(); ++i)
+            result.parameters.push_back(bare(parameters[i], state.theta[static_cast<Eigen::Index>(i)]));
+        fill_blocks(problem, rounds.set, state, rounds.minimum, nullptr, result);
+        return result;
+    }
+    const Posterior posterior(problem, rounds.set, state, rounds.minimum);
+    fill_parameters(problem, state, rounds.minimum, posterior, result);
+    fill_derived(problem, state, posterior, derived, result);
+    fill_scales(problem, rounds.set, state, rounds.minimum, posterior, result);
+    fill_blocks(problem, rounds.set, state, rounds.minimum, &posterior, result);
+    describe(problem, rounds.minimum, posterior, result);
+    const bool at_floor = std::any_of(rounds.minimum.scale_at_floor.begin(), rounds.minimum.scale_at_floor.end(),
+                                      [](bool floor) { return floor; });
+    result.trust_normal = at_floor || posterior.normal_enough(result.evaluations);
+    result.objective = posterior.objective();
+    result.log_likelihood = posterior.log_likelihood();
+    result.degrees_of_freedom = posterior.degrees_of_freedom();
+    return result;
+}
+
+}  // namespace orbid::estimator

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/bounded_step.hpp"
+#include "estimator/estimate.hpp"
+
+namespace orbid::estimator {
+
+/// What the data alone say about the parameters that are not held at a bound.
+struct Identifiability {
+    Eigen::VectorXd singular_values;             ///< of the condensed sensitivities in units of `column_size`
+    std::vector<NullDirection> null_directions;  ///< directions that leave the data unchanged, sparsest basis
+    std::vector<NullDirection> undecided;        ///< those of them that no prior decides either
+    std::vector<bool> undetermined;              ///< per parameter: takes part in an undecided direction
+    Eigen::VectorXd data_variance;  ///< posterior variance in u from the data alone; infinite in a null direction
+};
+
+/// @param r            condensed whitened sensitivities of the data, shape (q, q).
+/// @param size         size of each parameter in u (1 for log): unit of the components of null directions.
+/// @param column_size  prior sd where proper, else size: unit of the singular values.
+[[nodiscard]] Identifiability identifiability(const Eigen::MatrixXd& r, const BoundedStep& step,
+                                              const Eigen::VectorXd& size, const Eigen::VectorXd& column_size);
+
+/// "m, k2 and k3 enter only in a combination: m +1, k2 +1, k3 +1 leaves the data unchanged"
+[[nodiscard]] std::string in_words(const NullDirection& direction, const std::vector<FreeParameter>& parameters);
+
+}  // namespace orbid::estimator

@@ -1,0 +1,387 @@
+#include "estimator/minimum.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "estimator/trust_region.hpp"
+
+namespace orbid::estimator {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+/// After the convergence test is met, steps go on while they gain digits: at most this many, and not below this length
+/// in posterior sds, where nothing that is ever shown changes.
+constexpr int polishing_steps = 6;
+constexpr double polished = 1e-10;
+
+std::string figures(const char* format, double value) {
+    char text[96];
+    std::snprintf(text, sizeof text, format, value);
+    return text;
+}
+
+/// One minimisation: the state and everything derived from it at the present point.
+class Minimisation {
+public:
+    Minimisation(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger)
+        : problem_(problem), set_(set), state_(state), ledger_(ledger), failures_(set.blocks.size(), 0) {}
+
+    Minimum run();
+
+private:
+    bool start();
+    bool update_scales(bool profile);
+    void scale_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) const;
+    void build_model();
+    bool try_step(const TrialStep& step);
+    [[nodiscard]] double objective() const;
+    [[nodiscard]] bool any_scale_estimated() const {
+        for (std::size_t c = 0; c < problem_.errors.size(); ++c)
+            if (problem_.errors[c].estimate && set_.count[static_cast<Eigen::Index>(c)] > 0.0) return true;
+        return false;
+    }
+    [[nodiscard]] Eigen::VectorXd scale() const { return state_.ln_scale.array().exp(); }
+
+    const Problem& problem_;
+    const BlockSet& set_;
+    State& state_;
+    Ledger& ledger_;
+    Minimum minimum_;
+    Arrow arrow_;
+    StepModel model_;
+    std::vector<int> failures_;  ///< trial steps in a row at which each block failed
+    double radius_ = 0.0;
+    bool derivatives_at_trial_ = true;
+    double gain_ = 0.0;  ///< actual over predicted decrease of the last step
+    bool last_step_full_ = false;
+};
+
+bool Minimisation::start() {
+    minimum_.evaluation = evaluate(problem_.residuals, set_, state_.theta, state_.latents, true);
+    ++ledger_.evaluations;
+    if (!minimum_.evaluation.failed.empty()) {
+        minimum_.stopped = minimum_.evaluation.failed;
+        minimum_.outcome = Outcome::start_failed;
+        return false;
+    }
+    minimum_.rows = linearise(set_, minimum_.evaluation.values, problem_.coordinates, state_.theta);
+    minimum_.prior = prior_at(problem_, state_.u);
+    minimum_.scale_at_floor.assign(problem_.errors.size(), false);
+    if (!state_.scales_known) {
+        Eigen::VectorXd floor;
+        Eigen::VectorXd ceiling;
+        scale_limits(floor, ceiling);
+        for (std::size_t c = 0; c < problem_.errors.size(); ++c) {
+            const auto g = static_cast<Eigen::Index>(c);
+            if (problem_.errors[c].value > 0.0) continue;
+            state_.ln_scale[g] = ceiling[g] - std::log(1e3);  // the root mean square of the whitened residuals
+        }
+        state_.scales_known = true;
+    }
+    return true;
+}
+
+/// Floor: what rounding of theta and z alone does to the residuals. Ceiling: a thousand times their size.
+void Minimisation::scale_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) const {
+    const Eigen::Index channels = set_.count.size();
+    const Eigen::VectorXd unit_scale = Eigen::VectorXd::Ones(channels);
+    const Eigen::VectorXd size = sizes(problem_, state_.theta);
+    Eigen::VectorXd rounding = Eigen::VectorXd::Zero(channels);
+    Eigen::VectorXd square = Eigen::VectorXd::Zero(channels);
+    for (std::size_t b = 0; b < minimum_.rows.size(); ++b) {
+        const BlockRows& block = minimum_.rows[b];
+        const Eigen::MatrixXd rows = whitened(block, unit_scale);
+        const Eigen::VectorXd z = state_.latents[set_.blocks[b].residual][set_.blocks[b].block];
+        for (Eigen::Index i = 0; i < rows.rows(); ++i) {
+            const int c = block.channel[static_cast<std::size_t>(i)];
+            square[c] += rows(i, rows.cols() - 1) * rows(i, rows.cols() - 1);
+            rounding[c] += rows.row(i).head(block.latents).transpose().cwiseProduct(z).squaredNorm() +
+                           rows.row(i).segment(block.latents, size.size()).transpose().cwiseProduct(size).squaredNorm();
+        }
+    }
+    floor.resize(channels);
+    ceiling.resize(channels);
+    for (Eigen::Index c = 0; c < channels; ++c) {
+        const double count = std::max(set_.count[c], 1.0);
+        floor[c] = std::log(std::max(epsilon * std::sqrt(rounding[c] / count), 1e-290));
+        ceiling[c] = std::log(1e3) + std::max(floor[c], 0.5 * std::log(std::max(square[c] / count, 1e-290)));
+        if (is_proper(problem_.errors[static_cast<std::size_t>(c)].prior)) ceiling[c] = infinity;
+    }
+}
+
+double Minimisation::objective() const {
+    double value = set_.count.dot(state_.ln_scale) + 0.5 * set_.ln_det_shapes + minimum_.prior.value;
+    for (const BlockTriangle& block : arrow_.blocks)
+        value += 0.5 * block.triangle.rightCols(1).squaredNorm();
+    return value;
+}
+
+void Minimisation::build_model() {
+    arrow_ = whitened_arrow(minimum_.rows, scale());
+    const Eigen::VectorXd fallback = sizes(problem_, state_.theta);
+    const Condensed condensed = condense(arrow_, 0.0);
+    Eigen::VectorXd norm = condensed.r.colwise().norm().transpose();
+    for (Eigen::Index i = 0; i < norm.size(); ++i)
+        if (!(norm[i] > 0.0)) norm[i] = 1.0 / fallback[i];
+    model_.damping = model_.damping.size() == norm.size() ? Eigen::VectorXd(model_.damping.cwiseMax(norm)) : norm;
+    model_.arrow = &arrow_;
+    model_.prior = &minimum_.prior;
+    model_.bounds = {problem_.lower - state_.u, problem_.upper - state_.u};
+    model_.fallback = fallback;
+    model_.rank_tolerance = problem_.options.relative_singular_value;
+    minimum_.step = step_at(model_, 0.0).parameters;
+}
+
+bool Minimisation::update_scales(bool profile) {
+    build_model();
+    if (!any_scale_estimated()) return true;
+    Eigen::Index dead = 0;
+    for (const BlockTriangle& block : arrow_.blocks)
+        dead += std::count(block.dead.begin(), block.dead.end(), true);
+    const Eigen::Index taken = set_.latents - dead + minimum_.step.space.data.cols();
+    if (set_.records <= taken) {
+        minimum_.outcome = Outcome::no_freedom;
+        minimum_.message = std::to_string(set_.records) + " records cannot determine " + std::to_string(taken) +
+                           " parameters and latent states and an error scale as well";
+        return false;
+    }
+    for (std::size_t i = 0; i < minimum_.step.active.size(); ++i)
+        if (minimum_.step.active[i] != 0 && minimum_.step.d[static_cast<Eigen::Index>(i)] != 0.0) profile = false;
+    const ScaleProblem scales = scale_problem(problem_, set_, minimum_.rows, minimum_.prior, minimum_.step, profile);
+    Eigen::VectorXd floor;
+    Eigen::VectorXd ceiling;
+    scale_limits(floor, ceiling);
+    const ScaleMinimum found = minimise_scales(scales, state_.ln_scale, floor, ceiling);
+    if (found.steps > 0) ledger_.history.push_back({ledger_.round, "scales", true, found.before, found.after, 0.0, ""});
+    minimum_.scale_at_floor = found.at_floor;
+    // Damping and radius are kept in units of the whitened problem, which changes with the scales.
+    const Eigen::VectorXd before = condense(arrow_, 0.0).r.colwise().norm();
+    state_.ln_scale = found.x;
+    arrow_ = whitened_arrow(minimum_.rows, scale());
+    const Eigen::VectorXd after = condense(arrow_, 0.0).r.colwise().norm();
+    double old_size = 0.0;
+    double new_size = 0.0;
+    const Eigen::VectorXd size = sizes(problem_, state_.theta);
+    for (Eigen::Index i = 0; i < before.size(); ++i) {
+        if (!(before[i] > 0.0) || !(after[i] > 0.0)) continue;
+        old_size = std::hypot(old_size, model_.damping[i] * size[i]);
+        model_.damping[i] *= after[i] / before[i];
+        new_size = std::hypot(new_size, model_.damping[i] * size[i]);
+    }
+    if (old_size > 0.0) radius_ *= new_size / old_size;
+    build_model();
+    return true;
+}
+
+bool Minimisation::try_step(const TrialStep& step) {
+    State trial = state_;
+    for (Eigen::Index i = 0; i < trial.u.size(); ++i) {
+        const auto index = static_cast<std::size_t>(i);
+        trial.u[i] = std::clamp(state_.u[i] + step.parameters.d[i], problem_.lower[i], problem_.upper[i]);
+        if (step.parameters.active[index] < 0) trial.u[i] = problem_.lower[i];
+        if (step.parameters.active[index] > 0) trial.u[i] = problem_.upper[i];
+        trial.theta[i] = std::clamp(problem_.coordinates[index].natural(trial.u[i]), problem_.parameters[index].lower,
+                                    problem_.parameters[index].upper);
+    }
+    for (std::size_t b = 0; b < set_.blocks.size(); ++b)
+        trial.latents[set_.blocks[b].residual][set_.blocks[b].block] += step.latents[b];
+
+    ++ledger_.trials;
+    const double before = objective();
+    StepRecord record{ledger_.round, "theta", false, before, before, step.mu, ""};
+    const PriorModel prior = prior_at(problem_, trial.u);
+    double alpha = 0.25;  // share of the step to keep after a rejection
+    double change = infinity;
+    Evaluation evaluation;
+    std::vector<BlockRows> rows;
+    if (std::isfinite(prior.value)) {
+        evaluation = evaluate(problem_.residuals, set_, trial.theta, trial.latents, derivatives_at_trial_);
+        ++ledger_.evaluations;
+        for (std::size_t b = 0; b < failures_.size(); ++b)
+            failures_[b] = evaluation.values[b].status == BlockStatus::ok ? 0 : failures_[b] + 1;
+        if (!evaluation.failed.empty()) {
+            record.reason = "block failed";
+        } else {
+            change = prior.value - minimum_.prior.value;
+            for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
+                const Eigen::VectorXd& old_e = minimum_.evaluation.values[b].e;
+                const Eigen::VectorXd& new_e = evaluation.values[b].e;
+                Eigen::MatrixXd pair(old_e.size(), 2);
+                pair << new_e - old_e, new_e + old_e;
+                whiten(set_.blocks[b].channel, set_.blocks[b].cholesky, scale(), pair);
+                change += 0.5 * pair.col(0).dot(pair.col(1));
+            }
+            record.after = before + change;
+            // Tiny steps: the gradients at both ends keep what the difference of two objectives loses to rounding.
+            if (derivatives_at_trial_ && step.curvature < 1e-6) {
+                rows = linearise(set_, evaluation.values, problem_.coordinates, trial.theta);
+                const double slope =
+                    model_change(whitened_arrow(rows, scale()), step.parameters.d, step.latents).linear +
+                    prior.gradient.dot(step.parameters.d);
+                change = 0.5 * (step.slope + slope);
+                record.after = before + std::min(change, 0.0);
+            }
+            // Step length of the parabola through both values and the first slope.
+            if (change > 0.0) alpha = std::clamp(-0.5 * step.slope / (change - step.slope), 0.1, 0.5);
+        }
+    }
+    const double predicted = step.predicted_decrease();
+    gain_ = predicted > 0.0 ? -change / predicted : -infinity;
+    // A ten-thousandth of what was promised is the usual least gain that still proves convergence.
+    if (change < 0.0 && gain_ > 1e-4) {
+        record.accepted = true;
+        if (!derivatives_at_trial_) {
+            evaluation = evaluate(problem_.residuals, set_, trial.theta, trial.latents, true);
+            ++ledger_.evaluations;
+            if (!evaluation.failed.empty()) {
+                record.accepted = false;
+                record.reason = "block failed";
+            }
+        }
+    } else if (record.reason.empty()) {
+        record.reason = "no decrease";
+    }
+    if (!record.accepted) {
+        record.after = before;
+        ledger_.history.push_back(record);
+        radius_ = alpha * std::min(radius_, step.length);
+        derivatives_at_trial_ = false;
+        return false;
+    }
+    ledger_.history.push_back(record);
+    ++ledger_.iterations;
+    state_ = std::move(trial);
+    if (rows.empty()) rows = linearise(set_, evaluation.values, problem_.coordinates, state_.theta);
+    minimum_.evaluation = std::move(evaluation);
+    minimum_.rows = std::move(rows);
+    minimum_.prior = prior;
+    derivatives_at_trial_ = true;
+    if (gain_ < 0.25)
+        radius_ = 0.5 * std::min(radius_, step.length);
+    else if (gain_ > 0.75)
+        radius_ = std::max(radius_, 2.5 * step.length);
+    if (problem_.options.progress) problem_.options.progress(ledger_.iterations, record.after);
+    return true;
+}
+
+Minimum Minimisation::run() {
+    if (!start()) return std::move(minimum_);
+    if (!update_scales(false)) return std::move(minimum_);
+    // The first step may change every parameter by about its own size (a factor e in log coordinates).
+    radius_ = model_.damping.cwiseProduct(sizes(problem_, state_.theta)).norm();
+    for (std::size_t b = 0; b < set_.blocks.size(); ++b)
+        radius_ = std::hypot(
+            radius_,
+            arrow_.blocks[b]
+                .norm
+                .cwiseProduct(state_.latents[set_.blocks[b].residual][set_.blocks[b].block].cwiseAbs().cwiseMax(
+                    Eigen::VectorXd::Ones(arrow_.blocks[b].norm.size())))
+                .norm());
+    int rejected = 0;
+    int polish = 0;
+    double last_remaining = infinity;
+    while (true) {
+        TrialStep full = step_at(model_, 0.0);
+        minimum_.step = full.parameters;
+        minimum_.remaining = std::sqrt(std::max(full.curvature, 0.0));
+        const bool met = minimum_.remaining < problem_.options.step_tolerance;
+        if (met && (minimum_.remaining < polished || polish >= polishing_steps || rejected > 0 ||
+                    (polish > 1 && minimum_.remaining > 0.5 * last_remaining))) {
+            minimum_.outcome = Outcome::converged;
+            minimum_.message = "the full step that is left is " + figures("%.2g", minimum_.remaining) +
+                               " posterior sds, below " + figures("%.2g", problem_.options.step_tolerance);
+            break;
+        }
+        if (problem_.options.interrupted && problem_.options.interrupted()) {
+            minimum_.outcome = Outcome::interrupted;
+            minimum_.message = "interrupted after " + std::to_string(ledger_.iterations) + " steps";
+            break;
+        }
+        // Nothing below rounding can be gained by shorter steps still.
+        const bool hopeless = rejected >= 30 || radius_ < 1e-14 * model_.damping.cwiseProduct(model_.fallback).norm();
+        if (hopeless || (rejected >= 4 && minimum_.remaining < rounding_sds)) {
+            const bool small = minimum_.remaining < rounding_sds;
+            minimum_.outcome = small ? Outcome::converged : Outcome::no_progress;
+            minimum_.message = (small ? "no shorter step decreases the objective and the full step that is left is "
+                                      : "no step decreases the objective although the full step that is left is ") +
+                               figures("%.2g", minimum_.remaining) + " posterior sds" +
+                               (small ? ": the rounding of the residuals is reached" : "");
+            break;
+        }
+        if (ledger_.trials >= problem_.options.maximum_iterations) {
+            minimum_.outcome = Outcome::iteration_limit;
+            minimum_.message = "the limit of " + std::to_string(problem_.options.maximum_iterations) +
+                               " steps is reached; the full step that is left is " +
+                               figures("%.2g", minimum_.remaining) + " posterior sds";
+            break;
+        }
+        if (met) ++polish;
+        last_remaining = minimum_.remaining;
+        const TrialStep step = full.length <= 1.1 * radius_ ? full : step_within(model_, radius_);
+        last_step_full_ = step.mu == 0.0;
+        if (try_step(step)) {
+            rejected = 0;
+            if (!update_scales(last_step_full_ && gain_ > 0.5 && gain_ < 1.5)) break;
+            continue;
+        }
+        ++rejected;
+        for (std::size_t b = 0; b < failures_.size(); ++b)
+            if (failures_[b] >= 3) minimum_.stopped.push_back(b);
+        if (!minimum_.stopped.empty()) {
+            minimum_.outcome = Outcome::blocks_stopped;
+            break;
+        }
+    }
+    return std::move(minimum_);
+}
+
+}  // namespace
+
+PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u) {
+    PriorModel model{0.0, Eigen::VectorXd::Zero(u.size()), Eigen::VectorXd::Zero(u.size())};
+    for (Eigen::Index i = 0; i < u.size(); ++i) {
+        const auto index = static_cast<std::size_t>(i);
+        const PriorTerm term = problem.coordinates[index].term(problem.parameters[index].prior, u[i]);
+        model.value += term.value;
+        model.gradient[i] = term.gradient;
+        model.curvature[i] = term.curvature;
+    }
+    return model;
+}
+
+Eigen::VectorXd sizes(const Problem& problem, const Eigen::VectorXd& theta) {
+    Eigen::VectorXd size(theta.size());
+    for (Eigen::Index i = 0; i < theta.size(); ++i) {
+        const auto index = static_cast<std::size_t>(i);
+        size[i] = problem.coordinates[index].scale == Scale::log
+                      ? 1.0
+                      : std::max(std::abs(theta[i]), problem.parameters[index].typical_size);
+    }
+    return size;
+}
+
+ScaleProblem scale_problem(const Problem& problem, const BlockSet& set, const std::vector<BlockRows>& rows,
+                           const PriorModel& prior, const BoundedStep& step, bool profile) {
+    ScaleProblem scales;
+    scales.set = &set;
+    scales.rows = in_basis(rows, step.from_data);
+    scales.prior_rows = prior.curvature.cwiseSqrt().asDiagonal() * step.decided;
+    scales.prior_gradient = step.decided.transpose() * prior.gradient;
+    for (std::size_t c = 0; c < problem.errors.size(); ++c) {
+        scales.priors.push_back(problem.errors[c].prior);
+        scales.free.push_back(problem.errors[c].estimate && set.count[static_cast<Eigen::Index>(c)] > 0.0);
+    }
+    scales.restricted = problem.options.variance == Variance::restricted;
+    scales.profile = profile;
+    return scales;
+}
+
+Minimum minimise(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger) {
+    return Minimisation(problem, set, state, ledger).run();
+}
+
+}  // namespace orbid::estimator

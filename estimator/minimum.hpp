@@ -1,0 +1,86 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/block_set.hpp"
+#include "estimator/bounded_step.hpp"
+#include "estimator/coordinate.hpp"
+#include "estimator/error_scale.hpp"
+#include "estimator/estimate.hpp"
+#include "estimator/linearisation.hpp"
+
+namespace orbid::estimator {
+
+/// What does not change during an estimate.
+struct Problem {
+    std::vector<FreeParameter> parameters;
+    std::vector<Coordinate> coordinates;
+    Eigen::VectorXd lower;  ///< in coordinates u, the support of uniform priors included
+    Eigen::VectorXd upper;
+    std::vector<Residual*> residuals;
+    std::vector<Channel> channels;
+    std::vector<ErrorScale> errors;  ///< of each channel
+    EstimateOptions options;
+};
+
+/// Where the estimate stands.
+struct State {
+    Eigen::VectorXd theta;  ///< natural units
+    Eigen::VectorXd u;      ///< coordinates
+    Latents latents;
+    Eigen::VectorXd ln_scale;   ///< of each channel
+    bool scales_known = false;  ///< false: scales without a start value are taken from the first residuals
+};
+
+enum class Outcome { converged, no_progress, iteration_limit, interrupted, blocks_stopped, start_failed, no_freedom };
+
+/// The end of one minimisation with a frozen set of blocks.
+struct Minimum {
+    Outcome outcome = Outcome::start_failed;
+    std::string message;
+    Evaluation evaluation;             ///< at the state, with derivatives
+    std::vector<BlockRows> rows;       ///< linearisation at the state
+    PriorModel prior;                  ///< at the state
+    BoundedStep step;                  ///< the full step that is left: its basis and active bounds describe the minimum
+    std::vector<std::size_t> stopped;  ///< blocks that stopped three steps in a row, or failed at the start
+    std::vector<bool> scale_at_floor;
+    double remaining = 0.0;  ///< length of the full step that is left, in posterior sds
+};
+
+/// Counters and history over all rounds.
+struct Ledger {
+    int round = 0;
+    int iterations = 0;  ///< accepted steps of theta
+    int trials = 0;      ///< accepted and rejected ones
+    int evaluations = 0;
+    std::vector<StepRecord> history;
+};
+
+/// The parameter prior at u to second order.
+[[nodiscard]] PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u);
+
+/// Size of each parameter in its coordinate: 1 for log, max(|value|, typical size) for linear.
+[[nodiscard]] Eigen::VectorXd sizes(const Problem& problem, const Eigen::VectorXd& theta);
+
+/// Fisher information problem of the scales at a linearisation.
+[[nodiscard]] ScaleProblem scale_problem(const Problem& problem, const BlockSet& set,
+                                         const std::vector<BlockRows>& rows, const PriorModel& prior,
+                                         const BoundedStep& step, bool profile);
+
+/// Minimises (M8)/(M9) over theta, latent states and scales with the given blocks; (M11) with a trust region.
+///
+/// theta- and latent steps decrease Phi at fixed scales, scale steps decrease Phi_psi at a fixed linearisation.
+/// Converged: the full step that is left is shorter than `step_tolerance` in the metric of the posterior information
+/// (then every parameter's step is below that many of its posterior sds, and the gradient is as small in the inverse
+/// metric), with the scales at their minimum; some more steps are taken then as long as they gain digits. When no
+/// shorter step decreases Phi any more although its length is below `rounding_sds`, the residuals' own rounding is
+/// reached: converged too, and the message says so. Otherwise no_progress.
+[[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger);
+
+/// See minimise(): a thousandth of a sd is below anything a result shows.
+inline constexpr double rounding_sds = 1e-3;
+
+}  // namespace orbid::estimator

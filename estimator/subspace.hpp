@@ -1,0 +1,35 @@
+#pragma once
+
+#include <Eigen/Core>
+
+namespace orbid::estimator {
+
+/// The parameter space split by who decides: the data, the prior alone, nobody.
+///
+/// Steps are d = diag(1 / unit) V y with orthonormal V = [data | prior | flat], unit = norms of the sensitivity
+/// columns.
+struct Subspace {
+    Eigen::VectorXd unit;             ///< shape (q)
+    Eigen::MatrixXd data;             ///< shape (q, data rank)
+    Eigen::MatrixXd prior;            ///< data-null directions on which the prior is curved
+    Eigen::MatrixXd flat;             ///< directions that nothing decides
+    Eigen::MatrixXd left;             ///< left singular vectors that belong to `data`
+    Eigen::VectorXd singular_values;  ///< of the equilibrated matrix, descending, shape (q)
+
+    /// Basis of all directions that are decided, in coordinates u: diag(1 / unit) [data | prior].
+    [[nodiscard]] Eigen::MatrixXd decided() const;
+};
+
+/// Splits by the singular values of the equilibrated (unit columns) condensed sensitivity matrix.
+///
+/// Equilibration makes the decision independent of units and sizes of parameters, so that the rule speaks of
+/// cancellation between columns only.
+///
+/// @param r          shape (q, q): latent-condensed whitened sensitivities of the data, without prior.
+/// @param curvature  shape (q), >= 0: curvature of -ln prior.
+/// @param fallback   shape (q), > 0: size of a parameter in u, sets the unit of a column that is zero.
+/// @param tolerance  singular values below this share of the largest count as zero.
+[[nodiscard]] Subspace split(const Eigen::MatrixXd& r, const Eigen::VectorXd& curvature,
+                             const Eigen::VectorXd& fallback, double tolerance);
+
+}  // namespace orbid::estimator
