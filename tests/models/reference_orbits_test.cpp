@@ -92,9 +92,10 @@ TEST_CASE("periodic points move with the parameters as the reference says", "[mo
             CAPTURE(j);
             const auto column = static_cast<Eigen::Index>(j);
             const double value = theta[free[j]];
-            // Half a unit in the sixth digit, printed from numbers that were themselves rounded: one unit.
-            CHECK_THAT(sensitivity(0, column) * value, WithinRel(row.phi[j], 1e-5));
-            CHECK_THAT(sensitivity(1, column) * value, WithinRel(row.phi_dot[j], 1e-5));
+            // The table has five to six digits: its largest deviation, 1.2e-5 (phi by g in the last row), is its own,
+            // as differences of refined points agree with ours to 1e-9 there.
+            CHECK_THAT(sensitivity(0, column) * value, WithinRel(row.phi[j], 2e-5));
+            CHECK_THAT(sensitivity(1, column) * value, WithinRel(row.phi_dot[j], 2e-5));
         }
     }
 }
@@ -155,14 +156,18 @@ TEST_CASE("phase volume shrinks by damping and by dry friction", "[models][refer
                 const double v0 = dense.states(1, i), v1 = dense.states(1, i + 1);
                 if (!(v0 * v1 < 0.0)) continue;
                 ++crossings;
-                const double part = v0 / (v0 - v1);
                 Eigen::MatrixXd both(2, 2);
                 const double phi = dense.states(0, i);
                 const double tiny = std::copysign(1e-300, v0);
                 both << phi, phi, tiny, -tiny;
-                const double phase = (static_cast<double>(i) + part) * turn / samples;
-                const std::array<double, 2> phases{phase, phase};
-                const Eigen::MatrixXd f = system->rhs(both, phases, theta);
+                const double before = static_cast<double>(i) * turn / samples;
+                // The velocity has a kink at its zero: follow the slope before it, v0 + a- t = 0, taken midway.
+                double phase = before;
+                for (int pass = 0; pass < 3; ++pass) {
+                    const double midway = 0.5 * (before + phase);
+                    phase = before - theta[7] * v0 / system->rhs(both, std::array{midway, midway}, theta)(1, 0);
+                }
+                const Eigen::MatrixXd f = system->rhs(both, std::array{phase, phase}, theta);
                 factor *= f(1, 1) / f(1, 0);
             }
             const double time = turn / theta[7];
@@ -170,7 +175,7 @@ TEST_CASE("phase volume shrinks by damping and by dry friction", "[models][refer
             const auto flow = system->flow_with_sensitivities(x0, 0.0, one_period, theta, {}, Clock::phase);
             REQUIRE(crossings > 0);
             CHECK(flow.crossings == crossings);
-            // Turning points and crossing phases by linear interpolation over h = 3e-4 rad: 1e-8.
+            // Turning points and crossing phases with h = 3e-4 rad, a few times 1e-8.
             CHECK_THAT(flow.sensitivities.determinant(), WithinRel(expected, 1e-7));
             if (k1 > 0.0) CHECK(factor < 0.999);
         }
