@@ -22,7 +22,7 @@ namespace {
 
 // A neighbourhood of which the fit explains less than 99 % of the variance is no map: shuffled points leave about
 // 80 %, the clean pendulum less than 1e-4.
-constexpr double unexplained = 0.1;
+constexpr double unexplained = 0.3;
 
 // Standard deviation (scaled units) beyond which a cycle is not told from its neighbours (trials: 2e-3).
 constexpr double largest_sd = 2e-3;
@@ -42,7 +42,7 @@ constexpr double same_boxes = 0.3;
 constexpr double remarkable = 3.0;
 
 // Noise blurs a small neighbourhood: fits of this many times the asked neighbours are tried as well.
-constexpr std::array<double, 3> enlargements{1.0, 4.0, 16.0};
+constexpr std::array<double, 4> enlargements{1.0, 4.0, 16.0, 64.0};
 
 // A larger neighbourhood must bring the largest standard deviation down to this part to be preferred: a smaller gain
 // may be luck, and choosing the luckiest estimate makes it too small.
@@ -241,8 +241,9 @@ private:
             Draft wider = draft;
             wider.enlargement = enlargement;
             judge(wider, refine_cycle(section_, grid_, draft.points, fit(enlargement)));
-            if (!wider.accepted) continue;
-            if (!best.accepted || wider.largest_sd < worthwhile * best.largest_sd) best = std::move(wider);
+            const bool better = wider.accepted && (!best.accepted || wider.largest_sd < worthwhile * best.largest_sd);
+            if (better) best = std::move(wider);
+            if (!better && best.accepted) break;  // past the optimum: truncation takes over
         }
         draft = std::move(best);
     }

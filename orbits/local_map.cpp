@@ -161,20 +161,26 @@ Eigen::MatrixXd local_map_covariance(const Neighbourhood& neighbourhood, const L
     const Eigen::MatrixXd response = weight.asDiagonal() * neighbourhood.images;
     const Eigen::Index coefficients = design.cols();
     const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> factor(design);
-    const Eigen::MatrixXd solver = factor.solve(Eigen::MatrixXd::Identity(k, k));  // coefficients from weighted images
-    const Eigen::MatrixXd residual = response - design * (solver * response);      // shape (k, n)
+    // Thin factors only: neighbourhoods of thousands must not need matrices of k x k.
+    const Eigen::MatrixXd basis = factor.householderQ() * Eigen::MatrixXd::Identity(k, coefficients);
+    const Eigen::MatrixXd solver =  // shape (coefficients, k): coefficients from weighted images
+        factor.colsPermutation() * factor.matrixQR()
+                                       .topRows(coefficients)
+                                       .triangularView<Eigen::Upper>()
+                                       .solve(Eigen::MatrixXd(basis.transpose()));
+    const Eigen::MatrixXd residual = response - basis * (basis.transpose() * response);  // shape (k, n)
 
-    // Independent errors of equal size per image: weighted, they are no longer equal.
+    // Independent errors of equal size per image: weighted, they are no longer equal. What the fit leaves of them is
+    // |(1 - P) W|^2 = tr W (1 - P) W with the projector P = basis basis^T.
     const Eigen::MatrixXd independent = solver.topRows(n + 1) * weight.asDiagonal();
-    const Eigen::MatrixXd projected = Eigen::MatrixXd::Identity(k, k) - design * solver;
-    const double independent_share = (projected * weight.asDiagonal()).squaredNorm();
+    const double independent_share = weight.cwiseAbs2().dot((1.0 - basis.rowwise().squaredNorm().array()).matrix());
     // The next two orders; the second of them counts less, as in a convergent series.
     Eigen::MatrixXd remainder = monomials(neighbourhood.offsets, neighbourhood.radius, order + 1, order + 2);
     const Eigen::Index next = coefficient_count(n, order + 1) - coefficients;
     remainder.rightCols(remainder.cols() - next) *= 0.5;
     const Eigen::MatrixXd weighted_remainder = weight.asDiagonal() * remainder;
     const Eigen::MatrixXd smooth = solver.topRows(n + 1) * weighted_remainder;
-    const double smooth_share = (projected * weighted_remainder).squaredNorm();
+    const double smooth_share = (weighted_remainder - basis * (basis.transpose() * weighted_remainder)).squaredNorm();
 
     // Sum of squares and products of the residuals; the coordinates' errors are correlated, but the correlation of a
     // few effective residuals is not believed fully, or a combination would look too good.
