@@ -286,7 +286,7 @@ CycleFile read_cycles(const std::filesystem::path& path, const models::System& s
     if (!reading.file) {
         std::string lines;
         for (const Problem& problem : reading.problems) {
-            lines += (lines.empty() ? "" : "\n") + message(problem, path.string());
+            lines += fmt::format("{}{}", lines.empty() ? "" : "\n", message(problem, path.string()));
         }
         throw orbits::DataError(lines);
     }

@@ -58,7 +58,7 @@ double round_step(double rough) {
 std::string display_name(const std::string& name) {
     constexpr std::string_view suffix = "_dot";
     if (name.size() > suffix.size() && name.ends_with(suffix)) {
-        return "d" + letter(std::string_view(name).substr(0, name.size() - suffix.size())) + "/dt";
+        return fmt::format("d{}/dt", letter(std::string_view(name).substr(0, name.size() - suffix.size())));
     }
     return letter(name);
 }
@@ -66,7 +66,8 @@ std::string display_name(const std::string& name) {
 PlotAxis plot_axis(const orbits::SeriesCoordinate& coordinate, double lowest, double highest, int wanted) {
     constexpr double pi = std::numbers::pi;
     PlotAxis axis;
-    axis.label = display_name(coordinate.name) + (coordinate.unit.empty() ? "" : " [" + coordinate.unit + "]");
+    axis.label = coordinate.unit.empty() ? display_name(coordinate.name)
+                                         : fmt::format("{} [{}]", display_name(coordinate.name), coordinate.unit);
     if (coordinate.angle) {
         axis.circle = true;
         axis.lower = -pi;

@@ -13,7 +13,7 @@
 namespace orbid::apps {
 namespace {
 
-constexpr int bar_width = 24;                                     // leaves room for the words in 80 columns
+constexpr int bar_width = 20;  // leaves room for rate, remaining time and a word in 80 columns
 constexpr auto shortest_redraw = std::chrono::milliseconds(100);  // smooth to the eye, no cost
 
 /// 1234567 -> "1.23 M": three digits and a prefix are all one can read while it changes.
