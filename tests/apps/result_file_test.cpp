@@ -129,7 +129,7 @@ TEST_CASE("residuals.csv reads back to the bit, undefined cells are empty", "[ap
     const std::string start = "run1,\"segment, \"\"a\"\"\",phi,";
     REQUIRE(line.substr(0, start.size()) == start);
     CHECK(std::stod(line.substr(start.size())) == third);
-    CHECK(line.substr(line.size() - 12) == ",-1e-300,2,");
+    CHECK(line.substr(line.size() - 11) == ",-1e-300,2,");
     std::getline(text, line);
     CHECK(line == ",12,phi_dot,0,1,2,3");
     CHECK_FALSE(std::getline(text, line));
