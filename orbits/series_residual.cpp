@@ -1,0 +1,195 @@
+#include "orbits/series_residual.hpp"
+
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <numbers>
+
+#include "models/parameter.hpp"
+#include "orbits/initial_state.hpp"
+
+namespace orbid::orbits {
+
+using estimator::BlockStatus;
+using estimator::BlockValue;
+
+estimator::LatentStructure SeriesResidual::structure() const {
+    return free_.empty() ? estimator::LatentStructure::none : estimator::LatentStructure::independent_blocks;
+}
+
+double SeriesResidual::omega(const Eigen::VectorXd& all) const {
+    if (system_->kind() != models::Kind::forced) return 0.0;
+    return 2.0 * std::numbers::pi / system_->period(all, models::Clock::time);
+}
+
+/// d omega / d(parameter) for the estimated parameters: a difference of the model's own period, which in the models we
+/// know is omega itself (slope 1) or does not move at all (slope 0 exactly).
+Eigen::VectorXd SeriesResidual::omega_slopes(const Eigen::VectorXd& all) const {
+    Eigen::VectorXd slopes = Eigen::VectorXd::Zero(std::ssize(binding_.parameter));
+    if (system_->kind() != models::Kind::forced) return slopes;
+    for (std::size_t j = 0; j < binding_.parameter.size(); ++j) {
+        const Eigen::Index parameter = binding_.parameter[j];
+        Eigen::VectorXd above = all, below = all;
+        const double h = 1e-5 * std::abs(all[parameter]);  // the truncation of a smooth function: 1e-10 relative
+        above[parameter] += h;
+        below[parameter] -= h;
+        if (h > 0.0) slopes[static_cast<Eigen::Index>(j)] = (omega(above) - omega(below)) / (2.0 * h);
+    }
+    return slopes;
+}
+
+Eigen::VectorXd SeriesResidual::state(const Eigen::VectorXd& latents) const {
+    assert(latents.size() == std::ssize(free_));
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(system_->dimension());
+    for (std::size_t i = 0; i < options_.initial.size(); ++i) {
+        x[static_cast<Eigen::Index>(i)] = options_.initial[i].value;  // free ones are overwritten below
+    }
+    for (std::size_t i = 0; i < free_.size(); ++i)
+        x[free_[i]] = latents[static_cast<Eigen::Index>(i)];
+    return x;
+}
+
+Eigen::VectorXd SeriesResidual::guess(std::size_t segment, const Eigen::VectorXd& all) const {
+    const Segment& data = series_.segments[segment];
+    // All columns that the model knows help to start, also those that do not count as data. Their rows are put
+    // together anew, for the series may hold columns that are no coordinates.
+    Segment known{data.label, Eigen::MatrixXd(0, data.values.cols()), data.times};
+    std::vector<Eigen::Index> coordinates;
+    for (Eigen::Index row = 0; row < series_.dimension(); ++row) {
+        const Eigen::Index index = system_->coordinate_index(series_.coordinates[static_cast<std::size_t>(row)].name);
+        if (index < 0) continue;
+        known.values.conservativeResize(known.values.rows() + 1, Eigen::NoChange);
+        known.values.bottomRows(1) = data.values.row(row);
+        coordinates.push_back(index);
+    }
+    const double phase = series_.phase + omega(all) * data.times[0];
+    const Eigen::VectorXd x = initial_state(*system_, all, {known, coordinates, options_.sensor, phase});
+    Eigen::VectorXd latents(std::ssize(free_));
+    for (std::size_t i = 0; i < free_.size(); ++i) {
+        const auto coordinate = static_cast<std::size_t>(free_[i]);
+        const bool given = coordinate < options_.initial.size() && options_.initial[coordinate].start.has_value();
+        latents[static_cast<Eigen::Index>(i)] = given ? *options_.initial[coordinate].start : x[free_[i]];
+    }
+    return latents;
+}
+
+std::vector<Eigen::VectorXd> SeriesResidual::initial_latents() const {
+    const Eigen::VectorXd all = options_.start.size() > 0 ? binding_.values(options_.start) : binding_.base;
+    std::vector<Eigen::VectorXd> latents;
+    for (const Block& block : blocks_)
+        latents.push_back(guess(block.segment, all));
+    return latents;
+}
+
+std::vector<BlockValue> SeriesResidual::evaluate(const Eigen::VectorXd& theta,
+                                                 const std::vector<Eigen::VectorXd>& latents, bool derivatives) const {
+    assert(latents.size() == blocks_.size());
+    std::vector<BlockValue> values(blocks_.size());
+    const Eigen::VectorXd all = binding_.values(theta);
+    oneapi::tbb::parallel_for(std::size_t{0}, blocks_.size(), [&](std::size_t b) {
+        if (layout_[b].active) values[b] = value(blocks_[b], all, latents[b], derivatives);
+    });
+    return values;
+}
+
+/// The first phase is series.phase + omega t_first. Beginning later by dt in the same state leads to
+/// x(t) + [f(x(t)) - X f(x0)] dt: the solution shifted in time, and X carries back what the state should have moved.
+/// Per unit of omega dt = t_first / omega.
+void SeriesResidual::add_phase_shift(const Eigen::VectorXd& all, double first_time, std::span<const double> phases,
+                                     const Eigen::VectorXd& x0, models::FlowResult& flow) const {
+    if (first_time == 0.0 || system_->kind() != models::Kind::forced) return;
+    const Eigen::VectorXd slopes = omega_slopes(all);
+    if (slopes.isZero(0.0)) return;
+    const Eigen::Index n = system_->dimension();
+    const Eigen::Index directions = n + slopes.size();
+    const double shift = first_time / omega(all);
+    const Eigen::VectorXd f0 = system_->rhs(x0, phases.first(1), all);
+    const Eigen::MatrixXd f = system_->rhs(flow.states, phases, all);
+    for (Eigen::Index k = 0; k < f.cols(); ++k) {
+        auto s = flow.sensitivities.middleCols(k * directions, directions);
+        const Eigen::VectorXd moved = shift * (f.col(k) - s.leftCols(n) * f0);
+        s.rightCols(slopes.size()) += moved * slopes.transpose();
+    }
+}
+
+BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all, const Eigen::VectorXd& latents,
+                                 bool derivatives) const {
+    BlockValue failed;
+    failed.status = BlockStatus::failed;
+    const Eigen::VectorXd x0 = state(latents);
+    if (!x0.allFinite()) return failed;
+    for (Eigen::Index i = 0; i < all.size(); ++i) {
+        if (!models::contains(system_->parameters()[static_cast<std::size_t>(i)].domain, all[i])) return failed;
+    }
+    const Segment& data = series_.segments[block.segment];
+    const auto samples = static_cast<std::size_t>(data.times.size());
+    const double first = data.times[0];
+    const double frequency = omega(all);
+    std::vector<double> durations(samples), phases(samples);
+    for (std::size_t k = 0; k < samples; ++k) {
+        durations[k] = data.times[static_cast<Eigen::Index>(k)] - first;
+        phases[k] = series_.phase + frequency * data.times[static_cast<Eigen::Index>(k)];
+    }
+    const std::span<const Eigen::Index> free(binding_.parameter);
+    auto flow = derivatives ? system_->flow_with_sensitivities(x0, phases[0], durations, all, free, models::Clock::time,
+                                                               options_.flow)
+                            : system_->flow(x0, phases[0], durations, all, models::Clock::time, options_.flow);
+    if (flow.status != models::FlowStatus::ok) return failed;
+    if (derivatives) add_phase_shift(all, first, phases, x0, flow);
+    const auto read = system_->readings(options_.sensor, flow.states, phases, all,
+                                        derivatives ? std::optional<std::span<const Eigen::Index>>(free) : std::nullopt,
+                                        options_.flow);
+    if (read.status != models::FlowStatus::ok) return failed;
+
+    const Eigen::Index n = system_->dimension();
+    const auto parameters = std::ssize(binding_.parameter);
+    const Eigen::Index directions = n + parameters;
+    const auto records = std::ssize(block.records);
+    BlockValue result;
+    result.e.resize(records);
+    Eigen::MatrixXd by_parameter = Eigen::MatrixXd::Zero(derivatives ? records : 0, parameters);
+    if (derivatives) result.e_z = Eigen::MatrixXd::Zero(records, std::ssize(free_));
+    Eigen::RowVectorXd total(directions);
+    for (Eigen::Index r = 0; r < records; ++r) {
+        const auto [coordinate, k] = block.records[static_cast<std::size_t>(r)];
+        if (k < 0) {  // the prior of an initial coordinate: its mean is the reading, the coordinate the prediction
+            result.e[r] = options_.initial[static_cast<std::size_t>(coordinate)].value - x0[coordinate];
+            if (system_->coordinates()[static_cast<std::size_t>(coordinate)].angle) {
+                result.e[r] = models::wrapped(result.e[r]);
+            }
+            total.setZero();
+            total[coordinate] = 1.0;
+        } else {
+            result.e[r] = data.values(block.rows[static_cast<std::size_t>(r)], k) - read.readings(coordinate, k);
+            if (system_->coordinates()[static_cast<std::size_t>(coordinate)].angle) {
+                result.e[r] = models::wrapped(result.e[r]);
+            }
+            if (!derivatives) continue;
+            const auto at = read.derivatives.block(coordinate, k * directions, 1, directions);
+            total.noalias() = at.leftCols(n) * flow.sensitivity(k, directions);
+            total.rightCols(parameters) += at.rightCols(parameters);
+        }
+        if (!derivatives) continue;
+        by_parameter.row(r) = -total.rightCols(parameters);
+        for (std::size_t i = 0; i < free_.size(); ++i) {
+            result.e_z(r, static_cast<Eigen::Index>(i)) = -total[free_[i]];
+        }
+    }
+    if (derivatives) result.e_theta = binding_.spread(by_parameter);
+    if (!result.e.allFinite() || !result.e_theta.allFinite() || !result.e_z.allFinite()) return failed;
+    return result;
+}
+
+estimator::RefreshReport SeriesResidual::refresh(const Eigen::VectorXd& /*theta*/,
+                                                 const std::vector<Eigen::VectorXd>& /*latents*/,
+                                                 const Eigen::VectorXd& /*scales*/) {
+    return {};
+}
+
+void SeriesResidual::suspend(std::size_t block) {
+    layout_.at(block).active = false;
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,150 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/residual.hpp"
+#include "models/system.hpp"
+#include "orbits/series.hpp"
+
+namespace orbid::orbits {
+
+/// What is known of one coordinate of the states in which the segments begin.
+struct InitialStateRule {
+    enum class Kind {
+        estimate,  ///< free, one value per segment
+        fixed,     ///< `value` in every segment
+        normal     ///< free, with the prior normal(value, sd): one more record per segment
+    };
+    Kind kind = Kind::estimate;
+    double value = 0.0;           ///< fixed: the value; normal: the mean
+    double sd = 0.0;              ///< normal: > 0
+    std::optional<double> start;  ///< estimate, normal: where the fit starts; empty = from the data
+};
+
+struct SeriesResidualOptions {
+    std::string name = "series";                ///< prefix of group names: "series.phi", "series.run1.phi"
+    std::vector<std::string> observe;           ///< coordinates of the series that count; empty = all of them
+    std::vector<std::size_t> segments;          ///< indices of the segments to fit; empty = all
+    models::Sensor sensor;                      ///< how the series was read
+    std::vector<InitialStateRule> initial;      ///< one per coordinate of the model; empty = all estimated
+    std::vector<estimator::ErrorScale> errors;  ///< one per observed coordinate, in that order; empty = all estimated
+    Eigen::VectorXd start;  ///< estimator's parameters from which initial states are guessed; empty = base
+    models::FlowOptions flow;
+};
+
+/// How well a model predicts a segment.
+struct SegmentPrediction {
+    std::size_t segment = 0;
+    estimator::BlockStatus status = estimator::BlockStatus::ok;
+    Eigen::VectorXd state;        ///< shape (n): the initial state, fitted to this segment where it is free
+    Eigen::VectorXd rms;          ///< per observed coordinate, in its unit; nan without samples
+    double normalised_rms = 0.0;  ///< of all records, each divided by its group's scale
+};
+
+/// A sampled series minus its prediction from one initial state per segment (single shooting).
+///
+///     e_k = y_k - sensor(x(t_k)),   x' = f(x, omega t; theta),   x(t_first) = z
+///
+/// One block per fitted segment; its records are the samples of the first observed coordinate in time, then those of
+/// the second, ..., then one record per normal prior of the initial state. Missing samples have no record; differences
+/// of angles lie in (-pi, pi]. Latent states: the free coordinates of z, in the order of the model's. Groups: one per
+/// observed coordinate ("<name>.<coordinate>", ordered in time), then one per normal prior
+/// ("<name>.initial.<coordinate>", scale fixed).
+///
+/// Forced models: the phase at time t is series.phase + omega t. When omega is estimated and a segment does not begin
+/// at time 0, its first phase moves with omega; that is contained in the derivatives for the state sensor. With a
+/// difference sensor, whose reading depends on the phase, an estimated omega is refused.
+///
+/// Derivatives are those of the computed prediction (models::System::flow_with_sensitivities and readings). Parallel
+/// over segments, the same bytes with any number of threads. A flow that fails gives BlockStatus::failed.
+class SeriesResidual final : public estimator::Residual {
+public:
+    /// @param binding  which entries of the estimator's vector are which parameters of the system.
+    /// @throws std::invalid_argument naming value and rule: a section instead of samples, coordinates that the model or
+    ///         the series does not have, segments that do not exist or are named twice, no segment left, a segment
+    ///         with fewer samples than free coordinates of its initial state, intervals that differ between segments
+    ///         by more than 5 %, wrong lengths, sd of a prior not > 0.
+    SeriesResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding, Series series,
+                   SeriesResidualOptions options);
+
+    [[nodiscard]] std::string_view type() const override { return "series"; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] estimator::LatentStructure structure() const override;
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+                                                              const std::vector<Eigen::VectorXd>& latents,
+                                                              bool derivatives) const override;
+    /// Nothing to do between rounds: the set of segments stays as it is.
+    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                                     const Eigen::VectorXd& scales) override;
+    void suspend(std::size_t block) override;
+
+    /// Predicts segments at given parameters. Their free initial coordinates are fitted to the very segment by damped
+    /// Gauss-Newton on the sum of squares of e / scale (priors included), from the data as in initial_latents(): a
+    /// prediction of the course, not of its beginning.
+    ///
+    /// @param scales    shape (groups): s_g, > 0.
+    /// @param segments  indices into series().segments; may have been fitted or not.
+    [[nodiscard]] std::vector<SegmentPrediction> predict(const Eigen::VectorXd& theta, const Eigen::VectorXd& scales,
+                                                         const std::vector<std::size_t>& segments) const;
+
+    /// Where a record comes from. Priors have no sample: then `sample` is -1.
+    struct Record {
+        Eigen::Index coordinate = 0;  ///< of the model
+        Eigen::Index sample = 0;      ///< column of the segment
+    };
+    [[nodiscard]] const std::vector<Record>& records(std::size_t block) const { return blocks_[block].records; }
+    [[nodiscard]] std::size_t segment(std::size_t block) const { return blocks_[block].segment; }
+    [[nodiscard]] const Series& series() const { return series_; }
+    [[nodiscard]] const models::System& system() const { return *system_; }
+    /// The whole state in which a block begins, shape (n): free coordinates from its latents, fixed ones filled in.
+    [[nodiscard]] Eigen::VectorXd state(const Eigen::VectorXd& latents) const;
+    /// Model coordinates that are latent, ascending: the meaning of a block's latents.
+    [[nodiscard]] const std::vector<Eigen::Index>& free_coordinates() const { return free_; }
+
+private:
+    struct Block {
+        std::size_t segment = 0;
+        std::vector<Record> records;
+        std::vector<Eigen::Index> rows;  ///< of the segment's values, for each record
+        std::vector<int> group;
+    };
+
+    void choose_coordinates();
+    void choose_segments();
+    void check_binding() const;
+    void check_rules() const;
+    void make_groups();
+    [[nodiscard]] Block make_block(std::size_t segment) const;
+    [[nodiscard]] Eigen::VectorXd guess(std::size_t segment, const Eigen::VectorXd& all) const;
+    [[nodiscard]] estimator::BlockValue value(const Block& block, const Eigen::VectorXd& all,
+                                              const Eigen::VectorXd& latents, bool derivatives) const;
+    void add_phase_shift(const Eigen::VectorXd& all, double first_time, std::span<const double> phases,
+                         const Eigen::VectorXd& x0, models::FlowResult& flow) const;
+    [[nodiscard]] Eigen::VectorXd omega_slopes(const Eigen::VectorXd& all) const;
+    [[nodiscard]] SegmentPrediction predict_one(const Eigen::VectorXd& all, const Eigen::VectorXd& scales,
+                                                std::size_t segment) const;
+    [[nodiscard]] double omega(const Eigen::VectorXd& all) const;
+
+    std::shared_ptr<const models::System> system_;
+    models::ParameterBinding binding_;
+    Series series_;
+    SeriesResidualOptions options_;
+    std::vector<Eigen::Index> row_;       ///< per observed coordinate: row of the segments' values
+    std::vector<Eigen::Index> observed_;  ///< per observed coordinate: coordinate of the model
+    std::vector<Eigen::Index> free_;      ///< coordinates of the model that are latent
+    std::vector<Eigen::Index> priors_;    ///< coordinates with a normal prior
+    double interval_ = 0.0;
+    std::vector<estimator::Group> groups_;
+    std::vector<estimator::BlockLayout> layout_;
+    std::vector<Block> blocks_;
+};
+
+}  // namespace orbid::orbits

@@ -1,0 +1,193 @@
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "orbits/series_residual.hpp"
+
+namespace orbid::orbits {
+namespace {
+
+/// Sampling intervals of fitted segments may differ by this share, as times within one may: the group has one interval.
+constexpr double interval_tolerance = 0.05;
+
+void require(bool rule, const std::string& message) {
+    if (!rule) throw std::invalid_argument("series residual: " + message);
+}
+
+bool is_free(const std::vector<InitialStateRule>& rules, Eigen::Index coordinate) {
+    return rules.empty() || rules[static_cast<std::size_t>(coordinate)].kind != InitialStateRule::Kind::fixed;
+}
+
+double median_interval(const Segment& segment) {
+    std::vector<double> steps;
+    for (Eigen::Index k = 1; k < segment.times.size(); ++k)
+        steps.push_back(segment.times[k] - segment.times[k - 1]);
+    if (steps.empty()) return 0.0;
+    const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+    std::nth_element(steps.begin(), middle, steps.end());
+    return *middle;
+}
+
+}  // namespace
+
+SeriesResidual::SeriesResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
+                               Series series, SeriesResidualOptions options)
+    : system_(std::move(system)),
+      binding_(std::move(binding)),
+      series_(std::move(series)),
+      options_(std::move(options)) {
+    require(system_ != nullptr, "a system is needed");
+    require(series_.sampling == Series::Sampling::samples, "the series holds sections; samples in time are needed");
+    require(system_->kind() != models::Kind::map,
+            fmt::format("model {} is a map and predicts no samples in time", system_->name()));
+    check_binding();
+    check_rules();
+    choose_coordinates();
+    choose_segments();
+    make_groups();
+    for (const std::size_t s : options_.segments) {
+        blocks_.push_back(make_block(s));
+        estimator::BlockLayout layout;
+        layout.label = fmt::format("{}, segment {}", options_.name, series_.segments[s].label);
+        layout.group = blocks_.back().group;
+        layout.latents = std::ssize(free_);
+        layout_.push_back(std::move(layout));
+    }
+}
+
+void SeriesResidual::check_binding() const {
+    const auto q = std::ssize(system_->parameters());
+    require(binding_.base.size() == q,
+            fmt::format("base has {} parameters, model {} has {}", binding_.base.size(), system_->name(), q));
+    require(binding_.parameter.size() == binding_.estimated.size(),
+            "binding: parameter and estimated must have equal lengths");
+    for (std::size_t i = 0; i < binding_.parameter.size(); ++i) {
+        require(binding_.parameter[i] >= 0 && binding_.parameter[i] < q, "binding: no such parameter of the model");
+        require(binding_.estimated[i] >= 0 && binding_.estimated[i] < binding_.estimated_count,
+                "binding: no such estimated parameter");
+    }
+    require(options_.start.size() == 0 || options_.start.size() == binding_.estimated_count,
+            fmt::format("start has {} entries, must have {} or none", options_.start.size(), binding_.estimated_count));
+    if (options_.sensor.type == models::Sensor::Type::angle_difference && !omega_slopes(binding_.base).isZero(0.0)) {
+        require(false,
+                "the frequency of the forcing cannot be estimated with an angle_difference sensor: its reading depends "
+                "on the phase; hold the frequency, or observe the angle with the state sensor");
+    }
+}
+
+void SeriesResidual::check_rules() const {
+    const auto& rules = options_.initial;
+    require(rules.empty() || std::ssize(rules) == system_->dimension(),
+            fmt::format("{} rules for the initial state, the model has {} coordinates", rules.size(),
+                        system_->dimension()));
+    for (std::size_t i = 0; i < rules.size(); ++i) {
+        const auto name = system_->coordinates()[i].name;
+        require(std::isfinite(rules[i].value), fmt::format("initial {}: value must be a finite number", name));
+        require(!rules[i].start || std::isfinite(*rules[i].start),
+                fmt::format("initial {}: start must be a finite number", name));
+        require(rules[i].kind != InitialStateRule::Kind::normal || (rules[i].sd > 0.0 && std::isfinite(rules[i].sd)),
+                fmt::format("initial {}: sd of the prior is {}, must be > 0", name, rules[i].sd));
+    }
+}
+
+void SeriesResidual::choose_coordinates() {
+    if (options_.observe.empty()) {
+        for (const SeriesCoordinate& coordinate : series_.coordinates)
+            options_.observe.push_back(coordinate.name);
+    }
+    require(!options_.observe.empty(), "at least one coordinate must be observed");
+    for (const std::string& name : options_.observe) {
+        const auto found = std::find_if(series_.coordinates.begin(), series_.coordinates.end(),
+                                        [&](const SeriesCoordinate& c) { return c.name == name; });
+        require(found != series_.coordinates.end(), fmt::format("the series has no coordinate {}", name));
+        const Eigen::Index index = system_->coordinate_index(name);
+        require(index >= 0, fmt::format("model {} has no coordinate {}", system_->name(), name));
+        require(std::find(observed_.begin(), observed_.end(), index) == observed_.end(),
+                fmt::format("coordinate {} is observed twice", name));
+        row_.push_back(found - series_.coordinates.begin());
+        observed_.push_back(index);
+    }
+    for (Eigen::Index i = 0; i < system_->dimension(); ++i) {
+        if (is_free(options_.initial, i)) free_.push_back(i);
+        if (!options_.initial.empty() &&
+            options_.initial[static_cast<std::size_t>(i)].kind == InitialStateRule::Kind::normal) {
+            priors_.push_back(i);
+        }
+    }
+}
+
+void SeriesResidual::choose_segments() {
+    auto& chosen = options_.segments;
+    if (chosen.empty()) {
+        chosen.resize(series_.segments.size());
+        std::iota(chosen.begin(), chosen.end(), std::size_t{0});
+    }
+    require(!chosen.empty(), "the series has no segment");
+    for (auto s = chosen.begin(); s != chosen.end(); ++s) {
+        require(*s < series_.segments.size(),
+                fmt::format("segment {} does not exist; the series has {}", *s, series_.segments.size()));
+        require(std::find(chosen.begin(), s, *s) == s, fmt::format("segment {} is named twice", *s));
+        const Segment& segment = series_.segments[*s];
+        require(segment.values.rows() == series_.dimension() && segment.times.size() == segment.values.cols(),
+                fmt::format("segment {}: values and times do not fit the series", segment.label));
+        const double interval = median_interval(segment);
+        if (s == chosen.begin()) interval_ = interval;
+        require(std::abs(interval - interval_) <= interval_tolerance * interval_,
+                fmt::format("segment {} is sampled every {} s, the first one every {} s; one interval is needed",
+                            segment.label, interval, interval_));
+    }
+}
+
+void SeriesResidual::make_groups() {
+    require(options_.errors.empty() || options_.errors.size() == observed_.size(),
+            fmt::format("{} error scales for {} observed coordinates", options_.errors.size(), observed_.size()));
+    for (std::size_t i = 0; i < observed_.size(); ++i) {
+        const models::Coordinate& coordinate = system_->coordinates()[static_cast<std::size_t>(observed_[i])];
+        estimator::Group group;
+        group.name = fmt::format("{}.{}", options_.name, coordinate.name);
+        group.unit = coordinate.unit;
+        group.scale.value = 0.0;  // from the residuals
+        if (!options_.errors.empty()) group.scale = options_.errors[i];
+        group.ordered = true;
+        group.interval = interval_;
+        groups_.push_back(std::move(group));
+    }
+    for (const Eigen::Index i : priors_) {
+        const models::Coordinate& coordinate = system_->coordinates()[static_cast<std::size_t>(i)];
+        estimator::Group group;
+        group.name = fmt::format("{}.initial.{}", options_.name, coordinate.name);
+        group.unit = coordinate.unit;
+        group.scale.estimate = false;
+        group.scale.value = options_.initial[static_cast<std::size_t>(i)].sd;
+        groups_.push_back(std::move(group));
+    }
+}
+
+SeriesResidual::Block SeriesResidual::make_block(std::size_t segment) const {
+    const Segment& data = series_.segments[segment];
+    Block block;
+    block.segment = segment;
+    for (std::size_t i = 0; i < observed_.size(); ++i) {
+        for (Eigen::Index k = 0; k < data.values.cols(); ++k) {
+            if (!std::isfinite(data.values(row_[i], k))) continue;
+            block.records.push_back({observed_[i], k});
+            block.rows.push_back(row_[i]);
+            block.group.push_back(static_cast<int>(i));
+        }
+    }
+    require(std::ssize(block.records) + std::ssize(priors_) >= std::max<std::ptrdiff_t>(std::ssize(free_), 1) &&
+                !block.records.empty(),
+            fmt::format("segment {} has {} samples, fewer than the {} coordinates of its initial state", data.label,
+                        block.records.size(), free_.size()));
+    for (std::size_t i = 0; i < priors_.size(); ++i) {
+        block.records.push_back({priors_[i], -1});
+        block.rows.push_back(-1);
+        block.group.push_back(static_cast<int>(observed_.size() + i));
+    }
+    return block;
+}
+
+}  // namespace orbid::orbits

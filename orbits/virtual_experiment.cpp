@@ -1,0 +1,276 @@
+#include "orbits/virtual_experiment.hpp"
+
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "orbits/random_stream.hpp"
+#include "orbits/section_record.hpp"
+
+namespace orbid::orbits {
+namespace {
+
+/// Samples of one call of the flow: its step budget holds for these, not for a record of any length.
+constexpr std::size_t sample_chunk = 4096;
+
+void require(bool rule, const std::string& message) {
+    if (!rule) throw std::invalid_argument("virtual experiment: " + message);
+}
+
+void validate_plan(const models::System& system, const VirtualExperimentOptions& options) {
+    if (const auto* plan = std::get_if<SectionPlan>(&options.plan)) {
+        require(plan->sections > 0, "sections is 0, must be > 0");
+        require(system.kind() != models::Kind::autonomous,
+                fmt::format("model {} is not forced and has no sections at a phase; record samples", system.name()));
+    } else {
+        const auto& samples = std::get<SamplePlan>(options.plan);
+        require(samples.count > 0, "count of samples is 0, must be > 0");
+        require(samples.step > 0.0 && std::isfinite(samples.step),
+                fmt::format("sampling step is {} s, must be > 0", samples.step));
+        require(system.kind() != models::Kind::map,
+                fmt::format("model {} is a map and has no samples in time; record sections", system.name()));
+    }
+}
+
+void validate(const models::System& system, const VirtualExperimentOptions& options) {
+    const Eigen::Index n = system.dimension();
+    validate_plan(system, options);
+    require(options.trajectories > 0, "trajectories is 0, must be > 0");
+    require(std::isfinite(options.phase), "phase must be a finite number");
+    require(options.initial.cols() == 0 || (options.initial.rows() == n &&
+                                            options.initial.cols() == static_cast<Eigen::Index>(options.trajectories)),
+            fmt::format("initial states have shape ({}, {}), must be ({}, {}): one per trajectory",
+                        options.initial.rows(), options.initial.cols(), n, options.trajectories));
+    require(options.initial.allFinite(), "initial states must be finite numbers");
+    require(options.noise.size() == 0 || options.noise.size() == n,
+            fmt::format("noise has {} entries, must have {} or none", options.noise.size(), n));
+    require(options.random_range.size() == 0 || options.random_range.size() == n,
+            fmt::format("random range has {} entries, must have {} or none", options.random_range.size(), n));
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const models::Coordinate& coordinate = system.coordinates()[static_cast<std::size_t>(i)];
+        if (options.noise.size() > 0) {
+            require(options.noise[i] >= 0.0 && std::isfinite(options.noise[i]),
+                    fmt::format("noise of {} is {}, must be >= 0", coordinate.name, options.noise[i]));
+        }
+        if (options.random_range.size() > 0 && !coordinate.angle) {
+            require(options.random_range[i] > 0.0 && std::isfinite(options.random_range[i]),
+                    fmt::format("random range of {} is {}, must be > 0", coordinate.name, options.random_range[i]));
+        }
+    }
+    if (options.sensor.type == models::Sensor::Type::angle_difference) {
+        require(
+            static_cast<Eigen::Index>(options.sensor.rate) < n && static_cast<Eigen::Index>(options.sensor.angle) < n,
+            "sensor: angle and rate must be coordinates of the model");
+        const auto rate = static_cast<Eigen::Index>(options.sensor.rate);
+        require(options.noise.size() == 0 || options.noise[rate] == 0.0,
+                fmt::format("noise of {} must be 0: its error follows from the angle readings it is the difference of",
+                            system.coordinates()[options.sensor.rate].name));
+    }
+}
+
+/// Samples of every trajectory. A trajectory that comes to rest goes on resting: that is reported.
+StateRecord record_samples(const models::System& system, const Eigen::VectorXd& theta,
+                           const VirtualExperimentOptions& options, const Eigen::VectorXd& range) {
+    const auto plan = std::get<SamplePlan>(options.plan);
+    const std::size_t count = options.trajectories;
+    std::vector<StateRecord> parts(count);
+    const bool forced = system.kind() == models::Kind::forced;
+    const double omega = forced ? 2.0 * std::numbers::pi / system.period(theta, models::Clock::time) : 0.0;
+    oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t trajectory) {
+        StateRecord& part = parts[trajectory];
+        StateRecord::Piece piece;
+        piece.trajectory = trajectory;
+        piece.states.resize(system.dimension(), static_cast<Eigen::Index>(plan.count));
+        piece.times.resize(static_cast<Eigen::Index>(plan.count));
+        Eigen::VectorXd state = options.initial.cols() > 0
+                                    ? Eigen::VectorXd(options.initial.col(static_cast<Eigen::Index>(trajectory)))
+                                    : random_state(system, range, options.seed, trajectory, 0);
+        // Every chunk begins where the last one ended; the first duration leads over the transient.
+        double time = 0.0;
+        std::size_t done = 0;
+        while (done < plan.count) {
+            const std::size_t size = std::min(sample_chunk, plan.count - done);
+            std::vector<double> durations(size);
+            for (std::size_t k = 0; k < size; ++k) {
+                const double at = static_cast<double>(plan.transient + done + k) * plan.step;
+                piece.times[static_cast<Eigen::Index>(done + k)] = at;
+                durations[k] = at - time;
+            }
+            const auto flow =
+                system.flow(state, options.phase + omega * time, durations, theta, models::Clock::time, options.flow);
+            std::size_t good = size;
+            if (flow.status != models::FlowStatus::ok) {
+                good = static_cast<std::size_t>(
+                    std::lower_bound(durations.begin(), durations.end(), flow.stopped_after) - durations.begin());
+            }
+            piece.states.middleCols(static_cast<Eigen::Index>(done), static_cast<Eigen::Index>(good)) =
+                flow.states.leftCols(static_cast<Eigen::Index>(good));
+            done += good;
+            if (flow.status != models::FlowStatus::ok) {
+                part.complete = false;
+                part.message = fmt::format("trajectory {} stopped at {} s: {}", trajectory, time + flow.stopped_after,
+                                           models::description(flow.status));
+                part.events.push_back({TrajectoryEvent::Kind::failed, trajectory, plan.transient + done, 0, flow.status,
+                                       flow.stopped_state});
+                break;
+            }
+            state = flow.states.col(static_cast<Eigen::Index>(size) - 1);
+            time += durations.back();
+        }
+        const auto kept = static_cast<Eigen::Index>(done);
+        piece.states.conservativeResize(Eigen::NoChange, kept);
+        piece.times.conservativeResize(kept);
+        if (part.complete && system.at_rest(state, theta)) {
+            Eigen::Index first = kept - 1;
+            while (first > 0 && system.at_rest(piece.states.col(first - 1), theta))
+                --first;
+            part.events.push_back({TrajectoryEvent::Kind::at_rest, trajectory,
+                                   plan.transient + static_cast<std::size_t>(first), 0, models::FlowStatus::ok, state});
+        }
+        if (kept > 0) part.pieces.push_back(std::move(piece));
+    });
+    StateRecord record;
+    for (StateRecord& part : parts) {
+        std::move(part.pieces.begin(), part.pieces.end(), std::back_inserter(record.pieces));
+        std::move(part.events.begin(), part.events.end(), std::back_inserter(record.events));
+        record.complete = record.complete && part.complete;
+        if (!part.message.empty()) record.message += (record.message.empty() ? "" : "; ") + part.message;
+    }
+    return record;
+}
+
+double rounded(double value, const models::Sensor& sensor) {
+    const bool rounds = sensor.rounding == models::Sensor::Rounding::nearest && sensor.step > 0.0;
+    return rounds ? sensor.step * std::round(value / sensor.step) : value;
+}
+
+/// Adds the errors of one segment's readings and rounds them (mathematics.md, "Instrument").
+void add_reading_errors(Eigen::MatrixXd& readings, const models::Sensor& sensor, const Eigen::VectorXd& noise,
+                        RandomStream stream) {
+    const bool difference = sensor.type == models::Sensor::Type::angle_difference;
+    const auto angle = static_cast<Eigen::Index>(sensor.angle);
+    const auto rate = static_cast<Eigen::Index>(sensor.rate);
+    const auto error = [&](Eigen::Index i) {
+        return noise.size() > 0 && noise[i] > 0.0 ? noise[i] * stream.normal() : 0.0;
+    };
+    for (Eigen::Index k = 0; k < readings.cols(); ++k) {
+        const double later = difference ? readings(angle, k) + sensor.delay * readings(rate, k) : 0.0;
+        for (Eigen::Index i = 0; i < readings.rows(); ++i) {
+            if (!(difference && i == rate)) readings(i, k) += error(i);
+        }
+        if (angle < readings.rows()) readings(angle, k) = rounded(readings(angle, k), sensor);
+        if (difference) readings(rate, k) = (rounded(later + error(angle), sensor) - readings(angle, k)) / sensor.delay;
+    }
+}
+
+}  // namespace
+
+std::string_view name(TrajectoryEvent::Kind kind) {
+    switch (kind) {
+        case TrajectoryEvent::Kind::captured:
+            return "captured";
+        case TrajectoryEvent::Kind::at_rest:
+            return "at_rest";
+        case TrajectoryEvent::Kind::failed:
+            return "failed";
+        case TrajectoryEvent::Kind::restarted:
+            return "restarted";
+    }
+    return "";
+}
+
+Eigen::VectorXd typical_range(const models::System& system, const Eigen::VectorXd& theta, double phase, double duration,
+                              std::uint64_t seed, const models::FlowOptions& flow) {
+    constexpr Eigen::Index probes = 16;
+    constexpr std::size_t periods = 64;
+    constexpr std::size_t looks = 256;  // instants at which a system without sections is looked at
+    const Eigen::Index n = system.dimension();
+    Eigen::MatrixXd starts(n, probes);
+    for (Eigen::Index p = 0; p < probes; ++p) {
+        RandomStream stream(seed, RandomPurpose::range_probe, static_cast<std::uint64_t>(p));
+        for (Eigen::Index i = 0; i < n; ++i) {
+            const double half = system.coordinates()[static_cast<std::size_t>(i)].angle ? std::numbers::pi : 1.0;
+            starts(i, p) = stream.uniform(-half, half);
+        }
+    }
+    Eigen::VectorXd range = Eigen::VectorXd::Zero(n);
+    if (system.kind() == models::Kind::autonomous) {
+        std::vector<double> durations(looks);
+        for (std::size_t k = 0; k < looks; ++k)
+            durations[k] = duration * static_cast<double>(k) / (looks - 1);
+        std::vector<Eigen::VectorXd> reached(probes, Eigen::VectorXd::Zero(n));
+        oneapi::tbb::parallel_for(Eigen::Index{0}, probes, [&](Eigen::Index p) {
+            const auto result = system.flow(starts.col(p), phase, durations, theta, models::Clock::time, flow);
+            if (result.status == models::FlowStatus::ok) {
+                reached[static_cast<std::size_t>(p)] = result.states.cwiseAbs().rowwise().maxCoeff();
+            }
+        });
+        for (const auto& values : reached)
+            range = range.cwiseMax(values);
+    } else {
+        const auto result = system.ensemble(starts, phase, periods, theta, flow);
+        for (std::size_t p = 0; p < result.sections.size(); ++p) {
+            if (result.status[p] != models::FlowStatus::ok) continue;
+            range = range.cwiseMax(result.sections[p].cwiseAbs().rowwise().maxCoeff());
+        }
+    }
+    for (Eigen::Index i = 0; i < n; ++i) {
+        if (system.coordinates()[static_cast<std::size_t>(i)].angle) range[i] = std::numbers::pi;
+        if (!(range[i] > 0.0)) range[i] = 1.0;
+    }
+    return range;
+}
+
+VirtualExperiment simulate(const models::System& system, const Eigen::VectorXd& theta,
+                           const VirtualExperimentOptions& options) {
+    validate(system, options);
+    const auto* samples = std::get_if<SamplePlan>(&options.plan);
+    const double duration =
+        samples != nullptr ? samples->step * static_cast<double>(samples->transient + samples->count) : 0.0;
+    const Eigen::VectorXd range = options.random_range.size() > 0 ? options.random_range
+                                                                  : typical_range(system, theta, options.phase,
+                                                                                  duration, options.seed, options.flow);
+    StateRecord record = samples != nullptr ? record_samples(system, theta, options, range)
+                                            : record_sections(system, theta, options, range);
+
+    VirtualExperiment experiment;
+    experiment.events = std::move(record.events);
+    experiment.complete = record.complete;
+    experiment.message = std::move(record.message);
+    Series& series = experiment.series;
+    series.sampling = samples != nullptr ? Series::Sampling::samples : Series::Sampling::section;
+    series.phase = options.phase;
+    for (const models::Coordinate& coordinate : system.coordinates()) {
+        series.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
+    }
+    const double omega = samples != nullptr && system.kind() == models::Kind::forced
+                             ? 2.0 * std::numbers::pi / system.period(theta, models::Clock::time)
+                             : 0.0;
+    for (std::size_t s = 0; s < record.pieces.size(); ++s) {
+        StateRecord::Piece& piece = record.pieces[s];
+        std::vector<double> phases(static_cast<std::size_t>(piece.states.cols()), options.phase);
+        for (Eigen::Index k = 0; k < piece.times.size(); ++k) {
+            phases[static_cast<std::size_t>(k)] += omega * piece.times[k];
+        }
+        auto read = system.readings(options.sensor, piece.states, phases, theta, std::nullopt, options.flow);
+        if (read.status != models::FlowStatus::ok) {
+            experiment.complete = false;
+            experiment.message += fmt::format("{}segment {} cannot be read: {}", experiment.message.empty() ? "" : "; ",
+                                              s, models::description(read.status));
+            continue;
+        }
+        series.segments.push_back({std::to_string(s), std::move(read.readings), std::move(piece.times)});
+    }
+    oneapi::tbb::parallel_for(std::size_t{0}, series.segments.size(), [&](std::size_t s) {
+        add_reading_errors(series.segments[s].values, options.sensor, options.noise,
+                           RandomStream(options.seed, RandomPurpose::reading_noise, s));
+    });
+    return experiment;
+}
+
+}  // namespace orbid::orbits
