@@ -30,10 +30,10 @@ public:
         step_ = first_step();
     }
 
-    /// A new start at s = 0; the step size is kept, as the next stretch of the same solution will want a similar one.
-    void restart(const Point& x0) {
+    /// A new start at s; the step size is kept, as the next stretch of the same solution will want a similar one.
+    void restart(const Point& x0, double s = 0.0) {
         x_ = x0;
-        s_ = 0.0;
+        s_ = s;
         stuck_ = false;
         on_surface_ = false;
         slope_known_ = false;
@@ -183,7 +183,8 @@ private:
                     lo *= 0.5;
                 if (!(speed(lo) > 0.0)) return {std::nullopt, true};
             }
-            return {zero_of_speed(lo, ds), false};
+            const double a0 = side * values_(start, s_)[velocity], a1 = side * values_(end, s_ + ds)[velocity];
+            return {zero_of_speed(lo, ds, zero_of_cubic(v0, v1, a0 * ds, a1 * ds) * ds), false};
         }
         const double a0 = side * values_(start, s_)[velocity], a1 = side * values_(end, s_ + ds)[velocity];
         if (v1 == 0.0 && v0 > 0.0 && a1 < 0.0) return {ds, false};
@@ -197,17 +198,27 @@ private:
         for (int i = 0; i < 50 && hi - lo > 1e-12 * ds; ++i) {
             const double middle = 0.5 * (lo + hi);
             const State<double, n> x = values_after(middle);
-            if (side * x[velocity] < 0.0) return {zero_of_speed(0.0, middle), false};
+            if (side * x[velocity] < 0.0) return {zero_of_speed(0.0, middle, 0.5 * middle), false};
             (side * values_(x, s_ + middle)[velocity] < 0.0 ? lo : hi) = middle;
         }
         return {};
     }
 
+    /// Zero in (0, 1) of the cubic with these end values and slopes, by a few steps of Newton's method: a guess.
+    static double zero_of_cubic(double v0, double v1, double a0, double a1) {
+        double at = v0 / (v0 - v1);
+        for (int i = 0; i < 4; ++i) {
+            const double c2 = 3.0 * (v1 - v0) - 2.0 * a0 - a1, c3 = 2.0 * (v0 - v1) + a0 + a1;
+            at -= (v0 + at * (a0 + at * (c2 + at * c3))) / (a0 + at * (2.0 * c2 + 3.0 * at * c3));
+        }
+        return at;
+    }
+
     /// Zero of the velocity between lo (right side of the surface) and hi (wrong side), to machine accuracy: Newton's
     /// method on the length of the step, held inside the bracket by bisection.
-    double zero_of_speed(double lo, double hi) requires SwitchingModel<M> {
+    double zero_of_speed(double lo, double hi, double guess) requires SwitchingModel<M> {
         const double side = values_.side;
-        double at = 0.5 * (lo + hi);
+        double at = guess > lo && guess < hi ? guess : 0.5 * (lo + hi);
         // Newton needs about five; 200 is what bisection alone may need to shrink any bracket to neighbouring doubles.
         for (int i = 0; i < 200; ++i) {
             const State<double, n> x = values_after(at);
