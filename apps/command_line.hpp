@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace orbid::apps {
+
+/// The program: one command with its options.
+/// @param arguments  without the program's own name.
+/// @return exit code: 0 done, 1 done without a valid answer, 2 wrong command line or job, 3 data cannot be used,
+///         130 interrupted.
+[[nodiscard]] int run_command(const std::vector<std::string>& arguments);
+
+}  // namespace orbid::apps

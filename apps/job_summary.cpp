@@ -1,0 +1,59 @@
+#include "apps/job_summary.hpp"
+
+#include <fmt/format.h>
+
+namespace orbid::apps {
+
+namespace {
+
+constexpr double bytes_per_megabyte = 1e6;
+
+std::string data_line(const Job& job, const DataJob& data) {
+    if (data.file) {
+        const double size = static_cast<double>(std::filesystem::file_size(data.file->path)) / bytes_per_megabyte;
+        return fmt::format("  read       {}: {} ({:.3g} MB)\n", data.name, data.file->path.string(), size);
+    }
+    const SimulationJob& simulation = *data.simulation;
+    const bool section = simulation.sampling == orbits::Series::Sampling::section;
+    const std::size_t points = section ? simulation.sections : simulation.count * simulation.trajectories;
+    const auto values = static_cast<double>(points) * static_cast<double>(job.model.system->dimension());
+    return fmt::format("  simulate   {}: {} {} on {} trajectories, {:.3g} MB\n", data.name, points,
+                       section ? "sections" : "samples", simulation.trajectories,
+                       values * static_cast<double>(sizeof(double)) / bytes_per_megabyte);
+}
+
+std::string periods_text(const std::vector<int>& periods) {
+    return fmt::format("{}", fmt::join(periods, ", "));
+}
+
+std::string estimate_line(const Job& job) {
+    std::vector<std::string> names;
+    for (const FreeParameterJob& free : job.estimate->parameters)
+        names.push_back(free.value.name);
+    std::vector<std::string_view> residuals;
+    for (const ResidualType type : job.estimate->strategy) {
+        residuals.push_back(type == ResidualType::cycles ? "cycles" : "series");
+    }
+    return fmt::format("  estimate   {} from {}\n",
+                       names.empty() ? "error scales only" : fmt::format("{}", fmt::join(names, ", ")),
+                       fmt::join(residuals, ", then "));
+}
+
+}  // namespace
+
+std::string job_summary(const Job& job) {
+    std::string text = fmt::format("{}\n  model      {}{}{}\n", job.title.empty() ? job.source.string() : job.title,
+                                   job.model.name, job.model.variant.empty() ? "" : ", variant ", job.model.variant);
+    for (const DataJob& data : job.data)
+        text += data_line(job, data);
+    if (job.orbits && job.orbits->file) text += fmt::format("  orbits     from {}\n", job.orbits->file->string());
+    if (job.orbits && !job.orbits->file) {
+        text += fmt::format("  orbits     periods {} in {}\n", periods_text(job.orbits->search.periods),
+                            job.data[job.orbits->data].name);
+    }
+    if (job.periodic) text += fmt::format("  periodic   {} orbits by multiple shooting\n", job.periodic->orbits.size());
+    if (job.estimate) text += estimate_line(job);
+    return text;
+}
+
+}  // namespace orbid::apps

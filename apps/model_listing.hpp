@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace orbid::apps {
+
+/// One line per model: name and what it is.
+[[nodiscard]] std::string model_list();
+
+/// One model: equations, variants, coordinates, sensors, parameters with unit, domain, default and description.
+/// @throws std::invalid_argument when there is none of that name.
+[[nodiscard]] std::string model_page(std::string_view name);
+
+[[nodiscard]] std::vector<std::string> model_names();
+
+}  // namespace orbid::apps

@@ -1,0 +1,114 @@
+#include "apps/starting_job.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "models/registry.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+std::string parameter_lines(const models::System& system) {
+    std::string text;
+    const auto parameters = system.parameters();
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        const models::Parameter& parameter = parameters[i];
+        const std::string entry =
+            fmt::format("\"{}\": {}{}", parameter.name, parameter.default_value, i + 1 < parameters.size() ? "," : "");
+        text += fmt::format("      {:<24}// {} [{}], {}\n", entry, parameter.description, parameter.unit,
+                            models::rule(parameter.domain));
+    }
+    return text;
+}
+
+/// A state that every model can start from: every coordinate 1 (populations must be > 0, a pendulum must not hang).
+std::string first_state(const models::System& system) {
+    const std::vector<std::string_view> ones(system.coordinates().size(), "1.0");
+    return fmt::format("[[{}]]", fmt::join(ones, ", "));
+}
+
+std::string data_block(const models::System& system, bool sections) {
+    if (sections) {
+        return R"(  "data": {
+    // Measured data instead: "file": "series.csv", "kind": "section", "columns": { "NAME": "HEADER", ... }
+    "simulate": { "sections": 65536, "trajectories": 4, "transient": 300 }
+  },
+)";
+    }
+    return fmt::format(R"(  "data": {{
+    // Measured data instead: "file": "series.csv", "kind": "samples", "columns": {{ "time": "t", "NAME": "HEADER", ... }}
+    "simulate": {{
+      "samples": {{ "step": 0.01, "count": 1001 }},      // seconds, samples per trajectory
+      "initial": {}                             // one state per trajectory: {}
+    }}
+  }},
+)",
+                       first_state(system), [&] {
+                           std::vector<std::string_view> names;
+                           for (const auto& coordinate : system.coordinates())
+                               names.push_back(coordinate.name);
+                           return fmt::format("{}", fmt::join(names, ", "));
+                       }());
+}
+
+/// The first parameter whose default says something: a start 10 % beside it shows an estimate at work.
+const models::Parameter& first_free(const models::System& system) {
+    const auto parameters = system.parameters();
+    const auto found = std::find_if(parameters.begin(), parameters.end(),
+                                    [](const models::Parameter& p) { return p.default_value != 0.0; });
+    return found == parameters.end() ? parameters.front() : *found;
+}
+
+std::string estimate_block(const models::System& system, bool cycles) {
+    const models::Parameter& free = first_free(system);
+    const std::string residual = cycles ? "\"type\": \"cycles\"" : "\"type\": \"series\"";
+    return fmt::format(R"({}  "estimate": {{
+    "parameters": {{
+      // The free ones; all others keep their values. "bounds": [lower, upper] and "prior" may be added.
+      "{}": {{ "start": {} }}
+    }},
+    "residuals": [ {{ {} }} ]      // "errors" left out: normal, with standard deviations that are estimated
+  }},
+)",
+                       cycles ? "  \"orbits\": { \"periods\": [1, 2, 3] },       // in periods of the forcing\n" : "",
+                       free.name, 1.1 * free.default_value, residual);
+}
+
+}  // namespace
+
+const std::vector<std::string>& starting_tasks() {
+    static const std::vector<std::string> tasks{"simulate", "cycles", "series"};
+    return tasks;
+}
+
+std::string starting_job(std::string_view model, std::string_view task) {
+    const auto system = models::make_system(model);
+    if (std::find(starting_tasks().begin(), starting_tasks().end(), task) == starting_tasks().end()) {
+        throw std::invalid_argument(
+            fmt::format("there is no task \"{}\"; tasks: {}", task, fmt::join(starting_tasks(), ", ")));
+    }
+    const bool cycles = task == "cycles";
+    if (cycles && system->kind() != models::Kind::forced) {
+        throw std::invalid_argument(fmt::format("cycles of {}, which is not forced: not in this version", model));
+    }
+    std::string text = fmt::format(
+        R"(// Check with `orbid check FILE`, run with `orbid run FILE`; `orbid models {0}` explains the model.
+{{
+  "title": "{1} of {0}",
+  "model": {{
+    "name": "{0}",
+    "parameters": {{
+{2}    }}
+  }},
+  "seed": 1,
+)",
+        model, task, parameter_lines(*system));
+    text += data_block(*system, cycles);
+    if (task != "simulate") text += estimate_block(*system, cycles);
+    return text + "  \"output\": { \"series\": \"csv\" }      // h5 | csv | none\n}\n";
+}
+
+}  // namespace orbid::apps
