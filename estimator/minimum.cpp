@@ -15,8 +15,27 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 /// After the convergence test is met, steps go on while they gain digits: at most this many, and not below this length
 /// in posterior sds, where nothing that is ever shown changes.
-constexpr int polishing_steps = 6;
+constexpr int polishing_steps = 12;
 constexpr double polished = 1e-10;
+
+/// Steps are stretched by what the last one taught only this close to the minimum, in posterior sds.
+constexpr double near_sds = 1.0;
+
+/// The same step, `factor` times as long.
+void stretched(TrialStep& step, double factor) {
+    if (std::any_of(step.parameters.active.begin(), step.parameters.active.end(), [](int side) { return side != 0; }))
+        return;
+    step.parameters.d *= factor;
+    step.parameters.seen *= factor;
+    for (Eigen::VectorXd& d_z : step.latents)
+        d_z *= factor;
+    step.slope *= factor;
+    step.curvature *= factor * factor;
+    step.length *= std::abs(factor);
+}
+
+/// Steps below this many sds are rounding where the scale is held at its floor, the least change a residual can show.
+constexpr double floor_sds = 100.0;
 
 std::string figures(const char* format, double value) {
     char text[96];
@@ -28,7 +47,12 @@ std::string figures(const char* format, double value) {
 class Minimisation {
 public:
     Minimisation(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger)
-        : problem_(problem), set_(set), state_(state), ledger_(ledger), failures_(set.blocks.size(), 0) {}
+        : problem_(problem),
+          set_(set),
+          state_(state),
+          ledger_(ledger),
+          failures_(set.blocks.size(), 0),
+          cut_(set.blocks.size(), false) {}
 
     Minimum run();
 
@@ -38,6 +62,8 @@ private:
     void scale_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) const;
     void build_model();
     bool try_step(const TrialStep& step);
+    template <class Rule>
+    bool stopped_blocks(Rule rule);
     [[nodiscard]] double objective() const;
     [[nodiscard]] bool any_scale_estimated() const {
         for (std::size_t c = 0; c < problem_.errors.size(); ++c)
@@ -53,7 +79,9 @@ private:
     Minimum minimum_;
     Arrow arrow_;
     StepModel model_;
-    std::vector<int> failures_;  ///< trial steps in a row at which each block failed
+    std::vector<int> failures_;  ///< steps in a row that had to be shortened because of each block
+    std::vector<bool> cut_;      ///< blocks that failed at a trial of the present step
+    double stretch_ = 1.0;       ///< length of the best step over the full Gauss-Newton step, from the last full step
     double radius_ = 0.0;
     bool derivatives_at_trial_ = true;
     double gain_ = 0.0;  ///< actual over predicted decrease of the last step
@@ -177,6 +205,25 @@ bool Minimisation::update_scales(bool profile) {
     return true;
 }
 
+/// Names the blocks that the rule holds for as stopped, unless that were half of a residual's blocks or more: then it
+/// is not they that stand apart, and shorter steps have to do.
+template <class Rule>
+bool Minimisation::stopped_blocks(Rule rule) {
+    std::vector<std::size_t> active(problem_.residuals.size(), 0);
+    std::vector<std::size_t> lost(problem_.residuals.size(), 0);
+    for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
+        ++active[set_.blocks[b].residual];
+        if (!rule(b)) continue;
+        ++lost[set_.blocks[b].residual];
+        minimum_.stopped.push_back(b);
+    }
+    for (std::size_t r = 0; r < active.size(); ++r)
+        if (lost[r] > 0 && 2 * lost[r] >= active[r]) minimum_.stopped.clear();
+    if (minimum_.stopped.empty()) return false;
+    minimum_.outcome = Outcome::blocks_stopped;
+    return true;
+}
+
 bool Minimisation::try_step(const TrialStep& step) {
     State trial = state_;
     for (Eigen::Index i = 0; i < trial.u.size(); ++i) {
@@ -196,14 +243,15 @@ bool Minimisation::try_step(const TrialStep& step) {
     const PriorModel prior = prior_at(problem_, trial.u);
     double alpha = 0.25;  // share of the step to keep after a rejection
     double change = infinity;
+    double true_curvature = -1.0;
     Evaluation evaluation;
     std::vector<BlockRows> rows;
     if (std::isfinite(prior.value)) {
         evaluation = evaluate(problem_.residuals, set_, trial.theta, trial.latents, derivatives_at_trial_);
         ++ledger_.evaluations;
-        for (std::size_t b = 0; b < failures_.size(); ++b)
-            failures_[b] = evaluation.values[b].status == BlockStatus::ok ? 0 : failures_[b] + 1;
         if (!evaluation.failed.empty()) {
+            for (const std::size_t b : evaluation.failed)
+                cut_[b] = true;
             record.reason = "block failed";
         } else {
             change = prior.value - minimum_.prior.value;
@@ -216,6 +264,7 @@ bool Minimisation::try_step(const TrialStep& step) {
                 change += 0.5 * pair.col(0).dot(pair.col(1));
             }
             record.after = before + change;
+            true_curvature = 2.0 * (change - step.slope);
             // Tiny steps: the gradients at both ends keep what the difference of two objectives loses to rounding.
             if (derivatives_at_trial_ && step.curvature < 1e-6) {
                 rows = linearise(set_, evaluation.values, problem_.coordinates, trial.theta);
@@ -223,6 +272,7 @@ bool Minimisation::try_step(const TrialStep& step) {
                     model_change(whitened_arrow(rows, scale()), step.parameters.d, step.latents).linear +
                     prior.gradient.dot(step.parameters.d);
                 change = 0.5 * (step.slope + slope);
+                true_curvature = slope - step.slope;
                 record.after = before + std::min(change, 0.0);
             }
             // Step length of the parabola through both values and the first slope.
@@ -252,6 +302,11 @@ bool Minimisation::try_step(const TrialStep& step) {
         derivatives_at_trial_ = false;
         return false;
     }
+    // Close to the minimum steps of Gauss-Newton keep their direction and are too long or too short by the same factor
+    // each time (Hartley's interpolation, carried over to the next step).
+    stretch_ = step.mu == 0.0 && gain_ > 0.3 && true_curvature > 0.0
+                   ? std::clamp(step.curvature / true_curvature, 0.4, 2.5)
+                   : 1.0;
     ledger_.history.push_back(record);
     ++ledger_.iterations;
     state_ = std::move(trial);
@@ -290,7 +345,7 @@ Minimum Minimisation::run() {
         minimum_.remaining = std::sqrt(std::max(full.curvature, 0.0));
         const bool met = minimum_.remaining < problem_.options.step_tolerance;
         if (met && (minimum_.remaining < polished || polish >= polishing_steps || rejected > 0 ||
-                    (polish > 1 && minimum_.remaining > 0.5 * last_remaining))) {
+                    (polish > 1 && minimum_.remaining > 0.8 * last_remaining))) {
             minimum_.outcome = Outcome::converged;
             minimum_.message = "the full step that is left is " + figures("%.2g", minimum_.remaining) +
                                " posterior sds, below " + figures("%.2g", problem_.options.step_tolerance);
@@ -303,8 +358,11 @@ Minimum Minimisation::run() {
         }
         // Nothing below rounding can be gained by shorter steps still.
         const bool hopeless = rejected >= 30 || radius_ < 1e-14 * model_.damping.cwiseProduct(model_.fallback).norm();
-        if (hopeless || (rejected >= 4 && minimum_.remaining < rounding_sds)) {
-            const bool small = minimum_.remaining < rounding_sds;
+        // With a scale at its floor a sd is itself the rounding of the residuals.
+        const bool at_floor = std::any_of(minimum_.scale_at_floor.begin(), minimum_.scale_at_floor.end(),
+                                          [](bool floor) { return floor; });
+        const bool small = minimum_.remaining < (at_floor ? floor_sds : rounding_sds);
+        if (hopeless || (rejected >= 4 && small)) {
             minimum_.outcome = small ? Outcome::converged : Outcome::no_progress;
             minimum_.message = (small ? "no shorter step decreases the objective and the full step that is left is "
                                       : "no step decreases the objective although the full step that is left is ") +
@@ -321,20 +379,22 @@ Minimum Minimisation::run() {
         }
         if (met) ++polish;
         last_remaining = minimum_.remaining;
-        const TrialStep step = full.length <= 1.1 * radius_ ? full : step_within(model_, radius_);
+        TrialStep step = full.length <= 1.1 * radius_ ? full : step_within(model_, radius_);
         last_step_full_ = step.mu == 0.0;
+        if (last_step_full_ && rejected == 0 && minimum_.remaining < near_sds) stretched(step, stretch_);
         if (try_step(step)) {
             rejected = 0;
+            for (std::size_t b = 0; b < failures_.size(); ++b) {
+                failures_[b] = cut_[b] ? failures_[b] + 1 : 0;
+                cut_[b] = false;
+            }
+            if (stopped_blocks([this](std::size_t b) { return failures_[b] >= 3; })) break;
             if (!update_scales(last_step_full_ && gain_ > 0.5 && gain_ < 1.5)) break;
             continue;
         }
         ++rejected;
-        for (std::size_t b = 0; b < failures_.size(); ++b)
-            if (failures_[b] >= 3) minimum_.stopped.push_back(b);
-        if (!minimum_.stopped.empty()) {
-            minimum_.outcome = Outcome::blocks_stopped;
-            break;
-        }
+        // Eight shortenings are a factor of 65000: no step worth taking gets past this block.
+        if (rejected == 8 && stopped_blocks([this](std::size_t b) { return cut_[b]; })) break;
     }
     return std::move(minimum_);
 }
