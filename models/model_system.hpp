@@ -194,6 +194,7 @@ private:
             return {};
         }
     }
+    // With 64 a period costs 1.3 times as much; the error per period is then ten times smaller than the tolerance asks.
     static constexpr double steps_at_1e12 = 48.0;
 
     /// Sections of one trajectory over whole periods.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -103,8 +104,14 @@ private:
         if (!(error_ratio<M, 0>(error, x, end, options_) <= 1.0)) return false;
         if constexpr (SwitchingModel<M>) {
             if (!(side * end[velocity] > 0.0)) return false;
-            // Slower in between than at both ends: crossings may hide in the step.
-            if (side * slope[0][velocity] < 0.0 && side * slope[12][velocity] > 0.0) return false;
+            // Slower in between than at both ends: crossings may hide in the step when the tangents, which bound the
+            // dip, come below half of the smaller end.
+            const double v0 = side * x[velocity], v1 = side * end[velocity];
+            const double fall = side * slope[0][velocity], rise = side * slope[12][velocity];
+            if (fall < 0.0 && rise > 0.0) {
+                const double meet = std::clamp((v1 - v0 - rise) / (fall - rise), 0.0, 1.0);
+                if (!(v0 + fall * meet > 0.5 * std::min(v0, v1))) return false;
+            }
         }
         x = end;
         return true;
