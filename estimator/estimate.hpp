@@ -46,8 +46,11 @@ struct EstimateOptions {
     int maximum_iterations = 200;  ///< theta steps, over all rounds, > 0
     int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, > 0
     double step_tolerance = 1e-6;  ///< converged when every step is below this many posterior sds (see Minimum), > 0
-    double relative_singular_value = 3e-8;  ///< below this share of the largest, a direction carries no information
-    std::function<bool()> interrupted;      ///< asked between steps; empty = never
+    /// Below this share of the largest (columns at unit length) a direction carries no information: the geometric
+    /// middle between the noise of integrated derivatives (1e-10) and the weakest directions that are still determined
+    /// (1e-5).
+    double relative_singular_value = 3e-8;
+    std::function<bool()> interrupted;                              ///< asked between steps; empty = never
     std::function<void(int iteration, double objective)> progress;  ///< called after every accepted step; may be empty
 };
 

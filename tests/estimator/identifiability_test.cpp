@@ -12,7 +12,8 @@ namespace orbid::tests {
 namespace {
 
 /// y = (k2 / m) t + (k3 / m) t^2 + noise: m, k2, k3 enter only as k_i / m.
-FunctionResidual ratios(double noise) {
+/// Derivatives carry relative noise, as those of integrated equations do.
+FunctionResidual ratios(double noise, double derivative_noise = 0.0) {
     std::mt19937_64 generator(7);
     std::normal_distribution<double> normal;
     const Eigen::Index n = 40;
@@ -24,15 +25,20 @@ FunctionResidual ratios(double noise) {
     }
     FunctionResidual residual;
     residual.add_group(group("y"));
-    residual.add_block(layout("data", n), [t, y](const Eigen::VectorXd& p, const Eigen::VectorXd&, bool) {
-        estimator::BlockValue value;
-        const Eigen::VectorXd t2 = t.cwiseAbs2();
-        value.e = y - (p[1] * t + p[2] * t2) / p[0];
-        value.e_theta.resize(y.size(), 3);
-        value.e_theta << (p[1] * t + p[2] * t2) / (p[0] * p[0]), -t / p[0], -t2 / p[0];
-        value.e_z.resize(y.size(), 0);
-        return value;
-    });
+    residual.add_block(layout("data", n),
+                       [t, y, derivative_noise](const Eigen::VectorXd& p, const Eigen::VectorXd&, bool) {
+                           estimator::BlockValue value;
+                           const Eigen::VectorXd t2 = t.cwiseAbs2();
+                           value.e = y - (p[1] * t + p[2] * t2) / p[0];
+                           value.e_theta.resize(y.size(), 3);
+                           value.e_theta << (p[1] * t + p[2] * t2) / (p[0] * p[0]), -t / p[0], -t2 / p[0];
+                           std::mt19937_64 noisy(11);
+                           std::normal_distribution<double> unit;
+                           for (double& entry : value.e_theta.reshaped())
+                               entry *= 1.0 + derivative_noise * unit(noisy);
+                           value.e_z.resize(y.size(), 0);
+                           return value;
+                       });
     return residual;
 }
 
@@ -78,6 +84,19 @@ TEST_CASE("parameters that enter only as ratios: singular, the direction found n
             CHECK(result.parameters[0].value > 0.05);
             CHECK(result.parameters[0].value < 5.0);
         }
+    }
+}
+
+TEST_CASE("noise of the derivatives does not hide a null direction", "[estimator]") {
+    for (const double derivative_noise : {1e-11, 1e-9}) {
+        FunctionResidual residual = ratios(1e-6, derivative_noise);
+        const auto result = estimator::estimate(m_k2_k3(estimator::Scale::log), {&residual});
+        CAPTURE(derivative_noise, result.message);
+        CHECK(result.status == estimator::EstimateStatus::singular);
+        REQUIRE(result.null_directions.size() == 1);
+        // Equal weights of 40 rows: the direction is wrong by the order of the noise.
+        for (Eigen::Index i = 0; i < 3; ++i)
+            CHECK_THAT(result.null_directions[0].components[i], WithinAbs(1.0, 100.0 * derivative_noise));
     }
 }
 
