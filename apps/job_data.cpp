@@ -180,6 +180,11 @@ DataJob read_experiment(const ValueReader& value, const std::string& default_nam
     }
     read_source(object, job, data);
     if (const auto sensor = object.find("sensor")) data.sensor = read_sensor(*sensor, job);
+    // The difference of two readings has the error of the angle, none of its own.
+    if (data.simulation && data.sensor.type == models::Sensor::Type::angle_difference && job.model.system &&
+        data.simulation->noise[static_cast<Eigen::Index>(data.sensor.rate)] != 0.0) {
+        object.report("simulate", "noise of a rate that is a difference of readings must be 0: give the angle's");
+    }
     read_observe(object, job, data);
     if (const auto parameters = object.find("parameters")) data.parameters = read_parameter_values(*parameters, job);
     if (const auto free = object.find("free")) {

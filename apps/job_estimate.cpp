@@ -113,6 +113,8 @@ void read_derived(const ValueReader& value, const Job& job, EstimateJob& estimat
             estimate.derived.push_back({name, models::Expression::parse(*text, names)});
         } catch (const models::ExpressionError& error) {
             member.report(error.what());
+            // Named all the same, so that its reference value is not called unknown.
+            estimate.derived.push_back({name, {}});
         }
     }
 }

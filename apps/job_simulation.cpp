@@ -58,8 +58,8 @@ void read_simulation(const ValueReader& value, const Job& job, SimulationJob& si
     } else if (samples) {
         read_samples(*samples, simulation);
     } else if (sections) {
-        if (job.model.system && job.model.system->kind() == models::Kind::autonomous) {
-            sections->report(fmt::format("sections of the model {}, which is autonomous: {}; use \"samples\"",
+        if (job.model.system && job.model.system->kind() != models::Kind::forced) {
+            sections->report(fmt::format("sections of the model {}, which is not forced: {}; use \"samples\"",
                                          job.model.name, not_in_this_version));
         }
         simulation.sections = sections->whole(simulation.trajectories, most_points).value_or(simulation.trajectories);
