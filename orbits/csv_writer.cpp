@@ -56,6 +56,9 @@ void write_csv(const std::filesystem::path& file, const Series& series) {
         void operator()(std::FILE* stream) const { std::fclose(stream); }
     };
     const std::string header = header_of(series);
+    if (series.origin.find_first_of("\r\n") != std::string::npos) {
+        throw std::invalid_argument("origin of a series must be one line of text");
+    }
     std::unique_ptr<std::FILE, Closer> stream(std::fopen(file.c_str(), "wb"));
     if (!stream) throw DataError(fmt::format("{}: cannot be opened for writing", file.string()));
     bool good = true;

@@ -271,3 +271,21 @@ TEST_CASE("the recorded swing is read as its description says", "[orbits]") {
     CHECK(series.segments[0].values(0, 0) == 1.52316373 - std::numbers::pi);
     CHECK(series.segments[0].values(1, 0) == 1.84825406);
 }
+
+TEST_CASE("the origin of a series stands in its file", "[orbits]") {
+    const ScratchFolder folder;
+    Series series;
+    series.coordinates = {{"x", "m", false}};
+    series.segments = {{"0", Eigen::MatrixXd::Ones(1, 2), {}}};
+    write_csv(folder.path("a.csv"), series);
+    CHECK(read_origin(folder.path("a.csv")).empty());
+    series.origin = "pendulum, seed 1";
+    write_csv(folder.path("a.csv"), series);
+    CHECK(read_origin(folder.path("a.csv")) == series.origin);
+    CHECK(read_csv(folder.path("a.csv"), table_layout(series)).size() == 2);
+    write_hdf5(folder.path("a.h5"), series);
+    CHECK(read_origin(folder.path("a.h5")) == series.origin);
+    CHECK(read_hdf5(folder.path("a.h5")).origin == series.origin);
+    series.origin = "two\nlines";
+    CHECK_THROWS_AS(write_csv(folder.path("a.csv"), series), std::invalid_argument);
+}
