@@ -1,0 +1,270 @@
+#!/usr/bin/env python3
+"""Runs the jobs behind docs/results.md and writes it; or shows finished runs beside the paper's numbers.
+
+    results.py compare TABLE3_DIR SWING_DIR
+    results.py write BIN_DIR RESULTS.md
+
+Only the standard library. Everything in results.md comes from this script; nothing is typed in by hand.
+"""
+import hashlib
+import json
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+CONFIGS = ROOT / "configs"
+PAPER = json.loads((ROOT / "tests/reference/paper_tables.json").read_text())
+SEEDS = (1, 2, 3, 4, 5)
+
+# What each table estimates, under its name in result.json, and what it must reach: relative deviation, in percent.
+TABLES = {
+    "I": ("pendulum_table1.json", [("parameters", "m", "m", 0.02), ("parameters", "l", "l", 0.005)]),
+    "II": ("pendulum_table2.json", [("parameters", "k2", "k2", 0.5), ("parameters", "k3", "k3", 0.1)]),
+    "III": ("pendulum_table3.json", [("parameters", "l", "l", 0.005), ("derived", "k2_over_m", "k2/m", 0.5),
+                                     ("derived", "k3_over_m", "k3/m", 0.1)]),
+}
+
+
+def read_job(name):
+    """The job as a dictionary: comments and trailing blanks taken out (no string of these jobs holds //)."""
+    text = re.sub(r"//[^\n]*", "", (CONFIGS / name).read_text())
+    return json.loads(text)
+
+
+def run(binary, job, folder, *options, expect=(0,)):
+    """Runs a job given as dictionary; returns exit code, seconds, standard output and standard error."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "job_in.json"
+    path.write_text(json.dumps(job, indent=1))
+    start = time.perf_counter()
+    done = subprocess.run([str(binary), "run", str(path), "--out", str(folder / "out"), "--quiet", *options],
+                          capture_output=True, text=True)
+    seconds = time.perf_counter() - start
+    if done.returncode not in expect:
+        sys.exit(f"orbid run {path} ended with {done.returncode}:\n{done.stdout}\n{done.stderr}")
+    return done.returncode, seconds, done.stdout, done.stderr
+
+
+def result(folder):
+    return json.loads((folder / "out/result.json").read_text())
+
+
+def percent(value, digits=3):
+    if value is None:
+        return "-"
+    return f"{100 * value:.{digits}g} %"
+
+
+def table_rows(name, answer):
+    """(label, start %, paper %, ours %, reported sd %, must %) per estimated quantity of a table."""
+    rows = []
+    paper = PAPER[name]
+    for kind, key, label, must in TABLES[name][1]:
+        entry = answer[kind][key]
+        reference = entry["reference"]
+        rows.append((label, paper["start_deviation_percent"][label], paper["final_deviation_percent"][label],
+                     100 * abs(entry["value"] / reference - 1), 100 * entry["sd"] / reference, must))
+    return rows
+
+
+def compare(table3, swing):
+    answer = json.loads((Path(table3) / "result.json").read_text())
+    print("Table III of the paper, deviations from the exact values")
+    print(f"  {'':10}{'start':>10}{'the paper':>12}{'orbid':>14}{'reported sd':>14}")
+    for label, start, paper, ours, sd, _ in table_rows("III", answer):
+        print(f"  {label:10}{start:>8.1f} %{paper:>10.1f} %{ours:>12.2g} %{sd:>12.2g} %")
+    answer = json.loads((Path(swing) / "result.json").read_text())
+    rms = swing_rms(answer)
+    print("\nReal free swing, four records of 9.167 s, one initial state each")
+    print("  angle residual, published parameters    7e-3 ... 1.3e-2 rad rms per window")
+    print(f"  angle residual, orbid                   {rms:.3g} rad rms over all records")
+
+
+def swing_rms(answer):
+    return answer["errors"]["series.phi"]["rms"]
+
+
+def tables(binary, work, lines):
+    lines += ["## The paper's tables", "",
+              "2^20 simulated sections, orbits to period 5, seed 1. Deviations from the exact values in percent.", "",
+              "| table | | start | the paper | must | orbid | reported sd | seconds |", "|---|---|---|---|---|---|---|---|"]
+    worst = []
+    for name, (config, wanted) in TABLES.items():
+        for seed in SEEDS:
+            job = read_job(config)
+            job["seed"] = seed
+            folder = work / f"table{name}_{seed}"
+            _, seconds, _, _ = run(binary, job, folder)
+            answer = result(folder)
+            rows = table_rows(name, answer)
+            if seed == SEEDS[0]:
+                for label, start, paper, ours, sd, must in rows:
+                    lines.append(f"| {name} | {label} | {start} | {paper} | {must} | {ours:.2g} | {sd:.2g} | {seconds:.1f} |")
+            for label, _, _, ours, sd, must in rows:
+                worst.append((name, label, seed, ours / sd, sd / must, ours, must, answer["status"]))
+            if seed != SEEDS[0]:
+                shutil.rmtree(folder)
+    lines += ["", "Seeds 1 to 5: deviation over the reported sd, and reported sd over the must of its row.", "",
+              "| table | | " + " | ".join(f"seed {s}" for s in SEEDS) + " | largest sd / must |", "|---|---|" + "---|" * (len(SEEDS) + 1)]
+    for name, (_, wanted) in TABLES.items():
+        for _, _, label, _ in wanted:
+            mine = [row for row in worst if row[0] == name and row[1] == label]
+            lines.append(f"| {name} | {label} | " + " | ".join(f"{row[3]:.2f}" for row in mine) +
+                         f" | {max(row[4] for row in mine):.2g} |")
+    largest = max(worst, key=lambda row: row[3])
+    failed = [row for row in worst if row[5] > row[6]]
+    lines += ["", f"Largest deviation: {largest[3]:.2f} sd ({largest[1]} of table {largest[0]}, seed {largest[2]}); "
+              f"allowed 4. Rows beyond their must: {len(failed)} of {len(worst)}. "
+              f"All converged: {'yes' if all(row[7] == 'converged' for row in worst) else 'no'}.", ""]
+
+
+def identifiability(binary, work, lines):
+    lines += ["## What the data do not determine", "",
+              "| free | exit | status | null direction (relative changes) |", "|---|---|---|---|"]
+    cases = (("l", "m", "k2", "k3"), ("k1", "k2", "k3", "m"), ("l", "g", "A", "k2", "k3"))
+    for free in cases:
+        job = read_job("pendulum_table3.json")
+        job["estimate"]["parameters"] = {name: {} for name in free}
+        job["estimate"]["derived"] = {}
+        job["reference"] = {}
+        folder = work / ("null_" + "_".join(free))
+        code, _, _, _ = run(binary, job, folder, expect=(0, 1))
+        answer = result(folder)
+        directions = "; ".join(", ".join(f"{name} {value:+.4g}" for name, value in direction.items())
+                               for direction in answer["identifiability"]["null_directions"])
+        lines.append(f"| {', '.join(free)} | {code} | {answer['status']} | {directions} |")
+        shutil.rmtree(folder)
+    job = read_job("pendulum_table3.json")
+    job["estimate"]["parameters"] = {name: {} for name in cases[0]}
+    job["estimate"]["parameters"]["m"] = {"prior": {"normal": {"mean": 0.0858, "sd": 0.001}}}
+    job["reference"] = {}
+    folder = work / "prior_m"
+    code, _, _, _ = run(binary, job, folder, expect=(0, 1))
+    answer = result(folder)
+    m = answer["parameters"]["m"]
+    lines += ["", f"With a prior m = 0.0858 +- 0.001 kg the first set has exit {code}, status {answer['status']}: "
+              f"m {m['value']:.6g} +- {m['sd']:.3g} kg, share of the data in it {m['data_share']:.2g} "
+              "(0: the prior alone decides). " + answer["message"], ""]
+    shutil.rmtree(folder)
+
+
+def swing(binary, work, lines):
+    job = read_job("pendulum_swing.json")
+    job["data"]["file"] = str(CONFIGS / job["data"]["file"])
+    folder = work / "swing"
+    _, seconds, _, _ = run(binary, job, folder)
+    answer = result(folder)
+    error = answer["errors"]["series.phi"]
+    lines += ["## A real pendulum swinging down", "",
+              "Four records of 9.167 s at 1 kHz, one initial state each (configs/pendulum_swing.json).", "",
+              f"Angle residual: {1e3 * swing_rms(answer):.3f} mrad rms (published parameters: 7 to 13 mrad). {seconds:.1f} s.", "",
+              "| parameter | value | sd | 95 % interval | method | at bound |", "|---|---|---|---|---|---|"]
+    for name, entry in answer["parameters"].items():
+        interval = entry["interval95"]
+        shown = f"{interval[0]:.5g} ... {interval[1]:.5g}" if interval else "-"
+        sd = f"{entry['sd']:.2g}" if entry["sd"] is not None else "-"
+        lines.append(f"| {name} [{entry['unit']}] | {entry['value']:.6g} | {sd} | {shown} | {entry['interval_method']} | "
+                     f"{entry['at_bound'] or ''} |")
+    lines += ["", f"{error['count']} residuals with lag-1 correlation {error['lag1']:.4f} are worth "
+              f"{error['effective_count']:.0f} independent ones.", ""]
+
+
+def periodic(binary, work, lines):
+    """Computed orbits against the reference table, which names one of each mirror pair."""
+    table = json.loads((ROOT / "tests/reference/pendulum_orbits_g9.81.json").read_text())
+    job = {"model": {"name": "parametric_pendulum", "variant": "crank", "parameters": table["parameters"]},
+           "periodic": {"method": "multiple_shooting",
+                        "orbits": [{"period": cycle["period"], "points": cycle["points"]} for cycle in table["cycles"]]}}
+    folder = work / "periodic"
+    run(binary, job, folder)
+    orbits = json.loads((folder / "out/orbits.json").read_text())
+    names = orbits["parameters"]
+    value = table["parameters"]
+    points, unstable, stable, identity = 0.0, 0.0, 0.0, 0.0
+    for orbit, cycle in zip(orbits["cycles"], table["cycles"]):
+        for mine, theirs in zip(orbit["points"], cycle["points"]):
+            angle = math.remainder(mine[0] - theirs[0], 2 * math.pi)
+            points = max(points, abs(angle), abs(mine[1] - theirs[1]))
+        found = [complex(*pair).real for pair in orbit["multipliers"]]
+        unstable = max(unstable, abs(found[0] / cycle["unstable_multiplier"] - 1))
+        stable = max(stable, abs(found[1] / cycle["stable_multiplier"] - 1))
+        for row, entry in enumerate(orbit["sensitivities"]):
+            s = {name: entry[i] * value[name] for i, name in enumerate(names)}
+            velocity = orbit["points"][row // 2][1] if row % 2 else 0.0
+            size = max(abs(x) for x in s.values()) or 1.0
+            for defect in (s["m"] + s["k1"] + s["k2"] + s["k3"],
+                           s["l"] + s["g"] + s["A"] + 2 * (s["k1"] + s["k2"] + s["k3"]),
+                           s["omega"] + 2 * s["g"] + 2 * s["k1"] + s["k2"] - velocity):
+                identity = max(identity, abs(defect) / size)
+    lines += ["## Periodic orbits against an independent computation", "",
+              f"{len(table['cycles'])} orbits of periods 1 to 3 (tests/reference/pendulum_orbits_g9.81.json). Largest difference:", "",
+              "| | must | measured |", "|---|---|---|",
+              f"| points [rad, rad/s] | 1e-9 | {points:.1e} |",
+              f"| unstable multipliers, relative | 8 digits | {unstable:.1e} |",
+              f"| stable multipliers, relative (the table gives 6 or 7 digits) | the digits given | {stable:.1e} |",
+              f"| identities (M3) of the sensitivities, omega among them, relative | 1e-9 | {identity:.1e} |", ""]
+
+
+def threads(binary, work, lines):
+    names = ("series.h5", "cycles.json", "orbits.json", "result.json", "job.json")
+    sums = {}
+    for count in (1, 2, 4):
+        folder = work / "threads"
+        if folder.exists():
+            shutil.rmtree(folder)
+        run(binary, read_job("pendulum_table3.json"), folder, "--threads", str(count))
+        sums[count] = [hashlib.sha256((folder / "out" / name).read_bytes()).hexdigest() for name in names]
+    same = all(value == sums[1] for value in sums.values())
+    lines += ["## Same bytes", "",
+              f"{', '.join(names)} of table III with 1, 2 and 4 threads: {'identical' if same else 'DIFFERENT'}.", ""]
+
+
+def speed(bin_dir, work, lines):
+    """The whole job against simulating its series alone with Odeint, in turn, on the same cores."""
+    ratios = []
+    for _ in range(3):
+        folder = work / "speed"
+        if folder.exists():
+            shutil.rmtree(folder)
+        _, whole, _, _ = run(bin_dir / "orbid", read_job("pendulum_table3.json"), folder)
+        start = time.perf_counter()
+        subprocess.run([str(bin_dir / "ensemble_bench"), "--peer-only", "1048576", "4"], check=True, capture_output=True)
+        ratios.append((whole, time.perf_counter() - start))
+    shown = ", ".join(f"{a:.1f} s / {b:.1f} s = {a / b:.2f}" for a, b in ratios)
+    median = sorted(a / b for a, b in ratios)[1]
+    lines += ["## Time", "",
+              "Whole table-III job (simulation, orbits, estimate, files) over the simulation of its series alone with "
+              f"Boost.Odeint rkf78 at equal error, in turn on the same cores: {shown}; median {median:.2f} (must: at most 2).", ""]
+
+
+def write(bin_dir, target):
+    bin_dir = Path(bin_dir).resolve()
+    binary = bin_dir / "orbid"
+    version = subprocess.run([str(binary), "--version"], capture_output=True, text=True, check=True).stdout.strip()
+    lines = ["# Results", "", f"Made by `./dev results` with {version} on {os.cpu_count()} cores. Times are those of that machine.", ""]
+    with tempfile.TemporaryDirectory() as temporary:
+        work = Path(temporary)
+        tables(binary, work, lines)
+        identifiability(binary, work, lines)
+        swing(binary, work, lines)
+        periodic(binary, work, lines)
+        threads(binary, work, lines)
+        speed(bin_dir, work, lines)
+    Path(target).write_text("\n".join(lines))
+    print(f"wrote {target}")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 4 and sys.argv[1] == "compare":
+        compare(sys.argv[2], sys.argv[3])
+    elif len(sys.argv) == 4 and sys.argv[1] == "write":
+        write(sys.argv[2], sys.argv[3])
+    else:
+        sys.exit(__doc__)
