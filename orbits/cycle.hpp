@@ -12,7 +12,7 @@ namespace orbid::orbits {
 /// An unstable periodic orbit found in a series.
 struct Cycle {
     int period = 0;              ///< prime period, in sections
-    std::vector<int> rotation;   ///< turns per cycle, one per angle coordinate
+    std::vector<int> rotation;   ///< turns per cycle, one per angle; empty: the data do not tell
     Eigen::MatrixXd points;      ///< shape (n, p), angles in (-pi, pi]
     Eigen::MatrixXd covariance;  ///< shape (n p, n p), coordinate fastest: of all points together; never zero
     std::vector<std::complex<double>> multipliers;  ///< largest modulus first

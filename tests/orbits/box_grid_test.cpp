@@ -1,0 +1,85 @@
+#include "orbits/box_grid.hpp"
+
+#include <algorithm>
+#include <random>
+
+#include "tests/catch.hpp"
+#include "tests/orbits/map_series.hpp"
+
+using namespace orbid;
+using orbits::Neighbour;
+
+namespace {
+
+// All distances, sorted: what the grid must reproduce.
+std::vector<Neighbour> by_brute_force(const orbits::SectionPoints& points, const Eigen::VectorXd& place,
+                                      std::size_t k) {
+    std::vector<Neighbour> all;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        if (!points.has_image(i)) continue;
+        for (const bool mirrored : {false, true}) {
+            if (mirrored && !points.symmetric()) continue;
+            double distance2 = 0.0;
+            for (Eigen::Index d = 0; d < points.dimension(); ++d) {
+                const double r =
+                    points.difference((mirrored ? points.signs()[d] : 1.0) * points.point(i)[d], place[d], d);
+                distance2 += r * r;
+            }
+            all.push_back({distance2, static_cast<std::uint32_t>(i), mirrored});
+        }
+    }
+    std::sort(all.begin(), all.end(), [](const Neighbour& a, const Neighbour& b) { return a.distance2 < b.distance2; });
+    all.resize(std::min(k, all.size()));
+    return all;
+}
+
+}  // namespace
+
+TEST_CASE("box grid finds the same neighbours as brute force", "[orbits][box_grid]") {
+    std::mt19937_64 random(5);
+    std::uniform_real_distribution<double> uniform(-3.0, 3.0);
+    for (const int dimension : {1, 2, 3, 5})
+        for (const bool symmetric : {false, true}) {
+            CAPTURE(dimension, symmetric);
+            Eigen::MatrixXd values(dimension, 700);
+            // Half of the points in a tight cluster: boxes of very different filling.
+            for (Eigen::Index i = 0; i < values.cols(); ++i)
+                for (Eigen::Index d = 0; d < dimension; ++d)
+                    values(d, i) = uniform(random) * (i % 2 == 0 ? 1.0 : 0.05);
+            std::vector<orbits::SeriesCoordinate> coordinates;
+            for (int d = 0; d < dimension; ++d)
+                coordinates.push_back({"x" + std::to_string(d), "", d % 2 == 0});
+            const auto series = tests::section_series(coordinates, {values});
+            std::optional<std::vector<double>> signs;
+            if (symmetric) signs = std::vector<double>(static_cast<std::size_t>(dimension), -1.0);
+            const orbits::SectionPoints points(series, signs);
+            const orbits::BoxGrid grid(points);
+            for (int trial = 0; trial < 60; ++trial) {
+                Eigen::VectorXd place(dimension);
+                // Inside, at the seam of the angles, and beyond the range of the others.
+                for (Eigen::Index d = 0; d < dimension; ++d)
+                    place[d] = (trial % 3 == 0 ? 0.3 : 0.17) * uniform(random);
+                if (trial % 5 == 0) place[0] = 0.4999;
+                for (const std::size_t k : {1U, 7U, 40U, 5000U}) {
+                    const auto found = grid.nearest(place, k);
+                    const auto expected = by_brute_force(points, points.wrapped(place), k);
+                    REQUIRE(found.size() == expected.size());
+                    for (std::size_t i = 0; i < found.size(); ++i)
+                        // the two sum in different order of mirroring: rounding only
+                        REQUIRE_THAT(found[i].distance2, tests::WithinAbs(expected[i].distance2, 1e-14));
+                }
+            }
+        }
+}
+
+TEST_CASE("points without an image are nobody's neighbours", "[orbits][box_grid]") {
+    Eigen::MatrixXd values(1, 4);
+    values << 0.0, 1.0, std::nan(""), 3.0;
+    const auto series = tests::section_series({{"x", "", false}}, {values, values});
+    const orbits::SectionPoints points(series);
+    CHECK(points.image_count() == 2);
+    const auto found = orbits::BoxGrid(points).nearest(Eigen::VectorXd::Constant(1, 3.0), 10);
+    REQUIRE(found.size() == 2);
+    CHECK(found[0].index == 0);
+    CHECK(found[1].index == 4);
+}
