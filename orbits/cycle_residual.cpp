@@ -1,0 +1,187 @@
+#include "orbits/cycle_residual.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include <tbb/parallel_for.h>
+#include <Eigen/Cholesky>
+
+#include "periodic/multiple_shooting.hpp"
+
+namespace orbid::orbits {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using periodic::OrbitStatus;
+using periodic::PeriodicOrbit;
+
+/// A cycle that was lost or rejected and taken back this often stays out: the set of blocks must settle.
+constexpr int most_returns = 2;
+
+/// Steps of Newton's method per orbit: from a predicted start two or three are usual, and an orbit that needs many is
+/// on its way to another one.
+constexpr int most_newton_steps = 15;
+
+double median(std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+}  // namespace
+
+CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
+                             const std::vector<Cycle>& cycles, double phase, const VectorXd& start,
+                             const std::vector<MatrixXd>& start_nodes, const CycleResidualOptions& options)
+    : system_(std::move(system)),
+      binding_(std::move(binding)),
+      map_(*system_, phase, options.flow),
+      options_(options),
+      targets_(select_targets(map_, binding_.values(start), binding_.parameter, cycles, options.targets)),
+      scale_(target_scale(*system_, cycles)),
+      groups_(target_groups(*system_, "cycles", options.targets)) {
+    if (!(options.maximum_move > 0.0)) throw std::invalid_argument("CycleResidual: maximum_move must be > 0");
+    if (!(options.gate > 1.0)) throw std::invalid_argument("CycleResidual: gate must be > 1");
+    if (!start_nodes.empty() && start_nodes.size() != cycles.size())
+        throw std::invalid_argument("CycleResidual: " + std::to_string(start_nodes.size()) + " start nodes for " +
+                                    std::to_string(cycles.size()) + " cycles");
+    for (const CycleTarget& target : targets_.targets) {
+        estimator::BlockLayout block;
+        block.label = target.label;
+        block.group = record_groups(target.points.rows(), target.points.cols(), 0);
+        block.shape = target.covariance;
+        layout_.push_back(std::move(block));
+        Known known;
+        known.nodes = target.points;
+        if (!start_nodes.empty() && start_nodes[target.cycle].size() > 0) {
+            const MatrixXd& nodes = start_nodes[target.cycle];
+            if (nodes.rows() != target.points.rows() || nodes.cols() != target.points.cols() || !nodes.allFinite())
+                throw std::invalid_argument("CycleResidual: start nodes of " + target.label +
+                                            " must be finite and have the shape of its points");
+            known.nodes = nodes;
+        }
+        known_.push_back(std::move(known));
+    }
+    // Solutions at the start give every later one a prediction to first order. A cycle without one keeps its guess.
+    const std::vector<PeriodicOrbit> solved = orbits(start);
+    for (std::size_t b = 0; b < solved.size(); ++b)
+        if (solved[b].status == OrbitStatus::converged) keep(b, solved[b], start);
+}
+
+void CycleResidual::keep(std::size_t block, const PeriodicOrbit& orbit, const VectorXd& theta) {
+    Known& known = known_[block];
+    known.nodes = orbit.points;
+    known.theta = theta;
+    known.sensitivities = binding_.spread(orbit.sensitivities);
+    known.rotation = orbit.rotation;
+}
+
+std::vector<VectorXd> CycleResidual::initial_latents() const {
+    return std::vector<VectorXd>(layout_.size());
+}
+
+PeriodicOrbit CycleResidual::solve(std::size_t block, const VectorXd& theta, bool derivatives) const {
+    const Known& known = known_[block];
+    periodic::ShootingOptions options;
+    options.scale = scale_;
+    options.maximum_distance = options_.maximum_move;
+    options.maximum_iterations = most_newton_steps;
+    options.flow = options_.flow;
+    // Rounding of points near 1e-9 would be squared by the last step anyway; 1e-7 saves an evaluation.
+    options.tolerance = 1e-7;
+    const std::vector<Index> none;
+    const std::vector<Index>& free = derivatives ? binding_.parameter : none;
+    const auto from = [&](const MatrixXd& guess) {
+        return periodic::solve_multiple_shooting(*system_, binding_.values(theta), map_.phase(), guess, known.rotation,
+                                                 free, options);
+    };
+    if (known.theta.size() > 0) {
+        const VectorXd move = known.sensitivities * (theta - known.theta);
+        const MatrixXd predicted = known.nodes + move.reshaped(known.nodes.rows(), known.nodes.cols());
+        if (predicted.allFinite()) {
+            PeriodicOrbit orbit = from(predicted);
+            if (orbit.status == OrbitStatus::converged) return orbit;
+        }
+    }
+    return from(known.nodes);
+}
+
+VectorXd CycleResidual::residual(std::size_t block, const PeriodicOrbit& orbit) const {
+    return wrapped_difference(*system_, targets_.targets[block].points, orbit.points).reshaped();
+}
+
+std::vector<estimator::BlockValue> CycleResidual::evaluate(const VectorXd& theta, const std::vector<VectorXd>&,
+                                                           bool derivatives) const {
+    std::vector<estimator::BlockValue> result(layout_.size());
+    tbb::parallel_for(std::size_t{0}, layout_.size(), [&](std::size_t b) {
+        if (!layout_[b].active) return;
+        const PeriodicOrbit orbit = solve(b, theta, derivatives);
+        if (orbit.status != OrbitStatus::converged) {
+            result[b].status = estimator::BlockStatus::failed;
+            return;
+        }
+        result[b].e = residual(b, orbit);
+        result[b].e_z.resize(result[b].e.size(), 0);
+        if (derivatives) result[b].e_theta = -binding_.spread(orbit.sensitivities);
+    });
+    return result;
+}
+
+std::vector<PeriodicOrbit> CycleResidual::orbits(const VectorXd& theta) const {
+    std::vector<PeriodicOrbit> result(layout_.size());
+    tbb::parallel_for(std::size_t{0}, layout_.size(), [&](std::size_t b) { result[b] = solve(b, theta, true); });
+    return result;
+}
+
+double CycleResidual::mean_square(std::size_t block, const VectorXd& e, const VectorXd& scales) const {
+    VectorXd whitened = e;
+    for (Index i = 0; i < e.size(); ++i)
+        whitened(i) /= scales(layout_[block].group[static_cast<std::size_t>(i)]);
+    const MatrixXd& shape = layout_[block].shape;
+    if (shape.size() > 0) Eigen::LLT<MatrixXd>(shape).matrixL().solveInPlace(whitened);
+    return whitened.squaredNorm() / static_cast<double>(e.size());
+}
+
+estimator::RefreshReport CycleResidual::refresh(const VectorXd& theta, const std::vector<VectorXd>&,
+                                                const VectorXd& scales) {
+    const std::vector<PeriodicOrbit> solved = orbits(theta);
+    estimator::RefreshReport report;
+    std::vector<double> size(layout_.size(), std::numeric_limits<double>::infinity());
+    std::vector<double> active_sizes;
+    for (std::size_t b = 0; b < layout_.size(); ++b) {
+        if (solved[b].status != OrbitStatus::converged) {
+            if (layout_[b].active) {
+                layout_[b].active = false;
+                ++report.lost;
+            }
+            continue;
+        }
+        size[b] = mean_square(b, residual(b, solved[b]), scales);
+        if (layout_[b].active) active_sizes.push_back(size[b]);
+    }
+    const double limit =
+        active_sizes.empty() ? std::numeric_limits<double>::infinity() : options_.gate * median(active_sizes);
+    for (std::size_t b = 0; b < layout_.size(); ++b) {
+        if (solved[b].status != OrbitStatus::converged) continue;
+        const bool plausible = size[b] <= limit;
+        if (layout_[b].active && !plausible) {
+            layout_[b].active = false;
+            ++report.rejected;
+        } else if (!layout_[b].active && plausible && known_[b].taken_back < most_returns) {
+            layout_[b].active = true;
+            ++known_[b].taken_back;
+            ++report.added;
+        }
+        // The start of the next solution; a rejected cycle keeps its own, for it may have slid onto a wrong orbit.
+        if (plausible) keep(b, solved[b], theta);
+    }
+    report.changed = report.lost + report.rejected + report.added > 0;
+    return report;
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/residual.hpp"
+#include "models/system.hpp"
+#include "orbits/cycle.hpp"
+#include "orbits/section_map.hpp"
+
+namespace orbid::orbits {
+
+/// What the measured cycles weigh with (mathematics.md, section 5).
+///
+/// covariance  V_c = D Sigma_c D: Sigma_c from the orbit analysis, D one unknown factor per coordinate
+/// equal       Sigma_c = I: D is the sd of a point in the coordinate's unit
+enum class CycleWeights { covariance, equal };
+
+/// Which measured cycles take part, and how.
+struct CycleTargetOptions {
+    std::vector<int> periods;  ///< prime periods that take part; empty: all
+    CycleWeights weights = CycleWeights::covariance;
+    std::vector<estimator::ErrorScale> errors;  ///< one per coordinate; empty: estimated, started from the residuals
+};
+
+/// A measured cycle as the target of a residual.
+struct CycleTarget {
+    std::size_t cycle = 0;  ///< index into the list that was given
+    std::string label;      ///< "cycle 3 (period 2)"
+    std::vector<int> rotation;
+    Eigen::MatrixXd points;      ///< shape (n, p)
+    Eigen::MatrixXd covariance;  ///< Sigma_c, shape (n p, n p); empty = identity
+};
+
+/// The targets of an estimate, and the cycles that say nothing about parameters.
+struct CycleTargets {
+    std::vector<CycleTarget> targets;
+    /// States of rest, left out: (0, 0) and (pi, 0) of a pendulum are orbits for all parameters, or with dry friction a
+    /// continuum; their positions carry no information, but would count as if they measured the error scale.
+    std::vector<std::size_t> at_rest;
+};
+
+/// Chooses the cycles that take part. A cycle of period 1 is a state of rest when the orbit solved from its point at
+/// the start parameters, or the point one period later, is at rest for ever (System::at_rest), or when that orbit does
+/// not move with any of the free parameters. (Longer prime periods cannot be at rest.)
+///
+/// @param theta  full parameter vector of the system (start of the estimate).
+/// @param free   free parameters.
+/// @throws std::invalid_argument naming the cycle and the rule: wrong shapes, not finite, a covariance that is missing
+///         or not symmetric positive definite (weights "covariance"), wrong number of errors.
+[[nodiscard]] CycleTargets select_targets(const SectionMap& map, const Eigen::VectorXd& theta,
+                                          std::span<const Eigen::Index> free, const std::vector<Cycle>& cycles,
+                                          const CycleTargetOptions& options);
+
+/// Group "prefix.coordinate" per coordinate, with the errors of the options: factors (unit 1) for weights "covariance",
+/// sds in the coordinate's unit for "equal".
+[[nodiscard]] std::vector<estimator::Group> target_groups(const models::System& system, const std::string& prefix,
+                                                          const CycleTargetOptions& options);
+
+/// Groups of n p records in the order of points, coordinate fastest: first, first + 1, .., again and again.
+[[nodiscard]] std::vector<int> record_groups(Eigen::Index dimension, Eigen::Index points, int first);
+
+/// Typical size of each coordinate: 2 pi for angles, else the range of the measured points about 0 (1 when all are 0).
+[[nodiscard]] Eigen::VectorXd target_scale(const models::System& system, const std::vector<Cycle>& cycles);
+
+}  // namespace orbid::orbits

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "orbits/cycle_target.hpp"
+
+namespace orbid::orbits {
+
+struct OnePeriodOptions {
+    CycleTargetOptions targets;  ///< weights and errors are not used: the error of a prediction is the model's
+    /// Error of a prediction that does not grow with the local amplification, relative to that which does: W = floor^2
+    /// I + X X^T in coordinates of unit range. > 0.
+    double floor = 0.1;
+    /// 1e-10: predictions over one period need no more, the parameters are still far off.
+    models::FlowOptions flow{1e-10, 1e-10, 100000};
+};
+
+/// One-period prediction: every measured point of a cycle starts at the one before it.
+///
+///     e_j = x^meas_{j+1} - Phi(x^meas_j; theta),   j mod p, angles wrapped
+///
+/// No latent states, no orbit that could be lost, and no trajectory longer than a period: the first stage, for starts
+/// far from the truth. A block per cycle, groups "one_period.<coordinate>" with estimated sds in the coordinate's unit;
+/// shape W_j = floor^2 I + X_j X_j^T (scaled to unit ranges), X_j the derivative of the section map at the start
+/// parameters: what a point is worth falls with how strongly its error and the model's are amplified.
+class OnePeriodResidual final : public estimator::Residual {
+public:
+    /// @param system, cycles  the system is kept by pointer, what is needed of the cycles is copied.
+    /// @param start           the estimator's vector at the start.
+    /// @throws std::invalid_argument as select_targets, or floor not > 0.
+    OnePeriodResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
+                      const std::vector<Cycle>& cycles, double phase, const Eigen::VectorXd& start,
+                      const OnePeriodOptions& options = {});
+
+    [[nodiscard]] std::string_view type() const override { return "one_period"; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+                                                              const std::vector<Eigen::VectorXd>& latents,
+                                                              bool derivatives) const override;
+    /// Nothing changes between minimisations.
+    estimator::RefreshReport refresh(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
+                                     const Eigen::VectorXd&) override {
+        return {};
+    }
+    void suspend(std::size_t block) override { layout_.at(block).active = false; }
+
+    /// Cycles left out because they are states of rest.
+    [[nodiscard]] const std::vector<std::size_t>& at_rest() const { return targets_.at_rest; }
+
+private:
+    std::shared_ptr<const models::System> system_;
+    models::ParameterBinding binding_;
+    SectionMap map_;
+    CycleTargets targets_;
+    std::vector<estimator::Group> groups_;
+    std::vector<estimator::BlockLayout> layout_;
+};
+
+}  // namespace orbid::orbits
