@@ -87,6 +87,12 @@ std::vector<VectorXd> CycleResidual::initial_latents() const {
 
 PeriodicOrbit CycleResidual::solve(std::size_t block, const VectorXd& theta, bool derivatives) const {
     const Known& known = known_[block];
+    const VectorXd values = binding_.values(theta);
+    if (!in_domain(*system_, values)) {
+        PeriodicOrbit none;
+        none.status = OrbitStatus::not_simulated;
+        return none;
+    }
     periodic::ShootingOptions options;
     options.scale = scale_;
     options.maximum_distance = options_.maximum_move;
@@ -97,8 +103,7 @@ PeriodicOrbit CycleResidual::solve(std::size_t block, const VectorXd& theta, boo
     const std::vector<Index> none;
     const std::vector<Index>& free = derivatives ? binding_.parameter : none;
     const auto from = [&](const MatrixXd& guess) {
-        return periodic::solve_multiple_shooting(*system_, binding_.values(theta), map_.phase(), guess, known.rotation,
-                                                 free, options);
+        return periodic::solve_multiple_shooting(*system_, values, map_.phase(), guess, known.rotation, free, options);
     };
     if (known.theta.size() > 0) {
         const VectorXd move = known.sensitivities * (theta - known.theta);

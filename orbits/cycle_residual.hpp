@@ -18,7 +18,7 @@ struct CycleResidualOptions {
     /// cycles: 25 = five times the usual error. > 1; infinity: no gate.
     double gate = 25.0;
     /// 1e-12: the errors of measured points reach down to 1e-8, and predictions must be better than these.
-    models::FlowOptions flow{1e-12, 1e-12, 100000};
+    models::FlowOptions flow{1e-12, 1e-12, 20000};
 };
 
 /// Measured cycles against re-solved periodic orbits of the model: no latent states, for the final estimate.

@@ -13,6 +13,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+/// Sd of a point relative to the range of its coordinate for weights "equal", where nothing is known: that of a good
+/// measurement. Only its ratio to the matching sd counts, which falls to nothing anyway.
+constexpr double usual_error = 1e-3;
+
 }  // namespace
 
 LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
@@ -25,6 +29,13 @@ LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> s
       cycle_count_(cycles.size()),
       groups_(target_groups(*system_, "cycles", options.targets)) {
     const Index n = system_->dimension();
+    const VectorXd range = target_scale(*system_, cycles);
+    for (Index i = 0; i < n; ++i) {
+        estimator::ErrorScale& scale = groups_[static_cast<std::size_t>(i)].scale;
+        if (!scale.estimate) continue;
+        const bool factor = options.targets.weights == CycleWeights::covariance;
+        scale = {false, factor ? 1.0 : usual_error * range(i), estimator::FlatPrior{}};
+    }
     for (const models::Coordinate& coordinate : system_->coordinates()) {
         estimator::Group group;
         group.name = "matching." + std::string(coordinate.name);
@@ -78,8 +89,13 @@ std::vector<estimator::BlockValue> LiftedCycleResidual::evaluate(const VectorXd&
                                                                  bool derivatives) const {
     const VectorXd values = binding_.values(theta);
     std::vector<estimator::BlockValue> result(layout_.size());
+    const bool allowed = in_domain(*system_, values);
     tbb::parallel_for(std::size_t{0}, layout_.size(), [&](std::size_t b) {
         if (!layout_[b].active) return;
+        if (!allowed) {
+            result[b].status = estimator::BlockStatus::failed;
+            return;
+        }
         const MatrixXd& points = targets_.targets[b].points;
         const Index n = points.rows();
         const Index p = points.cols();

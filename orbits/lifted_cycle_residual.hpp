@@ -10,13 +10,17 @@ namespace orbid::orbits {
 struct LiftedCycleOptions {
     CycleTargetOptions targets;
     /// 1e-11: the matching conditions are as exact as their sd, and the reduced residual has the last word.
-    models::FlowOptions flow{1e-11, 1e-11, 100000};
+    models::FlowOptions flow{1e-11, 1e-11, 20000};
 };
 
 /// Orbits and parameters improved together: the points of a cycle are latent states.
 ///
 ///     e = x^meas_j - z_j                      groups "cycles.<coordinate>", V = D Sigma_c D
 ///     e = z_{j+1} - Phi(z_j; theta), j mod p  groups "matching.<coordinate>", fixed sd
+///
+/// The scales of the points are fixed too (factor 1, the analysis' own covariance; weights "equal": 1e-3 of the range),
+/// unless the options fix them: beside a wide matching sd an estimated one runs to zero, the nodes then stay on the
+/// measured points, and the stage improves nothing.
 ///
 /// Angles wrapped, so that no rotation number is needed. The caller lowers the matching sd in stages, each started from
 /// the latent states of the one before. A block per cycle; latent states in the order of points, coordinate fastest.

@@ -52,8 +52,13 @@ std::vector<estimator::BlockValue> OnePeriodResidual::evaluate(const VectorXd& t
                                                                bool derivatives) const {
     const VectorXd values = binding_.values(theta);
     std::vector<estimator::BlockValue> result(layout_.size());
+    const bool allowed = in_domain(*system_, values);
     tbb::parallel_for(std::size_t{0}, layout_.size(), [&](std::size_t b) {
         if (!layout_[b].active) return;
+        if (!allowed) {
+            result[b].status = estimator::BlockStatus::failed;
+            return;
+        }
         const MatrixXd& points = targets_.targets[b].points;
         const Index n = points.rows();
         const Index p = points.cols();

@@ -13,7 +13,7 @@ struct OnePeriodOptions {
     /// I + X X^T in coordinates of unit range. > 0.
     double floor = 0.1;
     /// 1e-10: predictions over one period need no more, the parameters are still far off.
-    models::FlowOptions flow{1e-10, 1e-10, 100000};
+    models::FlowOptions flow{1e-10, 1e-10, 20000};
 };
 
 /// One-period prediction: every measured point of a cycle starts at the one before it.

@@ -42,4 +42,10 @@ Eigen::MatrixXd wrapped_difference(const models::System& system, const Eigen::Ma
     return difference;
 }
 
+bool in_domain(const models::System& system, const Eigen::VectorXd& theta) {
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
+        if (!models::contains(system.parameters()[static_cast<std::size_t>(i)].domain, theta(i))) return false;
+    return true;
+}
+
 }  // namespace orbid::orbits

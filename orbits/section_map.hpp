@@ -41,4 +41,7 @@ private:
 [[nodiscard]] Eigen::MatrixXd wrapped_difference(const models::System& system, const Eigen::MatrixXd& a,
                                                  const Eigen::MatrixXd& b);
 
+/// Every parameter lies in its domain, so that a flow may be asked for.
+[[nodiscard]] bool in_domain(const models::System& system, const Eigen::VectorXd& theta);
+
 }  // namespace orbid::orbits
