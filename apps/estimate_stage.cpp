@@ -14,6 +14,7 @@
 #include "apps/orbits_stage.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "orbits/cycle_residual.hpp"
+#include "orbits/data_error.hpp"
 #include "orbits/series_residual.hpp"
 
 namespace orbid::apps {

@@ -7,6 +7,7 @@
 #include "apps/atomic_file.hpp"
 #include "apps/cycle_reader.hpp"
 #include "apps/stage_fingerprint.hpp"
+#include "orbits/data_error.hpp"
 
 namespace orbid::apps {
 

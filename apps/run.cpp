@@ -21,6 +21,7 @@
 #include "apps/summary.hpp"
 #include "apps/version.hpp"
 #include "apps/workspace.hpp"
+#include "orbits/data_error.hpp"
 
 namespace orbid::apps {
 
