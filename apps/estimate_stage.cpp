@@ -261,6 +261,9 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     work.progress.begin("estimate");
     estimator::EstimateOptions options;
     options.variance = job.estimate->variance;
+    // A thousandth of a posterior sd is below what anybody can see. Much less is below the rounding of clean data,
+    // whose sds reach down to 1e-10 of the value: the minimiser would only grope about there.
+    options.step_tolerance = 1e-3;
     options.interrupted = [&] { return work.interruption.asked(); };
     options.progress = [&](int iteration, double objective) {
         work.progress.at(iteration, fmt::format("objective {:.6g}", objective));

@@ -90,6 +90,10 @@ CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::s
         const bool wanted =
             options.periods.empty() || std::count(options.periods.begin(), options.periods.end(), cycle.period) > 0;
         if (!wanted) continue;
+        if (cycle.mirror && *cycle.mirror < c) {
+            result.mirrored.push_back(c);
+            continue;
+        }
         if (rests(map, theta, free, cycle, scale)) {
             result.at_rest.push_back(c);
             continue;

@@ -41,6 +41,9 @@ struct CycleTargets {
     /// States of rest, left out: (0, 0) and (pi, 0) of a pendulum are orbits for all parameters, or with dry friction a
     /// continuum; their positions carry no information, but would count as if they measured the error scale.
     std::vector<std::size_t> at_rest;
+    /// Mirror images of cycles earlier in the list, left out: the search finds both from the same points, so the second
+    /// says nothing new, and would make every sd too small by sqrt(2).
+    std::vector<std::size_t> mirrored;
 };
 
 /// Chooses the cycles that take part. A cycle of period 1 is a state of rest when the orbit solved from its point at
