@@ -86,7 +86,8 @@ Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size
     require_shape(cycle.covariance, n * cycle.period, n * cycle.period, "covariance", index);
     Json out;
     out["period"] = cycle.period;
-    out["rotation"] = cycle.rotation;
+    // Angles read modulo a turn cannot tell how often the cycle went round.
+    out["rotation"] = cycle.rotation.empty() ? Json(nullptr) : Json(cycle.rotation);
     out["points"] = rows(cycle.points.transpose());
     out["covariance"] = rows(cycle.covariance);
     out["multipliers"] = complex_pairs(cycle.multipliers);

@@ -98,8 +98,8 @@ PeriodicOrbit CycleResidual::solve(std::size_t block, const VectorXd& theta, boo
     options.maximum_distance = options_.maximum_move;
     options.maximum_iterations = most_newton_steps;
     options.flow = options_.flow;
-    // Rounding of points near 1e-9 would be squared by the last step anyway; 1e-7 saves an evaluation.
-    options.tolerance = 1e-7;
+    // The last step's square, times the curvature (1e4 at most along the orbits that series show), is what is left.
+    options.tolerance = 1e-9;
     const std::vector<Index> none;
     const std::vector<Index>& free = derivatives ? binding_.parameter : none;
     const auto from = [&](const MatrixXd& guess) {

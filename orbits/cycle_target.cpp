@@ -78,6 +78,11 @@ bool rests(const SectionMap& map, const VectorXd& theta, std::span<const Index> 
     return movement < standstill;
 }
 
+/// Relative to the range: what a computed orbit may be off by, a flow of tolerance 1e-12 times what the orbit's own
+/// instability makes of it. Clean series give points better than that; without this share the residuals of such points
+/// would measure our integrator, and their rounding would stop the minimiser before it has converged.
+constexpr double computed_orbit_error = 1e-10;
+
 }  // namespace
 
 CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::span<const Index> free,
@@ -103,7 +108,13 @@ CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::s
         target.label = "cycle " + std::to_string(c) + " (period " + std::to_string(cycle.period) + ")";
         target.rotation = cycle.rotation;
         target.points = cycle.points;
-        if (options.weights == CycleWeights::covariance) target.covariance = cycle.covariance;
+        if (options.weights == CycleWeights::covariance) {
+            target.covariance = cycle.covariance;
+            for (Index k = 0; k < target.covariance.rows(); ++k) {
+                const double error = computed_orbit_error * scale(k % scale.size());
+                target.covariance(k, k) += error * error;
+            }
+        }
         result.targets.push_back(std::move(target));
     }
     return result;

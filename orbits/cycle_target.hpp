@@ -31,8 +31,9 @@ struct CycleTarget {
     std::size_t cycle = 0;  ///< index into the list that was given
     std::string label;      ///< "cycle 3 (period 2)"
     std::vector<int> rotation;
-    Eigen::MatrixXd points;      ///< shape (n, p)
-    Eigen::MatrixXd covariance;  ///< Sigma_c, shape (n p, n p); empty = identity
+    Eigen::MatrixXd points;  ///< shape (n, p)
+    Eigen::MatrixXd
+        covariance;  ///< Sigma_c with the error of a computed orbit added, shape (n p, n p); empty = identity
 };
 
 /// The targets of an estimate, and the cycles that say nothing about parameters.
