@@ -5,9 +5,11 @@
 
 #include <numbers>
 #include <stdexcept>
+#include <tuple>
 
 #include "models/argument_check.hpp"
 #include "models/flow.hpp"
+#include "models/model_instance.hpp"
 #include "models/period_grid.hpp"
 #include "models/standstill.hpp"
 
@@ -288,5 +290,30 @@ private:
         return FlowStatus::ok;
     }
 };
+
+namespace detail {
+template <class M>
+struct VariantsOf {
+    using type = std::tuple<M>;
+};
+template <class M>
+requires requires {
+    typename M::variants;
+}
+struct VariantsOf<M> {
+    using type = typename M::variants;
+};
+}  // namespace detail
+
+template <class M>
+ModelInstance instance_of() {
+    return []<DescribedModel First, DescribedModel... Others>(std::type_identity<std::tuple<First, Others...>>) {
+        return ModelInstance{First::name,
+                             First::summary,
+                             First::equations,
+                             {std::make_shared<ModelSystem<First>>(), std::make_shared<ModelSystem<Others>>()...}};
+    }
+    (std::type_identity<typename detail::VariantsOf<M>::type>{});
+}
 
 }  // namespace orbid::models

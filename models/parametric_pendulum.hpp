@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <string_view>
+#include <tuple>
 
 #include "models/model.hpp"
 
@@ -25,7 +26,7 @@ enum class Support {
 /// A cos wt + L sqrt(1 - e^2 sin^2 wt), e = A/L, whose misprint in (P3) is the variant `crank_as_printed`.
 /// e >= 1 is no mechanism (the rod is shorter than the crank): the state then stops being finite.
 template <Support support>
-struct ParametricPendulum {
+struct PendulumOn {
     static constexpr std::string_view name = "parametric_pendulum";
     static constexpr std::string_view variant = support == Support::crank              ? "crank"
                                                 : support == Support::crank_as_printed ? "crank_as_printed"
@@ -98,6 +99,12 @@ struct ParametricPendulum {
     static State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, 6>& c, double side) {
         return rhs_forced<T>(stiffness(phase, c), x, c, side);
     }
+};
+
+/// The model as the registry lists it: its variants, the default first.
+struct ParametricPendulum {
+    using variants =
+        std::tuple<PendulumOn<Support::crank>, PendulumOn<Support::crank_as_printed>, PendulumOn<Support::harmonic>>;
 };
 
 }  // namespace orbid::models

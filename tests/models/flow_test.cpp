@@ -116,7 +116,7 @@ TEST_CASE("the error follows the tolerance", "[models][fast]") {
 }
 
 TEST_CASE("a fixed step of half the size has an error smaller by 2^8", "[models][fast]") {
-    using Pendulum = ParametricPendulum<Support::crank>;
+    using Pendulum = PendulumOn<Support::crank>;
     const Values<double, 9> p{0.0858, 0.317, 0.0, 4.85e-4, 1.9e-4, 9.81, 0.131, 9.09, 0.173};
     const Field<Pendulum, 0> field(p, 0.0, Clock::phase);
     const auto end = [&](int steps) {

@@ -16,10 +16,10 @@ struct ModelInstance {
     std::vector<std::shared_ptr<const System>> systems;
 };
 
-// One function per model, each defined in the model's own .cpp: its templates are compiled there and nowhere else.
-ModelInstance duffing_model();
-ModelInstance free_pendulum_model();
-ModelInstance lotka_volterra_model();
-ModelInstance parametric_pendulum_model();
+/// The instance of model M, a struct that satisfies DescribedModel or lists such structs as its `variants`. Defined in
+/// model_system.hpp and compiled once per model, in a file that the build writes for each line of registry.cpp; so the
+/// registry needs no more than the name of the struct.
+template <class M>
+ModelInstance instance_of();
 
 }  // namespace orbid::models
