@@ -1,5 +1,6 @@
 #include "orbits/one_period_residual.hpp"
 
+#include <cmath>
 #include <stdexcept>
 
 #include <tbb/parallel_for.h>
@@ -26,7 +27,8 @@ OnePeriodResidual::OnePeriodResidual(std::shared_ptr<const models::System> syste
     groups_ = target_groups(*system_, "one_period", target_options);
 
     const Index n = system_->dimension();
-    const VectorXd scale = target_scale(*system_, cycles);
+    range_ = target_scale(*system_, cycles);
+    const VectorXd& scale = range_;
     for (const CycleTarget& target : targets_.targets) {
         const Index p = target.points.cols();
         estimator::BlockLayout block;
@@ -78,6 +80,24 @@ std::vector<estimator::BlockValue> OnePeriodResidual::evaluate(const VectorXd& t
         }
     });
     return result;
+}
+
+double OnePeriodResidual::misfit(const VectorXd& theta) const {
+    constexpr double off = 0.02;  // of the range: what a model with parameters some per cent wrong leaves
+    constexpr double lost = 0.5;
+    const std::vector<estimator::BlockValue> blocks = evaluate(theta, initial_latents(), false);
+    double sum = 0.0;
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+        if (!layout_[b].active) continue;
+        const std::vector<int>& group = layout_[b].group;
+        for (std::size_t k = 0; k < group.size(); ++k) {
+            const double e = blocks[b].status == estimator::BlockStatus::ok
+                                 ? blocks[b].e(static_cast<Index>(k)) / range_(group[k])
+                                 : lost;
+            sum += std::log1p(e * e / (off * off));
+        }
+    }
+    return sum;
 }
 
 }  // namespace orbid::orbits

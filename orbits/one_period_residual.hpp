@@ -11,9 +11,9 @@ struct OnePeriodOptions {
     CycleTargetOptions targets;  ///< weights and errors are not used: the error of a prediction is the model's
     /// Error of a prediction that does not grow with the local amplification, relative to that which does: W = floor^2
     /// I + X X^T in coordinates of unit range. > 0.
-    double floor = 0.1;
+    double floor = 1.0;
     /// 1e-10: predictions over one period need no more, the parameters are still far off.
-    models::FlowOptions flow{1e-10, 1e-10, 20000};
+    models::FlowOptions flow{1e-10, 1e-10, 2000};
 };
 
 /// One-period prediction: every measured point of a cycle starts at the one before it.
@@ -48,6 +48,11 @@ public:
     }
     void suspend(std::size_t block) override { layout_.at(block).active = false; }
 
+    /// How badly theta predicts, robustly: sum over all records of ln(1 + (e / (0.02 range))^2). A prediction that is
+    /// far off counts little more than one that is just off, so that the minimum is broad and few points decide
+    /// nothing; a block that cannot be evaluated counts as off by half the range.
+    [[nodiscard]] double misfit(const Eigen::VectorXd& theta) const;
+
     /// Cycles left out because they are states of rest.
     [[nodiscard]] const std::vector<std::size_t>& at_rest() const { return targets_.at_rest; }
 
@@ -56,6 +61,7 @@ private:
     models::ParameterBinding binding_;
     SectionMap map_;
     CycleTargets targets_;
+    Eigen::VectorXd range_;
     std::vector<estimator::Group> groups_;
     std::vector<estimator::BlockLayout> layout_;
 };
