@@ -4,6 +4,7 @@
 #include <limits>
 #include <numbers>
 
+#include "models/registry.hpp"
 #include "tests/catch.hpp"
 #include "tests/periodic/closed_form_system.hpp"
 
@@ -231,6 +232,8 @@ TEST_CASE("multiple shooting refuses what makes no sense", "[periodic]") {
     CHECK_THROWS_WITH(solve(henon, guess, {}, {1}), tests::ContainsSubstring("the model has 0 angles"));
     CHECK_THROWS_WITH(solve(standard, guess, {}, {1, 2}), tests::ContainsSubstring("the model has 1 angles"));
     CHECK_THROWS_WITH(solve(henon, guess, {}, {}, {2}), tests::ContainsSubstring("free parameter 2"));
+    const auto lotka = models::make_system("lotka_volterra");
+    CHECK_THROWS_WITH(solve(*lotka, guess), tests::ContainsSubstring("is autonomous"));
     CHECK_THROWS_AS(solve_multiple_shooting(henon, VectorXd::Zero(1), 0.0, guess, {}, {}), std::invalid_argument);
     CHECK_THROWS_AS(solve_multiple_shooting(henon, theta, nan, guess, {}, {}), std::invalid_argument);
     CHECK_THROWS_AS(solve_multiple_shooting(henon, VectorXd::Constant(2, nan), 0.0, guess, {}, {}),
