@@ -78,10 +78,10 @@ struct Dot {
 
 /// Every k-th point of the series, with the density there.
 std::vector<Dot> thinned(const orbits::Series& series, const SectionPlotOptions& options, const PlotFrame& frame) {
-    const auto columns = static_cast<std::size_t>((PlotFrame::right - PlotFrame::left) / density_cell) + 2;
-    const auto rows = static_cast<std::size_t>((PlotFrame::bottom - PlotFrame::top) / density_cell) + 2;
+    constexpr auto columns = static_cast<std::size_t>((PlotFrame::right - PlotFrame::left) / density_cell) + 2;
+    constexpr auto rows = static_cast<std::size_t>((PlotFrame::bottom - PlotFrame::top) / density_cell) + 2;
     std::vector<unsigned> counts(columns * rows, 0);
-    const auto cell = [columns](double x, double y) {
+    const auto cell = [](double x, double y) {
         return static_cast<std::size_t>((y - PlotFrame::top) / density_cell) * columns +
                static_cast<std::size_t>((x - PlotFrame::left) / density_cell);
     };

@@ -59,7 +59,7 @@ struct OneSided : WithoutEquations {
 };
 struct OneSignTooMany : Pendulum {
     static constexpr std::array<double, 3> symmetry_signs{-1.0, -1.0, 1.0};
-    static constexpr double symmetry_phase_shift = 0.0;
+    [[maybe_unused]] static constexpr double symmetry_phase_shift = 0.0;
 };
 struct ReadsOneNumber : Pendulum {
     template <class T>
