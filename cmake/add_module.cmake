@@ -40,7 +40,7 @@ function(add_room_tests name)
   target_link_libraries(${name}_test PRIVATE orbid_test_main orbid_warnings fmt::fmt ${ARG_DEPENDS} ${ARG_PACKAGES})
   target_precompile_headers(${name}_test PRIVATE ${CMAKE_SOURCE_DIR}/cmake/precompiled.hpp ${CMAKE_SOURCE_DIR}/tests/catch.hpp)
   # Tests are compiled far more often than they run: what has to be fast is in the rooms.
-  target_compile_options(${name}_test PRIVATE $<$<CONFIG:Release>:-O0>)
+  target_compile_options(${name}_test PRIVATE $<$<NOT:$<CONFIG:Debug>>:-O0>)
   target_compile_definitions(${name}_test PRIVATE ORBID_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
   add_test(NAME ${name} COMMAND ${name}_test)
   set_tests_properties(${name} PROPERTIES LABELS fast)
