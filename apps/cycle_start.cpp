@@ -6,6 +6,7 @@
 
 #include "orbits/lifted_cycle_residual.hpp"
 #include "orbits/one_period_residual.hpp"
+#include "orbits/start_scan.hpp"
 
 namespace orbid::apps {
 
@@ -26,11 +27,17 @@ void move_starts(std::vector<estimator::FreeParameter>& parameters, const estima
         parameters[i].start = estimate.parameters[i].value;
 }
 
-Eigen::VectorXd starts(const std::vector<estimator::FreeParameter>& parameters) {
-    Eigen::VectorXd theta(static_cast<Eigen::Index>(parameters.size()));
+/// One field of all parameters.
+Eigen::VectorXd column(const std::vector<estimator::FreeParameter>& parameters,
+                       double estimator::FreeParameter::*field) {
+    Eigen::VectorXd values(static_cast<Eigen::Index>(parameters.size()));
     for (std::size_t i = 0; i < parameters.size(); ++i)
-        theta[static_cast<Eigen::Index>(i)] = parameters[i].start;
-    return theta;
+        values[static_cast<Eigen::Index>(i)] = parameters[i].*field;
+    return values;
+}
+
+Eigen::VectorXd starts(const std::vector<estimator::FreeParameter>& parameters) {
+    return column(parameters, &estimator::FreeParameter::start);
 }
 
 }  // namespace
@@ -57,8 +64,16 @@ CycleStart start_from_cycles(const Workspace& work, const std::vector<estimator:
 
     orbits::OnePeriodOptions one_period_options;
     one_period_options.targets = targets;
-    orbits::OnePeriodResidual one_period(job.model.system, binding, cycles, job.section_phase, starts(current),
+    const auto one_period_at = [&](const Eigen::VectorXd& theta) {
+        return orbits::OnePeriodResidual(job.model.system, binding, cycles, job.section_phase, theta,
                                          one_period_options);
+    };
+    const Eigen::VectorXd scanned = orbits::scanned_start(
+        one_period_at(starts(current)), starts(current), column(current, &estimator::FreeParameter::lower),
+        column(current, &estimator::FreeParameter::upper), column(current, &estimator::FreeParameter::typical_size));
+    for (std::size_t i = 0; i < current.size(); ++i)
+        current[i].start = scanned[static_cast<Eigen::Index>(i)];
+    orbits::OnePeriodResidual one_period = one_period_at(scanned);
     const auto first = stage("one-period prediction", one_period);
     if (first.status != estimator::EstimateStatus::failed) move_starts(current, first);
 

@@ -17,9 +17,9 @@ struct CycleStart {
     int evaluations = 0;
 };
 
-/// From a far start to the neighbourhood of the optimum: one-period prediction, then orbits and parameters improved
-/// together while the sd of the matching conditions falls in stages. The caller's last step is CycleResidual, whose
-/// orbits are exact.
+/// From a far start to the neighbourhood of the optimum: a coarse scan and one-period prediction, then orbits and
+/// parameters improved together while the sd of the matching conditions falls in stages. The caller's last step is
+/// CycleResidual, whose orbits are exact.
 ///
 /// (Re-solved orbits alone reach the optimum from 15 % of wide starts; most others slide onto wrong orbits.)
 [[nodiscard]] CycleStart start_from_cycles(const Workspace& work,

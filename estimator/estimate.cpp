@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <variant>
 
 #include "estimator/posterior.hpp"
 #include "estimator/problem_setup.hpp"
@@ -168,6 +169,9 @@ void fill_parameters(const Problem& problem, const State& state, const Minimum& 
     const Eigen::Index q = state.theta.size();
     Eigen::VectorXd slope(q);
     std::vector<bool> known(static_cast<std::size_t>(q), false);
+    const bool without_priors =
+        std::all_of(problem.parameters.begin(), problem.parameters.end(),
+                    [](const FreeParameter& parameter) { return std::holds_alternative<FlatPrior>(parameter.prior); });
     for (Eigen::Index i = 0; i < q; ++i) {
         const auto index = static_cast<std::size_t>(i);
         const Coordinate& coordinate = problem.coordinates[index];
@@ -184,7 +188,9 @@ void fill_parameters(const Problem& problem, const State& state, const Minimum& 
         known[index] = std::isfinite(result.sd);
         if (side == 0) {
             const double data = posterior.identifiable().data_variance[i];
-            result.data_share = std::isfinite(data) ? std::clamp(posterior.laplace()(i, i) / data, 0.0, 1.0) : 0.0;
+            // Without priors the two variances are the same up to the rounding of two factorisations.
+            const double share = without_priors ? 1.0 : std::clamp(posterior.laplace()(i, i) / data, 0.0, 1.0);
+            result.data_share = std::isfinite(data) ? share : 0.0;
         }
         estimate.parameters.push_back(std::move(result));
     }

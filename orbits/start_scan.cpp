@@ -7,7 +7,7 @@
 namespace orbid::orbits {
 namespace {
 
-constexpr int sweeps = 2;  // the second sees the others near their place; a third changed nothing in trials
+constexpr int sweeps = 2;  // the second sees the others near their place
 
 std::vector<double> ladder(double start, double size) {
     std::vector<double> values;
