@@ -246,7 +246,8 @@ private:
         const double leaving = side > 0.0 ? a.negative : a.positive;
         const double jump = a.negative - a.positive;
         x_ = end;
-        // 1e-8: the derivatives would be multiplied by more than 1e8, and the event time is lost to rounding.
+        // Arriving without acceleration, where dry friction makes it jump: rounding would decide between touching and
+        // being held, and the instant is lost to it. 1e-8 of the jump: half of the digits.
         if (jump > 0.0 && !(side * arriving < -1e-8 * jump)) return FlowStatus::grazing;
         ++crossings_;
         slope_known_ = false;

@@ -25,16 +25,18 @@ TEST_CASE("a free pendulum is back after its exact period", "[models][reference]
     const auto system = make_system("free_pendulum");
     Eigen::VectorXd theta(5);
     theta << 19.62, 0.0, 0.0, 0.0, 0.0;
+    double worst_angle = 0.0, worst_rate = 0.0;
     for (const Row& row : rows) {
-        CAPTURE(row.amplitude_deg);
         const double start = row.amplitude_deg * pi / 180.0;
         const std::vector<double> period{row.period_ratio * 2.0 * pi / std::sqrt(19.62)};
         const auto flow = system->flow(Eigen::Vector2d(start, 0.0), 0.0, period, theta, Clock::time);
         CHECK(flow.crossings >= 1);
-        // Tolerance 1e-12 per step; worst measured 3e-12 and 3e-11 (170 deg), times ten.
-        CHECK_THAT(flow.states(0, 0), WithinAbs(start, 3e-11));
-        CHECK_THAT(flow.states(1, 0), WithinAbs(0.0, 3e-10));
+        worst_angle = std::max(worst_angle, std::abs(flow.states(0, 0) - start));
+        worst_rate = std::max(worst_rate, std::abs(flow.states(1, 0)));
     }
+    // Measured 8.1e-12 rad and 7.2e-11 rad/s (170 deg), times ten.
+    CHECK(worst_angle < 8.1e-11);
+    CHECK(worst_rate < 7.2e-10);
 }
 
 TEST_CASE("a free pendulum with dry friction comes to rest and stays", "[models][fast]") {

@@ -28,9 +28,9 @@ TEST_CASE("the support of the pendulum accelerates as the crank height does", "[
             static_cast<double>((height(phase + h) - 2 * height(phase) + height(phase - h)) / (h * h) * w * w);
         // Truncation h^2 / 12 times the fourth derivative (about A w^2 = 11): 1e-8, divided by l.
         CHECK_THAT(Crank::stiffness(phase, c), tests::WithinAbs((g + acceleration) / l, 1e-7));
-        largest_misprint = std::max(largest_misprint,
-                                    std::abs(Crank::stiffness(phase, c) -
-                                             PendulumOn<Support::crank_as_printed>::stiffness(phase, printed)));
+        largest_misprint = std::max(
+            largest_misprint,
+            std::abs(Crank::stiffness(phase, c) - PendulumOn<Support::crank_as_printed>::stiffness(phase, printed)));
     }
     CHECK(largest_misprint > 0.05);
     // Support at its highest: downward acceleration A w^2 (1 + e).

@@ -145,8 +145,8 @@ TEST_CASE("an ensemble is the repeated flow of each trajectory", "[models][fast]
                     worst = std::max(worst, (image - ensemble.sections[i].col(k + 1)).norm() / stretch);
                 }
             }
-            // Two tolerances of 1e-12 per step; worst measured 2e-12 of the stretch.
-            CHECK(worst < 2e-11);
+            // Measured at most 3.1e-12 of the stretch (tolerance 1e-12 per step in both), times ten.
+            CHECK(worst < 3.1e-11);
         }
     }
 }
