@@ -7,7 +7,6 @@
 
 #include <fmt/format.h>
 
-#include "apps/atomic_file.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "orbits/series_file.hpp"
 #include "orbits/virtual_experiment.hpp"
@@ -148,7 +147,7 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     Experiment experiment{std::move(run.series), captures(data.name, run.events)};
     experiment.series.origin = origin_text(wanted, experiment.captured);
     if (stored) {
-        write_atomically(file, [&](const std::filesystem::path& temporary) {
+        work.folder.store(file.filename().string(), [&](const std::filesystem::path& temporary) {
             if (job.series_output == SeriesOutput::csv) {
                 orbits::write_csv(temporary, experiment.series);
             } else {
@@ -169,11 +168,12 @@ Experiment measured(const Workspace& work, const DataJob& data) {
     const FileJob& file = *data.file;
     work.progress.begin("read");
     Experiment experiment;
-    if (file.path.extension() == ".csv" || !file.columns.empty()) {
+    if (file.table) {
         orbits::TableLayout layout;
         layout.sampling = file.sampling;
         layout.segment = file.segment_column;
         layout.time = file.time_column;
+        layout.time_unit = file.time_unit;
         layout.nan_is_missing = file.nan_is_missing;
         layout.phase = work.job.section_phase;
         layout.minimum_points = 2;

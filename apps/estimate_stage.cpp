@@ -1,17 +1,15 @@
 #include "apps/estimate_stage.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <memory>
-#include <numbers>
 
 #include <fmt/format.h>
 
-#include "apps/atomic_file.hpp"
 #include "apps/cycle_start.hpp"
+#include "apps/estimate_records.hpp"
 #include "apps/estimate_setup.hpp"
 #include "apps/orbits_stage.hpp"
+#include "apps/segment_choice.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "orbits/cycle_residual.hpp"
 #include "orbits/data_error.hpp"
@@ -20,8 +18,6 @@
 namespace orbid::apps {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 /// The residuals of a job, each kept by its own type: results are read back from them.
 struct JobResiduals {
@@ -64,30 +60,6 @@ orbits::InitialStateRule initial_rule(const InitialValueJob& job) {
     return rule;
 }
 
-std::vector<std::size_t> segments_with(const orbits::Series& series, const DataJob& data,
-                                       const std::vector<std::string>& labels) {
-    std::vector<std::size_t> found;
-    for (const std::string& label : labels) {
-        const auto segment = std::find_if(series.segments.begin(), series.segments.end(),
-                                          [&](const orbits::Segment& one) { return one.label == label; });
-        if (segment == series.segments.end()) {
-            throw orbits::DataError(fmt::format("{}: there is no segment \"{}\"", data.name, label));
-        }
-        found.push_back(static_cast<std::size_t>(segment - series.segments.begin()));
-    }
-    return found;
-}
-
-std::vector<std::size_t> fitted_segments(const orbits::Series& series, const DataJob& data) {
-    if (data.fit) return segments_with(series, data, *data.fit);
-    const auto predicted = segments_with(series, data, data.predict);
-    std::vector<std::size_t> rest;
-    for (std::size_t s = 0; s < series.segments.size(); ++s) {
-        if (std::find(predicted.begin(), predicted.end(), s) == predicted.end()) rest.push_back(s);
-    }
-    return rest;
-}
-
 std::unique_ptr<orbits::SeriesResidual> series_residual(const Job& job, std::size_t experiment,
                                                         const EstimateSetup& setup, const orbits::Series& series) {
     const DataJob& data = job.data[experiment];
@@ -128,116 +100,6 @@ void describe_data(const Workspace& work, const std::vector<Experiment>& data, c
         stage_fingerprint(work.document, {"/model", "/seed", "/section", "/data", "/orbits", "/estimate"});
 }
 
-/// Index of a group's scale in the estimate's list, -1 when there is none.
-const estimator::EstimatedScale* scale_of(const estimator::Estimate& estimate, const std::string& group) {
-    for (const auto& scale : estimate.scales) {
-        if (scale.group == group) return &scale;
-    }
-    return nullptr;
-}
-
-double nearest_prediction(double observed, double e, bool angle) {
-    const double predicted = observed - e;
-    return angle ? models::wrapped(predicted) : predicted;
-}
-
-void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual, const orbits::CycleSearch& search,
-                    const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
-                    std::vector<ResidualRow>& rows) {
-    const auto coordinates = work.system().coordinates();
-    const auto n = static_cast<Eigen::Index>(coordinates.size());
-    const std::string experiment = work.job.orbits->file ? std::string() : work.job.data[work.job.orbits->data].name;
-    for (std::size_t b = 0; b < values.size(); ++b) {
-        if (values[b].e.size() == 0) continue;
-        const orbits::Cycle& cycle = search.cycles[residual.cycle_of(b)];
-        const auto& layout = residual.layout()[b];
-        for (Eigen::Index i = 0; i < values[b].e.size(); ++i) {
-            const auto& coordinate = coordinates[static_cast<std::size_t>(i % n)];
-            const auto& group = residual.groups()[static_cast<std::size_t>(layout.group[static_cast<std::size_t>(i)])];
-            const auto* scale = scale_of(estimate, group.name);
-            const double shape = layout.shape.size() > 0 ? std::sqrt(layout.shape(i, i)) : 1.0;
-            const double observed = cycle.points(i % n, i / n);
-            rows.push_back({experiment, fmt::format("cycle {}", residual.cycle_of(b)), std::string(coordinate.name),
-                            work.job.section_phase + 2.0 * std::numbers::pi * static_cast<double>(i / n), observed,
-                            nearest_prediction(observed, values[b].e[i], coordinate.angle),
-                            scale != nullptr ? scale->value * shape : nan});
-        }
-    }
-}
-
-void add_series_rows(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
-                     const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
-                     std::vector<ResidualRow>& rows) {
-    const auto& series = residual.series();
-    for (std::size_t b = 0; b < values.size(); ++b) {
-        if (values[b].e.size() == 0) continue;
-        const auto& segment = series.segments[residual.segment(b)];
-        const auto& records = residual.records(b);
-        for (Eigen::Index i = 0; i < values[b].e.size(); ++i) {
-            const auto& record = records[static_cast<std::size_t>(i)];
-            if (record.sample < 0) continue;
-            const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(record.coordinate)];
-            Eigen::Index row = 0;
-            while (series.coordinates[static_cast<std::size_t>(row)].name != coordinate.name)
-                ++row;
-            const auto& group =
-                residual.groups()[static_cast<std::size_t>(residual.layout()[b].group[static_cast<std::size_t>(i)])];
-            const auto* scale = scale_of(estimate, group.name);
-            const double observed = segment.values(row, record.sample);
-            rows.push_back({job.data[experiment].name, segment.label, std::string(coordinate.name),
-                            segment.times[record.sample], observed, observed - values[b].e[i],
-                            scale != nullptr ? scale->value : nan});
-        }
-    }
-}
-
-void add_initial_states(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
-                        const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
-                        ResultContext& context) {
-    const auto coordinates = job.model.system->coordinates();
-    for (std::size_t b = 0; b < latents.size(); ++b) {
-        InitialState initial{job.data[experiment].name, residual.series().segments[residual.segment(b)].label, {}};
-        const Eigen::VectorXd state = residual.state(latents[b]);
-        for (Eigen::Index i = 0; i < state.size(); ++i) {
-            const auto& free = residual.free_coordinates();
-            const auto at = std::find(free.begin(), free.end(), i);
-            const bool known = b < sds.size() && sds[b].size() == static_cast<Eigen::Index>(free.size());
-            const double sd = at != free.end() && known ? sds[b][at - free.begin()] : nan;
-            const auto& coordinate = coordinates[static_cast<std::size_t>(i)];
-            initial.values.push_back(
-                {std::string(coordinate.name), std::string(coordinate.unit), state[i], sd, at != free.end()});
-        }
-        context.initial_states.push_back(std::move(initial));
-    }
-}
-
-void add_predictions(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
-                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, ResultContext& context) {
-    const DataJob& data = job.data[experiment];
-    std::vector<std::size_t> segments = fitted_segments(residual.series(), data);
-    const auto fitted = segments.size();
-    const auto predicted = segments_with(residual.series(), data, data.predict);
-    segments.insert(segments.end(), predicted.begin(), predicted.end());
-    Eigen::VectorXd scales(static_cast<Eigen::Index>(residual.groups().size()));
-    for (Eigen::Index g = 0; g < scales.size(); ++g) {
-        const auto* scale = scale_of(estimate, residual.groups()[static_cast<std::size_t>(g)].name);
-        scales[g] = scale != nullptr && scale->value > 0.0 ? scale->value : 1.0;
-    }
-    const auto predictions = residual.predict(theta, scales, segments);
-    for (std::size_t i = 0; i < predictions.size(); ++i) {
-        Prediction prediction;
-        prediction.experiment = data.name;
-        prediction.segment = residual.series().segments[predictions[i].segment].label;
-        prediction.normalised_rms = predictions[i].normalised_rms;
-        prediction.fitted = i < fitted;
-        for (Eigen::Index c = 0; c < predictions[i].rms.size(); ++c) {
-            const auto coordinate = static_cast<std::size_t>(data.observe[static_cast<std::size_t>(c)]);
-            prediction.rms.emplace_back(job.model.system->coordinates()[coordinate].name, predictions[i].rms[c]);
-        }
-        context.predictions.push_back(std::move(prediction));
-    }
-}
-
 /// Stores the orbits that belong to the measured cycles at the estimate.
 void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, const models::ParameterBinding& binding,
                   const Eigen::VectorXd& theta, const Fingerprint& fingerprint) {
@@ -245,8 +107,8 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
     for (const Eigen::Index parameter : binding.parameter) {
         names.emplace_back(work.system().parameters()[static_cast<std::size_t>(parameter)].name);
     }
-    write_atomically(work.file("orbits.json"),
-                     orbits_text(cycle_file_head(work.job, fingerprint), residual.orbits(theta), names));
+    work.folder.store("orbits.json",
+                      orbits_text(cycle_file_head(work.job, fingerprint), residual.orbits(theta), names));
 }
 
 }  // namespace
@@ -292,9 +154,14 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     }
     const auto all = residuals.all();
     if (all.empty()) {
-        outcome.estimate.message = "no cycle was found: there is nothing to estimate from";
+        if (work.interruption.asked()) {
+            outcome.estimate.status = estimator::EstimateStatus::interrupted;
+            outcome.estimate.message = "interrupted before the estimate";
+        } else {
+            outcome.estimate.message = "no cycle was found: there is nothing to estimate from";
+        }
         work.progress.end(outcome.estimate.message);
-        write_atomically(work.file("result.json"), result_text(outcome.estimate, outcome.context));
+        work.folder.store("result.json", result_text(outcome.estimate, outcome.context));
         return outcome;
     }
 
@@ -330,8 +197,8 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
                            has_sds ? estimate.latent_sds[index] : std::vector<Eigen::VectorXd>{}, outcome.context);
         add_predictions(job, experiment, *residuals.series[i], estimate, theta, outcome.context);
     }
-    write_atomically(work.file("residuals.csv"), residuals_text(rows));
-    write_atomically(work.file("result.json"), result_text(estimate, outcome.context));
+    work.folder.store("residuals.csv", residuals_text(rows));
+    work.folder.store("result.json", result_text(estimate, outcome.context));
     return outcome;
 }
 

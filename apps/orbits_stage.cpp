@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include "apps/atomic_file.hpp"
 #include "apps/cycle_reader.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "orbits/data_error.hpp"
@@ -96,7 +95,7 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::vector<Experim
         throw orbits::DataError(
             fmt::format("{}: cannot be searched for cycles: {}", work.job.data[orbits.data].name, error.what()));
     }
-    write_atomically(file, cycles_text({cycle_file_head(work.job, wanted), search}));
+    work.folder.store("cycles.json", cycles_text({cycle_file_head(work.job, wanted), search}));
     work.progress.end(fmt::format("{} cycles from {} candidates", search.cycles.size(), search.candidates));
     say_missing(work, search);
     return search;

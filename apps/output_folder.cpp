@@ -1,8 +1,11 @@
 #include "apps/output_folder.hpp"
 
+#include <unistd.h>
+
 #include <array>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -15,6 +18,10 @@ namespace {
 constexpr std::array<std::string_view, 9> result_names{"series.h5",   "series.csv",    "cycles.json",
                                                        "orbits.json", "branch.json",   "result.json",
                                                        "section.svg", "residuals.csv", "timing.json"};
+
+/// Those that no stage takes up again.
+constexpr std::array<std::string_view, 6> unsigned_names{"orbits.json", "result.json", "residuals.csv",
+                                                         "section.svg", "timing.json", "log.txt"};
 
 std::string shortened(const std::string& text) {
     constexpr std::size_t longest = 100;  // a value can be a whole part of the job
@@ -83,7 +90,7 @@ FolderState examine_output_folder(const std::filesystem::path& folder, const nlo
 void prepare_output_folder(const std::filesystem::path& folder, const nlohmann::json& job, bool force) {
     std::error_code error;
     if (std::filesystem::exists(folder, error) && !std::filesystem::is_directory(folder, error)) {
-        throw std::runtime_error(fmt::format("cannot store results in {}: it is not a folder", folder.string()));
+        throw FolderRefused(fmt::format("cannot store results in {}: it is not a folder", folder.string()));
     }
     if (!force) {
         const FolderState state = examine_output_folder(folder, job);
@@ -102,9 +109,50 @@ void prepare_output_folder(const std::filesystem::path& folder, const nlohmann::
     }
     std::filesystem::create_directories(folder, error);
     if (error) {
-        throw std::runtime_error(fmt::format("cannot create folder {}: {}", folder.string(), error.message()));
+        throw FolderRefused(fmt::format("cannot create folder {}: {}", folder.string(), error.message()));
+    }
+    // Known now, not after hours of computing.
+    if (::access(folder.c_str(), W_OK | X_OK) != 0) {
+        throw FolderRefused(fmt::format("cannot store results in {}: it is not writable", folder.string()));
     }
     remove_leftover_temporaries(folder);
+}
+
+OutputFolder::OutputFolder(std::filesystem::path folder, const nlohmann::json& job, std::string job_text, bool force)
+    : folder_(std::move(folder)), job_text_(std::move(job_text)), created_(!std::filesystem::exists(folder_)) {
+    prepare_output_folder(folder_, job, force);
+    const FolderContent content = examine_output_folder(folder_, job).content;
+    of_another_job_ = content == FolderContent::other_job || content == FolderContent::unknown_job;
+}
+
+OutputFolder::~OutputFolder() {
+    if (created_ && !claimed_) {
+        std::error_code not_empty;  // somebody else's file came in between: the folder stays
+        std::filesystem::remove(folder_, not_empty);
+    }
+}
+
+void OutputFolder::claim() {
+    if (claimed_) return;
+    if (of_another_job_) {
+        for (const std::string_view name : unsigned_names) {
+            std::error_code absent;
+            std::filesystem::remove(folder_ / name, absent);
+        }
+    }
+    write_atomically(folder_ / "job.json", job_text_);
+    claimed_ = true;
+}
+
+void OutputFolder::store(const std::string& name, std::string_view bytes) {
+    claim();
+    write_atomically(file(name), bytes);
+}
+
+void OutputFolder::store(const std::string& name,
+                         const std::function<void(const std::filesystem::path& temporary)>& writer) {
+    claim();
+    write_atomically(file(name), writer);
 }
 
 }  // namespace orbid::apps

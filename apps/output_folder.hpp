@@ -1,8 +1,10 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include <nlohmann/json.hpp>
 
@@ -33,8 +35,39 @@ struct FolderState {
 /// Makes the folder ready for a job: creates it with its parents, or accepts it when it holds nothing or the same job,
 /// or anything when `force` is set. Existing results stay where they are; each is replaced when its stage is done.
 ///
-/// @throws FolderRefused naming folder and first difference; the folder is unchanged then.
-/// @throws std::runtime_error when the folder cannot be created.
+/// @throws FolderRefused naming folder and first difference, or why nothing can be stored there; the folder is
+/// unchanged
+///         then.
 void prepare_output_folder(const std::filesystem::path& folder, const nlohmann::json& job, bool force);
+
+/// The folder of one run. job.json is stored with the first result: a run that ends before (unreadable data, a stale
+/// file) leaves the folder as it was, and one that it created disappears again.
+class OutputFolder {
+public:
+    /// Prepares the folder as above.
+    /// @param job       what job.json says, as JSON.
+    /// @param job_text  the same, as it is stored.
+    OutputFolder(std::filesystem::path folder, const nlohmann::json& job, std::string job_text, bool force);
+    ~OutputFolder();
+    OutputFolder(const OutputFolder&) = delete;
+    OutputFolder& operator=(const OutputFolder&) = delete;
+
+    [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder_ / name; }
+    /// Stores a file of the run, whole or not at all. The first one is preceded by job.json; where the folder held
+    /// another job (`force`), its results are removed then, but for series and cycles: those say in their fingerprint
+    /// whether they fit.
+    void store(const std::string& name, std::string_view bytes);
+    /// The same for writers that need a path.
+    void store(const std::string& name, const std::function<void(const std::filesystem::path& temporary)>& writer);
+
+private:
+    void claim();
+
+    std::filesystem::path folder_;
+    std::string job_text_;
+    bool created_;         ///< by this run
+    bool of_another_job_;  ///< what it held before
+    bool claimed_ = false;
+};
 
 }  // namespace orbid::apps

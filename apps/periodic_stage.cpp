@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "apps/atomic_file.hpp"
 #include "apps/orbits_stage.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "periodic/multiple_shooting.hpp"
@@ -36,7 +35,7 @@ std::vector<periodic::PeriodicOrbit> compute_orbits(const Workspace& work) {
     for (const models::Parameter& parameter : system.parameters())
         names.emplace_back(parameter.name);
     const Fingerprint fingerprint = stage_fingerprint(work.document, {"/model", "/section", "/periodic"});
-    write_atomically(work.file("orbits.json"), orbits_text(cycle_file_head(job, fingerprint), orbits, names));
+    work.folder.store("orbits.json", orbits_text(cycle_file_head(job, fingerprint), orbits, names));
     work.progress.end(fmt::format("{} of {} converged", converged, orbits.size()));
     return orbits;
 }

@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <tbb/global_control.h>
 
-#include "apps/atomic_file.hpp"
 #include "apps/data_stage.hpp"
 #include "apps/estimate_stage.hpp"
 #include "apps/fingerprint.hpp"
@@ -95,8 +94,7 @@ int run_stages(const Workspace& work) {
         if (is_section_search(job) && work.system().dimension() >= 2) {
             SectionPlotOptions plot;
             plot.title = job.title;
-            write_atomically(work.file("section.svg"),
-                             section_svg(data[job.orbits->data].series, plotted(search.cycles), plot));
+            work.folder.store("section.svg", section_svg(data[job.orbits->data].series, plotted(search.cycles), plot));
         }
     }
     if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {
@@ -144,14 +142,11 @@ int run_job(const Job& asked, const RunOptions& options) {
         sign_files(job);
         const nlohmann::ordered_json ordered = job_document(job, options.out, versions());
         const nlohmann::json document = nlohmann::json::parse(ordered.dump());
-        prepare_output_folder(options.out, document, options.force);
-        remove_leftover_temporaries(options.out);
-        write_atomically(options.out / "job.json", job_text(job, options.out, versions()));
-
-        const Workspace work{job, options, document, progress, interruption};
+        OutputFolder folder(options.out, document, job_text(job, options.out, versions()), options.force);
+        const Workspace work{job, options, document, progress, interruption, folder};
         const int code = run_stages(work);
-        write_atomically(options.out / "timing.json", timing_text(progress.times(), threads, versions()));
-        write_atomically(options.out / "log.txt", progress.log_text());
+        folder.store("timing.json", timing_text(progress.times(), threads, versions()));
+        folder.store("log.txt", progress.log_text());
         return code;
     } catch (const FolderRefused& error) {
         fmt::print(stderr, "{}\n", error.what());

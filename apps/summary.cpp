@@ -92,9 +92,10 @@ std::string remarks(const estimator::Estimate& estimate) {
     for (const auto& x : estimate.parameters) {
         // Half: below it the prior says more than the data. One thousandth: what shows in no digit of the value.
         if (x.data_share < 1e-3) {
-            out += fmt::format("  {} is decided by its prior alone.\n", x.name);
+            // Where no prior decides either, the section on what the data do not determine says it.
+            if (std::isfinite(x.sd)) out += fmt::format("  {} is decided by the prior alone.\n", x.name);
         } else if (x.data_share < 0.5) {
-            out += fmt::format("  {}: the data bring {:.2g} % of its information, its prior the rest.\n", x.name,
+            out += fmt::format("  {}: the data bring {:.2g} % of its information, the prior the rest.\n", x.name,
                                100.0 * x.data_share);
         }
     }

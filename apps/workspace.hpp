@@ -9,6 +9,7 @@
 
 #include "apps/interruption.hpp"
 #include "apps/job.hpp"
+#include "apps/output_folder.hpp"
 #include "apps/progress.hpp"
 #include "apps/result_file.hpp"
 #include "apps/run.hpp"
@@ -28,8 +29,9 @@ struct Workspace {
     const nlohmann::json& document;  ///< the complete job, as job.json holds it
     Progress& progress;
     const InterruptionGuard& interruption;
+    OutputFolder& folder;
 
-    [[nodiscard]] std::filesystem::path file(const std::string& name) const { return options.out / name; }
+    [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder.file(name); }
     [[nodiscard]] const models::System& system() const { return *job.model.system; }
 };
 

@@ -1,0 +1,130 @@
+#include "apps/estimate_records.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include "apps/segment_choice.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+/// Scale of a group; null when the estimate has none.
+const estimator::EstimatedScale* scale_of(const estimator::Estimate& estimate, const std::string& group) {
+    for (const auto& scale : estimate.scales) {
+        if (scale.group == group) return &scale;
+    }
+    return nullptr;
+}
+
+double nearest_prediction(double observed, double e, bool angle) {
+    const double predicted = observed - e;
+    return angle ? models::wrapped(predicted) : predicted;
+}
+
+}  // namespace
+
+void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual, const orbits::CycleSearch& search,
+                    const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                    std::vector<ResidualRow>& rows) {
+    const auto coordinates = work.system().coordinates();
+    const auto n = static_cast<Eigen::Index>(coordinates.size());
+    const std::string experiment = work.job.orbits->file ? std::string() : work.job.data[work.job.orbits->data].name;
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (values[b].e.size() == 0) continue;
+        const orbits::Cycle& cycle = search.cycles[residual.cycle_of(b)];
+        const auto& layout = residual.layout()[b];
+        for (Eigen::Index i = 0; i < values[b].e.size(); ++i) {
+            const auto& coordinate = coordinates[static_cast<std::size_t>(i % n)];
+            const auto& group = residual.groups()[static_cast<std::size_t>(layout.group[static_cast<std::size_t>(i)])];
+            const auto* scale = scale_of(estimate, group.name);
+            const double shape = layout.shape.size() > 0 ? std::sqrt(layout.shape(i, i)) : 1.0;
+            const double observed = cycle.points(i % n, i / n);
+            rows.push_back({experiment, fmt::format("cycle {}", residual.cycle_of(b)), std::string(coordinate.name),
+                            work.job.section_phase + 2.0 * std::numbers::pi * static_cast<double>(i / n), observed,
+                            nearest_prediction(observed, values[b].e[i], coordinate.angle),
+                            scale != nullptr ? scale->value * shape : nan});
+        }
+    }
+}
+
+void add_series_rows(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                     const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                     std::vector<ResidualRow>& rows) {
+    const auto& series = residual.series();
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (values[b].e.size() == 0) continue;
+        const auto& segment = series.segments[residual.segment(b)];
+        const auto& records = residual.records(b);
+        for (Eigen::Index i = 0; i < values[b].e.size(); ++i) {
+            const auto& record = records[static_cast<std::size_t>(i)];
+            if (record.sample < 0) continue;
+            const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(record.coordinate)];
+            Eigen::Index row = 0;
+            while (series.coordinates[static_cast<std::size_t>(row)].name != coordinate.name)
+                ++row;
+            const auto& group =
+                residual.groups()[static_cast<std::size_t>(residual.layout()[b].group[static_cast<std::size_t>(i)])];
+            const auto* scale = scale_of(estimate, group.name);
+            const double observed = segment.values(row, record.sample);
+            rows.push_back({job.data[experiment].name, segment.label, std::string(coordinate.name),
+                            segment.times[record.sample], observed, observed - values[b].e[i],
+                            scale != nullptr ? scale->value : nan});
+        }
+    }
+}
+
+void add_initial_states(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                        const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
+                        ResultContext& context) {
+    const auto coordinates = job.model.system->coordinates();
+    for (std::size_t b = 0; b < latents.size(); ++b) {
+        InitialState initial{job.data[experiment].name, residual.series().segments[residual.segment(b)].label, {}};
+        const Eigen::VectorXd state = residual.state(latents[b]);
+        for (Eigen::Index i = 0; i < state.size(); ++i) {
+            const auto& free = residual.free_coordinates();
+            const auto at = std::find(free.begin(), free.end(), i);
+            const bool known = b < sds.size() && sds[b].size() == static_cast<Eigen::Index>(free.size());
+            const double sd = at != free.end() && known ? sds[b][at - free.begin()] : nan;
+            const auto& coordinate = coordinates[static_cast<std::size_t>(i)];
+            initial.values.push_back(
+                {std::string(coordinate.name), std::string(coordinate.unit), state[i], sd, at != free.end()});
+        }
+        context.initial_states.push_back(std::move(initial));
+    }
+}
+
+void add_predictions(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, ResultContext& context) {
+    const DataJob& data = job.data[experiment];
+    std::vector<std::size_t> segments = fitted_segments(residual.series(), data);
+    const auto fitted = segments.size();
+    const auto predicted = segments_with(residual.series(), data, data.predict);
+    segments.insert(segments.end(), predicted.begin(), predicted.end());
+    Eigen::VectorXd scales(static_cast<Eigen::Index>(residual.groups().size()));
+    for (Eigen::Index g = 0; g < scales.size(); ++g) {
+        const auto* scale = scale_of(estimate, residual.groups()[static_cast<std::size_t>(g)].name);
+        scales[g] = scale != nullptr && scale->value > 0.0 ? scale->value : 1.0;
+    }
+    const auto predictions = residual.predict(theta, scales, segments);
+    for (std::size_t i = 0; i < predictions.size(); ++i) {
+        Prediction prediction;
+        prediction.experiment = data.name;
+        prediction.segment = residual.series().segments[predictions[i].segment].label;
+        prediction.normalised_rms = predictions[i].normalised_rms;
+        prediction.fitted = i < fitted;
+        for (Eigen::Index c = 0; c < predictions[i].rms.size(); ++c) {
+            const auto coordinate = static_cast<std::size_t>(data.observe[static_cast<std::size_t>(c)]);
+            prediction.rms.emplace_back(job.model.system->coordinates()[coordinate].name, predictions[i].rms[c]);
+        }
+        context.predictions.push_back(std::move(prediction));
+    }
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "apps/result_file.hpp"
+#include "apps/workspace.hpp"
+#include "estimator/estimate.hpp"
+#include "orbits/cycle_residual.hpp"
+#include "orbits/cycle_search.hpp"
+#include "orbits/series_residual.hpp"
+
+namespace orbid::apps {
+
+/// What an estimate says record by record, segment by segment: read back from the residuals it was made with.
+
+/// One row per coordinate of every point of the cycles used; times as phase of the forcing [rad].
+/// @param values  of the estimate, one per block of `residual`; lost cycles (empty) are left out.
+void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual, const orbits::CycleSearch& search,
+                    const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                    std::vector<ResidualRow>& rows);
+
+/// One row per reading of the fitted segments, in time order.
+/// @param experiment  index into Job::data.
+void add_series_rows(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                     const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                     std::vector<ResidualRow>& rows);
+
+/// Initial state of every fitted segment; what is held at a value has no sd.
+/// @param latents, sds  of the estimate, one per block; `sds` may be empty.
+void add_initial_states(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                        const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
+                        ResultContext& context);
+
+/// How well the fitted segments, then those only predicted, are predicted.
+/// @param theta  the estimate, as the estimator's vector.
+void add_predictions(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, ResultContext& context);
+
+}  // namespace orbid::apps
