@@ -6,7 +6,7 @@ target_compile_options(orbid_warnings INTERFACE
 
 # Scalar, dual and pack must agree in the value, so nothing is contracted to fused operations.
 add_library(orbid_flags INTERFACE)
-target_compile_options(orbid_flags INTERFACE -ffp-contract=off $<$<BOOL:${ORBID_NATIVE}>:-march=native>)
+target_compile_options(orbid_flags INTERFACE -ffp-contract=off)
 target_include_directories(orbid_flags INTERFACE ${CMAKE_SOURCE_DIR})
 target_link_libraries(orbid_flags INTERFACE Eigen3::Eigen Threads::Threads)
 # BLAS-like threading inside Eigen would make sums depend on the number of threads.
