@@ -58,6 +58,11 @@ void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     const bool searched = job.orbits && !job.orbits->file;
     if (!job.orbits) object.self().report("needs \"orbits\": { ... }, a search for cycles or a file of them");
     if (searched) cycles.periods = job.orbits->search.periods;
+    // Their points carry the bias of the difference quotient; compared with states they would bias the parameters.
+    if (searched && job.orbits->data < job.data.size() &&
+        job.data[job.orbits->data].sensor.type == models::Sensor::Type::angle_difference) {
+        object.self().report(fmt::format("cycles read by a sensor \"angle_difference\": {}", not_in_this_version));
+    }
     if (const auto periods = object.find("periods")) {
         cycles.periods = read_periods(*periods).value_or(cycles.periods);
         for (const int period : cycles.periods) {
