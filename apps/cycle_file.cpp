@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <complex>
+#include <limits>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -142,6 +143,13 @@ std::string cycles_text(const CycleFile& file) {
         out["cycles"].push_back(cycle_json(file.head, file.search.cycles[i], i));
     }
     return json_text(out);
+}
+
+void show_start(periodic::PeriodicOrbit& orbit, const Eigen::MatrixXd& start) {
+    if (orbit.points.size() > 0) return;
+    orbit.period = static_cast<int>(start.cols());
+    orbit.points = start;
+    orbit.residual = std::numeric_limits<double>::quiet_NaN();
 }
 
 std::string orbits_text(const CycleFileHead& head, const std::vector<periodic::PeriodicOrbit>& orbits,

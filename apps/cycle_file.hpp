@@ -33,6 +33,10 @@ struct CycleFile {
 /// @throws std::invalid_argument when a cycle's shapes do not fit its period and the coordinates.
 [[nodiscard]] std::string cycles_text(const CycleFile& file);
 
+/// An orbit that was not found shows where it was looked for: points `start`, residual undefined. Others stay as they
+/// are.
+void show_start(periodic::PeriodicOrbit& orbit, const Eigen::MatrixXd& start);
+
 /// Content of orbits.json: the same layout for computed orbits, plus `residual`, `status` and `sensitivities` (shape
 /// (n p, f), columns named by the top-level key `parameters`) and `iterations`.
 ///

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/cycle_file.hpp"
 #include "apps/cycle_start.hpp"
 #include "apps/estimate_records.hpp"
 #include "apps/estimate_setup.hpp"
@@ -101,14 +102,17 @@ void describe_data(const Workspace& work, const std::vector<Experiment>& data, c
 }
 
 /// Stores the orbits that belong to the measured cycles at the estimate.
-void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, const models::ParameterBinding& binding,
-                  const Eigen::VectorXd& theta, const Fingerprint& fingerprint) {
+void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, const orbits::CycleSearch& search,
+                  const models::ParameterBinding& binding, const Eigen::VectorXd& theta,
+                  const Fingerprint& fingerprint) {
     std::vector<std::string> names;
     for (const Eigen::Index parameter : binding.parameter) {
         names.emplace_back(work.system().parameters()[static_cast<std::size_t>(parameter)].name);
     }
-    work.folder.store("orbits.json",
-                      orbits_text(cycle_file_head(work.job, fingerprint), residual.orbits(theta), names));
+    auto found = residual.orbits(theta);
+    for (std::size_t b = 0; b < found.size(); ++b)
+        show_start(found[b], search.cycles[residual.cycle_of(b)].points);
+    work.folder.store("orbits.json", orbits_text(cycle_file_head(work.job, fingerprint), found, names));
 }
 
 }  // namespace
@@ -186,7 +190,8 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     const bool evaluated = estimate.residuals.size() == all.size() && estimate.latents.size() == all.size();
     if (residuals.cycles && evaluated) {
         add_cycle_rows(work, *residuals.cycles, search, estimate, estimate.residuals.front(), rows);
-        if (!job.periodic) store_orbits(work, *residuals.cycles, cycle_binding, theta, outcome.context.fingerprint);
+        if (!job.periodic)
+            store_orbits(work, *residuals.cycles, search, cycle_binding, theta, outcome.context.fingerprint);
     }
     for (std::size_t i = 0; evaluated && i < residuals.series.size(); ++i) {
         const std::size_t index = i + (residuals.cycles ? 1 : 0);

@@ -26,6 +26,7 @@ std::vector<periodic::PeriodicOrbit> compute_orbits(const Workspace& work) {
     for (const OrbitStart& start : job.periodic->orbits) {
         orbits.push_back(periodic::solve_multiple_shooting(system, job.model.values, job.section_phase, start.points,
                                                            start.rotation, all, options));
+        show_start(orbits.back(), start.points);
         work.progress.advance(1.0);
     }
     const auto converged = std::count_if(orbits.begin(), orbits.end(), [](const periodic::PeriodicOrbit& orbit) {
