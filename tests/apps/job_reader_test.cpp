@@ -133,9 +133,8 @@ TEST_CASE("reserved names and values are refused by name", "[apps][job]") {
         {"\"weights\": \"covariance\"", "\"errors\": { \"phi\": { \"distribution\": \"student_t\" } }"},
         {"\"weights\": \"covariance\"", "\"errors\": { \"phi\": { \"sd\": { \"column\": \"s\" } } }"},
         {"\"type\": \"cycles\"", "\"type\": \"waveform\""},
-        {"\"observe\":",
-         "\"sensor\": { \"type\": \"angle_difference\", \"angle\": \"phi\", \"rate\": \"phi_dot\", \"delay\": 0.015 }, "
-         "\"observe\":"}};
+        {"\"type\": \"state\"",
+         "\"type\": \"angle_difference\", \"angle\": \"phi\", \"rate\": \"phi_dot\", \"delay\": 0.015"}};
     for (const auto& [from, to] : later) {
         CAPTURE(to);
         const auto reading = read_job(job_with(from, to), folder / "job.json");
