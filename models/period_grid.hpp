@@ -74,7 +74,10 @@ public:
     /// Moves x over one period. `general` serves the steps that the table cannot take; it belongs to the same
     /// parameters, phase and options, and counts them in its steps().
     [[nodiscard]] FlowStatus advance(Point& x, Trajectory<M, 0>& general) const {
+        const std::size_t before = general.steps();
         for (std::size_t k = 0; k < forcing_.size(); ++k) {
+            // Steps of the table count like all others.
+            if (k + (general.steps() - before) >= options_.maximum_steps) return FlowStatus::step_budget;
             if (tabulated_step(k, x)) continue;
             const bool last = k + 1 == forcing_.size();
             general.restart(x, static_cast<double>(k) * step_);
