@@ -277,7 +277,7 @@ def write(bin_dir, target):
     bin_dir = Path(bin_dir).resolve()
     binary = bin_dir / "orbid"
     version = subprocess.run([str(binary), "--version"], capture_output=True, text=True, check=True).stdout.strip()
-    lines = ["# Results", "", f"Made by `./dev results` with {version} on {os.cpu_count()} cores. Times are those of that machine.", ""]
+    lines = ["# Results", "", f"Made by `./dev results` with {version} on {len(os.sched_getaffinity(0))} cores. Times are those of that machine.", ""]
     with tempfile.TemporaryDirectory() as temporary:
         work = Path(temporary)
         tables(binary, work, lines)
