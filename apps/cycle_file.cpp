@@ -17,18 +17,7 @@ using Json = nlohmann::ordered_json;
 
 /// Rows of a matrix; null when it is empty (not known).
 Json rows(const Eigen::MatrixXd& matrix) {
-    if (matrix.size() == 0) {
-        return nullptr;
-    }
-    Json out = Json::array();
-    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-        Json row = Json::array();
-        for (Eigen::Index j = 0; j < matrix.cols(); ++j) {
-            row.push_back(matrix(i, j));
-        }
-        out.push_back(std::move(row));
-    }
-    return out;
+    return matrix.size() == 0 ? Json(nullptr) : json_rows(matrix);
 }
 
 Json complex_pairs(const std::vector<std::complex<double>>& values) {

@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
 namespace orbid::apps {
@@ -12,5 +13,8 @@ namespace orbid::apps {
 /// Numbers are the shortest decimals that read back as the same double; nan and infinities become null.
 /// Text that is not UTF-8 is written with replacement characters.
 [[nodiscard]] std::string json_text(const nlohmann::ordered_json& value);
+
+/// A matrix as a list of its rows; [] when it has none.
+[[nodiscard]] nlohmann::ordered_json json_rows(const Eigen::MatrixXd& matrix);
 
 }  // namespace orbid::apps

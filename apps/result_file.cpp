@@ -16,18 +16,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json rows(const Eigen::MatrixXd& matrix) {
-    Json out = Json::array();
-    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-        Json row = Json::array();
-        for (Eigen::Index j = 0; j < matrix.cols(); ++j) {
-            row.push_back(matrix(i, j));
-        }
-        out.push_back(std::move(row));
-    }
-    return out;
-}
-
 std::optional<double> find(const std::map<std::string, double>& values, const std::string& name) {
     const auto found = values.find(name);
     return found == values.end() ? std::nullopt : std::optional<double>(found->second);
@@ -218,8 +206,8 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     for (const auto& parameter : estimate.parameters) {
         names.push_back(parameter.name);
     }
-    out["correlation"] = {{"names", names}, {"matrix", rows(estimate.correlation)}};
-    out["covariance"] = {{"names", names}, {"matrix", rows(estimate.covariance)}};
+    out["correlation"] = {{"names", names}, {"matrix", json_rows(estimate.correlation)}};
+    out["covariance"] = {{"names", names}, {"matrix", json_rows(estimate.covariance)}};
     out["identifiability"] = identifiability_json(estimate);
     out["residuals"] = Json::array();
     for (const auto& count : estimate.counts) {
