@@ -223,10 +223,14 @@ def sensitivities(binary, work):
     value = orbits["parameters"]
     starts = []
     for wanted in table["orbits"]:
-        starts += [cycle for cycle in orbits["cycles"] if cycle["period"] == wanted["period"] and
-                   math.dist(cycle["points"][0], wanted["point"]) < 1e-5]
+        for cycle in orbits["cycles"]:
+            points = cycle["points"]
+            for j, point in enumerate(points):
+                # The table names one point of a cycle, printed to six decimals: that one comes first.
+                if cycle["period"] == wanted["period"] and math.dist(point, wanted["point"]) < 1e-5:
+                    starts.append(points[j:] + points[:j])
     job = {"model": {"name": "parametric_pendulum", "variant": "crank", "parameters": value},
-           "periodic": {"orbits": [{"period": cycle["period"], "points": cycle["points"]} for cycle in starts]}}
+           "periodic": {"orbits": [{"period": len(points), "points": points} for points in starts]}}
     folder = work / "sensitivities"
     run(binary, job, folder)
     found = json.loads((folder / "out/orbits.json").read_text())
