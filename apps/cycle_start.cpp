@@ -12,8 +12,8 @@ namespace orbid::apps {
 
 namespace {
 
-// The matching sd starts at the defect that the one-period prediction leaves, and falls by this factor per stage (the
-// schedule is uncritical between 0.3 and 0.001).
+// The matching sd starts at the defect that the one-period prediction leaves, and falls by this factor per stage: the
+// schedule with which the wide starts of tests/orbits/cycle_estimation_test.cpp were tried.
 constexpr double matching_factor = 0.1;
 // It ends at this share of the range: small against any point error, so that the nodes are orbits to all purposes, and
 // large against the error of the flow (1e-11).

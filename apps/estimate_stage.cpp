@@ -115,6 +115,30 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
     work.folder.store("orbits.json", orbits_text(cycle_file_head(work.job, fingerprint), found, names));
 }
 
+/// A series with fewer readings than unknowns cannot be used, whatever the estimator does; parameters with a prior may
+/// do without readings, and cycles bring more than is counted here.
+/// @throws orbits::DataError naming the experiments and both numbers.
+void check_enough_readings(const Job& job, const EstimateSetup& setup, const JobResiduals& residuals) {
+    if (residuals.cycles || residuals.series.empty()) return;
+    std::size_t readings = 0;
+    std::size_t initial_values = 0;
+    std::string names;
+    for (std::size_t i = 0; i < residuals.series.size(); ++i) {
+        names += (names.empty() ? "" : ", ") + job.data[residuals.experiments[i]].name;
+        for (const estimator::BlockLayout& block : residuals.series[i]->layout()) {
+            readings += block.group.size();
+            initial_values += static_cast<std::size_t>(block.latents);
+        }
+    }
+    const auto free = std::count_if(setup.parameters.begin(), setup.parameters.end(),
+                                    [](const auto& parameter) { return !estimator::is_proper(parameter.prior); });
+    const std::size_t unknowns = static_cast<std::size_t>(free) + initial_values;
+    if (readings > unknowns) return;
+    throw orbits::DataError(
+        fmt::format("{}: too short: {} readings for {} free parameters and {} initial values; at least {} are needed",
+                    names, readings, free, initial_values, unknowns + 1));
+}
+
 }  // namespace
 
 EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment>& data,
@@ -156,6 +180,7 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
             residuals.experiments.push_back(experiment);
         }
     }
+    check_enough_readings(job, setup, residuals);
     const auto all = residuals.all();
     if (all.empty()) {
         if (work.interruption.asked()) {

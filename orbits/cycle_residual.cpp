@@ -98,7 +98,7 @@ PeriodicOrbit CycleResidual::solve(std::size_t block, const VectorXd& theta, boo
     options.maximum_distance = options_.maximum_move;
     options.maximum_iterations = most_newton_steps;
     options.flow = options_.flow;
-    // The last step's square, times the curvature (1e4 at most along the orbits that series show), is what is left.
+    // Newton's last step is still taken: what is left is of the order of its square, far below the error of the flow.
     options.tolerance = 1e-9;
     const std::vector<Index> none;
     const std::vector<Index>& free = derivatives ? binding_.parameter : none;

@@ -122,6 +122,12 @@ TEST_CASE("a series too short for cycles is refused", "[apps][data]") {
     CHECK_THAT(refused(section_job(), table), ContainsSubstring("cannot be searched for cycles"));
 }
 
+TEST_CASE("samples fewer than what is to be determined are refused", "[apps][data]") {
+    // Two readings cannot determine an initial state of two coordinates and a parameter.
+    CHECK_THAT(refused(samples_job(), "t,theta\n0,1\n0.01,0.99\n"),
+               ContainsSubstring("too short: 2 readings") && ContainsSubstring("at least"));
+}
+
 TEST_CASE("a coordinate without spread is refused", "[apps][data]") {
     std::string table = "phi,phi_dot\n";
     for (int i = 0; i < 500; ++i)
