@@ -14,7 +14,9 @@
 namespace orbid::estimator {
 
 /// The coordinate in which steps, mode and Laplace covariance are taken.
-enum class Scale { linear, log };
+///
+/// log10 is log in other units of the step; logit is ln((x - lower) / (upper - x)) and needs finite bounds.
+enum class Scale { linear, log, log10, logit };
 
 /// One estimated parameter.
 struct FreeParameter {
@@ -35,13 +37,17 @@ struct DerivedQuantity {
     std::function<Eigen::VectorXd(const Eigen::VectorXd& theta)> gradient;  ///< shape (parameters)
 };
 
-enum class Variance { ml, restricted };
+/// ml, restricted: error parameters at the minimum of (M9). integrated: scales of normal errors and full covariances
+/// are integrated out under Jeffreys' prior or their own, others as with ml.
+enum class Variance { ml, restricted, integrated };
 
 /// Why a minimisation ended, and what the estimate is worth.
 enum class EstimateStatus { converged, no_progress, iteration_limit, singular, failed, interrupted };
 [[nodiscard]] std::string_view name(EstimateStatus status);
 
 struct EstimateOptions {
+    /// Priors that several parameters share.
+    std::vector<JointNormalPrior> joint_priors;
     Variance variance = Variance::restricted;
     int maximum_iterations = 200;  ///< theta steps, over all rounds, > 0
     int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, > 0
@@ -50,6 +56,8 @@ struct EstimateOptions {
     /// middle between the noise of integrated derivatives (1e-10) and the weakest directions that are still determined
     /// (1e-5).
     double relative_singular_value = 3e-8;
+    /// Whether the normal approximation is checked against the objective itself (a few evaluations per parameter).
+    bool verdict = true;
     std::function<bool()> interrupted;                              ///< asked between steps; empty = never
     std::function<void(int iteration, double objective)> progress;  ///< called after every accepted step; may be empty
 };
@@ -83,6 +91,16 @@ struct EstimatedScale {
     double lag1 = 0.0;               ///< lag-1 autocorrelation (ordered groups; nan otherwise)
     double correlation_records = 1;  ///< integrated autocorrelation time in records (ordered groups)
     double effective_count = 0;      ///< how many independent values the records are worth
+    std::string distribution = "normal";
+    /// Further parameters of the distribution: "dof", "relative", "correlation".
+    std::vector<Estimated> shape;
+};
+
+/// Full covariance of several responses.
+struct EstimatedCovariance {
+    std::vector<std::string> groups;
+    Eigen::MatrixXd value;        ///< shape (m, m)
+    Eigen::MatrixXd uncertainty;  ///< sd of each element (Laplace)
 };
 
 struct ResidualCount {
@@ -115,6 +133,7 @@ struct Estimate {
     std::vector<Estimated> parameters;
     std::vector<Estimated> derived;
     std::vector<EstimatedScale> scales;
+    std::vector<EstimatedCovariance> covariances;
     std::vector<std::vector<Eigen::VectorXd>> latents;  ///< per residual, per block
     std::vector<std::vector<Eigen::VectorXd>> latent_sds;
     std::vector<std::vector<BlockValue>> residuals;  ///< per residual, per block, at the estimate (e only)
@@ -122,11 +141,17 @@ struct Estimate {
     Eigen::MatrixXd correlation;                     ///< shape (parameters, parameters); nan rows where undetermined
     Eigen::VectorXd singular_values;                 ///< of the scaled sensitivity matrix of the data, descending
     std::vector<NullDirection> null_directions;
-    bool trust_normal = true;
+    bool trust_normal = true;  ///< false: use profile likelihood, nested Laplace or sampling for intervals
+    std::string distrust;      ///< why not, naming the parameter; empty when trusted
+    /// sd from the full Hessian over sd from the Gauss-Newton one, per parameter; nan where undetermined or unknown.
+    Eigen::VectorXd hessian_ratio;
     double effective_count = 0;
     std::vector<ResidualCount> counts;
     double objective = 0.0;       ///< Phi_psi at the estimate
     double log_likelihood = 0.0;  ///< ln p(y | theta, z, psi)
+    /// Laplace's value of ln of the integral of p(y | theta, z, psi) p(theta) p(psi) over all coordinates (theta, z, psi),
+    /// flat priors counting as 1: the log evidence up to what flat priors leave open.
+    double log_integral = 0.0;
     double degrees_of_freedom = 0;
     int iterations = 0;
     int evaluations = 0;

@@ -1,7 +1,10 @@
 #pragma once
 
-#include <limits>
+#include <string>
 #include <variant>
+#include <vector>
+
+#include <Eigen/Core>
 
 namespace orbid::estimator {
 
@@ -20,7 +23,34 @@ struct UniformPrior {
     double lower;
     double upper;  ///< > lower
 };
-using Prior = std::variant<FlatPrior, NormalPrior, LogNormalPrior, UniformPrior>;
+/// 2 N(x; 0, scale) for x >= 0.
+struct HalfNormalPrior {
+    double scale;  ///< > 0
+};
+/// 2 / (pi scale (1 + (x / scale)^2)) for x >= 0.
+struct HalfCauchyPrior {
+    double scale;  ///< > 0
+};
+/// rate^shape x^(shape - 1) exp(-rate x) / Gamma(shape) for x > 0.
+struct GammaPrior {
+    double shape;  ///< > 0
+    double rate;   ///< > 0
+};
+/// Student's t with location and scale.
+struct StudentPrior {
+    double dof;  ///< > 0
+    double location;
+    double scale;  ///< > 0
+};
+using Prior = std::variant<FlatPrior, NormalPrior, LogNormalPrior, UniformPrior, HalfNormalPrior, HalfCauchyPrior,
+                           GammaPrior, StudentPrior>;
+
+/// Several parameters normal together, in natural units.
+struct JointNormalPrior {
+    std::vector<std::string> names;
+    Eigen::VectorXd mean;
+    Eigen::MatrixXd covariance;  ///< symmetric positive definite
+};
 
 /// -ln density at x, up to nothing: normalisation included (0 for flat). +infinity outside the support.
 [[nodiscard]] double negative_log_density(const Prior& prior, double x);

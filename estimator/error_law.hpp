@@ -1,0 +1,103 @@
+#pragma once
+
+#include <complex>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/residual.hpp"
+
+namespace orbid::estimator {
+
+/// One error parameter in its coordinate psi.
+struct ErrorCoordinate {
+    enum class Kind { log, fisher, linear };  ///< psi = ln x, atanh x, x
+    std::string name;                         ///< "scale", "dof", "relative", "correlation", "covariance"
+    Kind kind = Kind::log;
+    bool estimate = true;
+    double start = 0.0;  ///< natural; <= 0 for an estimated scale: start from the residuals
+    Prior prior = FlatPrior{};
+    double lower;  ///< limits in psi: dof >= 1 ... 1e4, relative >= 1e-9, |correlation| <= 1 - 1e-9; else infinite
+    double upper;
+
+    [[nodiscard]] double natural(double psi) const;
+    [[nodiscard]] double at(double natural) const;
+    [[nodiscard]] double slope(double psi) const;  ///< d natural / d psi
+};
+
+/// The errors of one channel, or of several responses with a full covariance: records that need each other.
+///
+/// Error parameters in their coordinates psi, in this order:
+///     normal, laplace, lognormal  ln s                student_t  ln s, ln dof
+///     relative  ln s, ln relative                     autoregressive  ln s, atanh correlation
+///     joint     the lower triangle of L in V = L L^T, column by column, ln of the diagonal entries
+struct ErrorLaw {
+    ErrorDistribution distribution = NormalErrors{};
+    std::vector<int> channels;            ///< one, or the m responses of a full covariance
+    std::vector<ErrorCoordinate> coordinates;  ///< shape (number of error parameters)
+    Eigen::Index first = 0;               ///< of its parameters in the psi of the whole estimate
+    double inverse_wishart_dof = 0.0;     ///< see JointCovariance
+    Eigen::MatrixXd inverse_wishart_psi;
+
+    [[nodiscard]] bool joint() const { return channels.size() > 1; }
+    /// Records may be replaced by the triangle of their factorisation: the law sees sums of squares only.
+    [[nodiscard]] bool compressible() const;
+    /// The law needs y - e, the prediction.
+    [[nodiscard]] bool needs_observed() const;
+    /// One standard deviation per channel (the scale s; the root of the diagonal of V).
+    [[nodiscard]] double scale(const Eigen::VectorXd& psi, std::size_t channel) const;
+};
+
+/// The laws of all groups of all residuals, in the order of their first channel; channel numbers count groups through.
+/// @throws std::invalid_argument naming the group: dof < 1, |correlation| >= 1, negative floor, a group in two
+///         covariances, a covariance of groups that are not normal, inverse-Wishart with dof <= m - 1 or psi not
+///         positive definite, priors that are refused by validate().
+[[nodiscard]] std::vector<ErrorLaw> error_laws(const std::vector<Residual*>& residuals);
+
+/// Records of one law in one block: [A | e], records in order (several responses: one response after the other).
+struct LawRecords {
+    Eigen::MatrixXd rows;      ///< shape (rows, columns + 1), the last column is e
+    Eigen::VectorXd observed;  ///< y, empty unless the law needs it
+    Eigen::Index count = 0;    ///< records; differs from rows when these are compressed
+};
+
+/// Which second derivative the standardised rows carry.
+///
+/// step: of the objective itself as far as it is positive, for fast steps. expected: the Fisher information, for
+/// uncertainties and for ln|H| of (M9). Equal for normal errors with a fixed covariance.
+enum class Curvature { step, expected };
+
+/// Rows S with S^T S = second derivative and S_A^T s = gradient of -ln p with respect to the columns of A (s = last
+/// column of S), and the value of -ln p itself (with normalisation, without the prior of psi).
+///
+/// Relative errors have two rows per record: their variance moves with the prediction.
+template <class T>
+struct StandardRows {
+    Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> rows;
+    T value{};
+};
+
+/// @param psi  all error parameters of the law in their coordinates, shape (coordinates).
+/// Instantiated for double and for std::complex<double>: f(psi + i h) gives derivatives exact to rounding (complex
+/// step), so that no formula is written twice.
+template <class T>
+[[nodiscard]] StandardRows<T> standardise(const ErrorLaw& law, const LawRecords& records,
+                                          const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi, Curvature curvature);
+
+/// Value of -ln p at e + change minus value at e without the cancellation of two sums.
+/// @param e, next  errors of the law's records before and after, shape (records).
+[[nodiscard]] double value_change(const ErrorLaw& law, const Eigen::VectorXd& e, const Eigen::VectorXd& next,
+                                  const Eigen::VectorXd& observed, const Eigen::VectorXd& psi);
+
+/// Errors divided by what the law expects of them: independent, mean 0 and sd 1 when the law is right (for diagnostics;
+/// normal score of student_t and laplace errors). Shape (records).
+[[nodiscard]] Eigen::VectorXd standard_errors(const ErrorLaw& law, const Eigen::VectorXd& e,
+                                              const Eigen::VectorXd& observed, const Eigen::VectorXd& psi);
+
+/// -ln prior density of the law's estimated parameters in the coordinates psi (flat: no term; inverse-Wishart in V).
+template <class T>
+[[nodiscard]] T prior_term(const ErrorLaw& law, const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi);
+
+}  // namespace orbid::estimator
