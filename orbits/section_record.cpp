@@ -6,8 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "estimator/random_stream.hpp"
 #include "orbits/capture.hpp"
-#include "orbits/random_stream.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -209,8 +209,9 @@ private:
 Eigen::VectorXd random_state(const models::System& system, const Eigen::VectorXd& range, std::uint64_t seed,
                              std::size_t trajectory, std::size_t attempt) {
     // 2^32 attempts of 2^32 trajectories: more than anybody will simulate.
-    RandomStream stream(seed, RandomPurpose::initial_state,
-                        (static_cast<std::uint64_t>(trajectory) << 32) + static_cast<std::uint64_t>(attempt));
+    estimator::RandomStream stream(
+        seed, estimator::RandomPurpose::initial_state,
+        (static_cast<std::uint64_t>(trajectory) << 32) + static_cast<std::uint64_t>(attempt));
     Eigen::VectorXd state(system.dimension());
     for (Eigen::Index i = 0; i < state.size(); ++i) {
         const bool angle = system.coordinates()[static_cast<std::size_t>(i)].angle;

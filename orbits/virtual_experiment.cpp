@@ -9,7 +9,7 @@
 
 #include <fmt/format.h>
 
-#include "orbits/random_stream.hpp"
+#include "estimator/random_stream.hpp"
 #include "orbits/section_record.hpp"
 
 namespace orbid::orbits {
@@ -151,7 +151,7 @@ double rounded(double value, const models::Sensor& sensor) {
 
 /// Adds the errors of one segment's readings and rounds them (mathematics.md, "Instrument").
 void add_reading_errors(Eigen::MatrixXd& readings, const models::Sensor& sensor, const Eigen::VectorXd& noise,
-                        RandomStream stream) {
+                        estimator::RandomStream stream) {
     const bool difference = sensor.type == models::Sensor::Type::angle_difference;
     const auto angle = static_cast<Eigen::Index>(sensor.angle);
     const auto rate = static_cast<Eigen::Index>(sensor.rate);
@@ -192,7 +192,7 @@ Eigen::VectorXd typical_range(const models::System& system, const Eigen::VectorX
     const Eigen::Index n = system.dimension();
     Eigen::MatrixXd starts(n, probes);
     for (Eigen::Index p = 0; p < probes; ++p) {
-        RandomStream stream(seed, RandomPurpose::range_probe, static_cast<std::uint64_t>(p));
+        estimator::RandomStream stream(seed, estimator::RandomPurpose::range_probe, static_cast<std::uint64_t>(p));
         for (Eigen::Index i = 0; i < n; ++i) {
             const double half = system.coordinates()[static_cast<std::size_t>(i)].angle ? std::numbers::pi : 1.0;
             starts(i, p) = stream.uniform(-half, half);
@@ -268,7 +268,7 @@ VirtualExperiment simulate(const models::System& system, const Eigen::VectorXd& 
     }
     oneapi::tbb::parallel_for(std::size_t{0}, series.segments.size(), [&](std::size_t s) {
         add_reading_errors(series.segments[s].values, options.sensor, options.noise,
-                           RandomStream(options.seed, RandomPurpose::reading_noise, s));
+                           estimator::RandomStream(options.seed, estimator::RandomPurpose::reading_noise, s));
     });
     return experiment;
 }

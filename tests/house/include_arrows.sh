@@ -7,7 +7,7 @@ declare -A may=(
     [models]='^models/'
     [estimator]='^estimator/'
     [periodic]='^(periodic|models)/|^estimator/(residual|prior)\.hpp'
-    [orbits]='^(orbits|periodic|models)/|^estimator/(residual|prior)\.hpp'
+    [orbits]='^(orbits|periodic|models)/|^estimator/(residual|prior|random_stream)\.hpp'
     [apps]='^(apps|orbits|periodic|models|estimator)/'
 )
 # What a library must not do: read or write JSON, print, end the program. Comments are cut off before the search, and

@@ -1,4 +1,4 @@
-#include "orbits/random_stream.hpp"
+#include "estimator/random_stream.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,12 +7,12 @@
 #include "tests/catch.hpp"
 
 using namespace orbid;
-using orbits::RandomPurpose;
-using orbits::RandomStream;
+using estimator::RandomPurpose;
+using estimator::RandomStream;
 
 // Known-answer vectors of Philox-4x64-10 as published with the generator (Random123, kat_vectors): counter, key,
 // result.
-TEST_CASE("the generator gives the published vectors", "[orbits][reference]") {
+TEST_CASE("the generator gives the published vectors", "[estimator][reference]") {
     const r123::Philox4x64 philox;
     const auto answer = [&](std::array<std::uint64_t, 4> c, std::array<std::uint64_t, 2> k) {
         const auto r =
@@ -29,7 +29,7 @@ TEST_CASE("the generator gives the published vectors", "[orbits][reference]") {
           std::array<std::uint64_t, 4>{0xa528f45403e61d95, 0x38c72dbd566e9788, 0xa5a1610e72fd18b5, 0x57bd43b5e52b7fe6});
 }
 
-TEST_CASE("a stream is the generator at key (seed, purpose) and counter (block, index)", "[orbits]") {
+TEST_CASE("a stream is the generator at key (seed, purpose) and counter (block, index)", "[estimator]") {
     RandomStream stream(42, RandomPurpose::reading_noise, 7);
     for (std::uint64_t block = 0; block < 3; ++block) {
         const auto expected =
@@ -39,7 +39,7 @@ TEST_CASE("a stream is the generator at key (seed, purpose) and counter (block, 
     }
 }
 
-TEST_CASE("streams depend on seed, purpose and index, and on nothing else", "[orbits]") {
+TEST_CASE("streams depend on seed, purpose and index, and on nothing else", "[estimator]") {
     const auto first = [](std::uint64_t seed, RandomPurpose purpose, std::uint64_t index) {
         return RandomStream(seed, purpose, index).bits();
     };
@@ -52,7 +52,7 @@ TEST_CASE("streams depend on seed, purpose and index, and on nothing else", "[or
 
 // Moments of 10 x 2e5 numbers against their known values; every deviation is judged in Monte-Carlo standard errors.
 // With 10 seeds x 4 moments a sound generator exceeds 5 standard errors once in 4e4 such tests.
-TEST_CASE("uniform and normal numbers have their moments", "[orbits]") {
+TEST_CASE("uniform and normal numbers have their moments", "[estimator]") {
     constexpr int count = 200000;
     const double root = std::sqrt(static_cast<double>(count));
     for (std::uint64_t seed = 0; seed < 10; ++seed) {
@@ -89,7 +89,7 @@ TEST_CASE("uniform and normal numbers have their moments", "[orbits]") {
     }
 }
 
-TEST_CASE("normal numbers have the normal distribution", "[orbits]") {
+TEST_CASE("normal numbers have the normal distribution", "[estimator]") {
     // Kolmogorov's distance times sqrt(count) exceeds 2.2 with probability 1.3e-4.
     constexpr int count = 100000;
     RandomStream stream(5, RandomPurpose::reading_noise, 0);

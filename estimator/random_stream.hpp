@@ -7,11 +7,17 @@
 #include <cstdint>
 #include <numbers>
 
-namespace orbid::orbits {
+namespace orbid::estimator {
 
-/// What random numbers are drawn for. Streams of different purpose are independent; the values are part of what a
-/// seed means and never change.
-enum class RandomPurpose : std::uint64_t { initial_state = 1, reading_noise = 2, range_probe = 3 };
+/// What random numbers are drawn for, in this room and above it. Streams of different purpose are independent; the
+/// values are part of what a seed means and never change.
+enum class RandomPurpose : std::uint64_t {
+    initial_state = 1,
+    reading_noise = 2,
+    range_probe = 3,
+    posterior_sample = 4,  ///< index = chain
+    multi_start = 5        ///< index = start
+};
 
 /// Random numbers that depend on (seed, purpose, index, position) alone: whoever draws in which order, on whatever
 /// thread, gets the same numbers. Philox-4x64-10 (Salmon et al. 2011): key (seed, purpose), counter (block, index).
@@ -66,4 +72,4 @@ private:
     bool has_spare_ = false;
 };
 
-}  // namespace orbid::orbits
+}  // namespace orbid::estimator
