@@ -28,6 +28,10 @@ struct FreeParameter {
     double upper = std::numeric_limits<double>::infinity();
     Prior prior = FlatPrior{};
     double typical_size = 1.0;  ///< > 0: unit of null directions and steps where value and prior say nothing
+    /// Name of another free parameter that this one follows, value = tie_factor * its value; empty = free. A tied
+    /// parameter has no prior, bounds, scale or start of its own.
+    std::string tied_to;
+    double tie_factor = 1.0;  ///< finite, not 0
 };
 
 /// A quantity computed from the estimated parameters, with its gradient.
