@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "estimator/residual.hpp"
+#include "estimator/estimate.hpp"
 
 namespace orbid::tests {
 
