@@ -1,0 +1,106 @@
+#pragma once
+
+#include <cassert>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include <Eigen/Core>
+
+namespace orbid::estimator::detail {
+
+inline double real_part(double x) {
+    return x;
+}
+inline double real_part(const std::complex<double>& x) {
+    return x.real();
+}
+
+/// f(x) for a real function f with derivative df, continued to complex numbers by its first-order Taylor polynomial:
+/// all that a complex step needs, for functions that the library knows on the real line only.
+template <class F, class D>
+double lift(double x, const F& f, const D& /*df*/) {
+    return f(x);
+}
+template <class F, class D>
+std::complex<double> lift(const std::complex<double>& x, const F& f, const D& df) {
+    return {f(x.real()), x.imag() * df(x.real())};
+}
+
+template <class T>
+T ln_one_plus(const T& x) {
+    return lift(
+        x, [](double u) { return std::log1p(u); }, [](double u) { return 1.0 / (1.0 + u); });
+}
+
+/// ln cosh x = |x| + ln(1 + exp(-2|x|)) - ln 2, without overflow.
+template <class T>
+T ln_cosh(const T& x) {
+    return lift(
+        x, [](double u) { return std::fabs(u) + std::log1p(std::exp(-2.0 * std::fabs(u))) - std::numbers::ln2; },
+        [](double u) { return std::tanh(u); });
+}
+
+/// ln of sqrt(nu pi) Gamma(nu / 2) / Gamma((nu + 1) / 2), the normalisation of Student's density.
+[[nodiscard]] double student_normalisation(double nu);
+[[nodiscard]] std::complex<double> student_normalisation(const std::complex<double>& nu);
+
+/// Laplace errors: d / s in exp(-sqrt(e^2 + d^2) / s) / (2 d K_1(d / s)).
+constexpr double laplace_rounding = 0.01;
+/// ln(2 d K_1(d / s)) - ln s at that d; Laplace's own is ln 2 = 0.6931.
+constexpr double laplace_normalisation = 0.69288608766112311335;
+/// Fisher information of e times s^2: E[e^2 / (e^2 + d^2)] = 1 - Ki_1(0.01) / K_1(0.01), Ki_1 = Bickley's function
+/// int_0^inf exp(-z cosh t) / cosh t dt. By double-exponential quadrature in extended precision; Laplace's own is 1.
+constexpr double laplace_information = 0.98486019956920763249;
+
+/// L of V = L L^T from its log-Cholesky coordinates: the lower triangle column by column, ln of the diagonal entries.
+template <class T>
+Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> covariance_triangle(const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi,
+                                                                     Eigen::Index m) {
+    using std::exp;
+    Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> result =
+        Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>::Zero(m, m);
+    Eigen::Index k = 0;
+    for (Eigen::Index j = 0; j < m; ++j)
+        for (Eigen::Index i = j; i < m; ++i, ++k)
+            result(i, j) = i == j ? T(exp(psi[k])) : psi[k];
+    return result;
+}
+
+/// e_0 / s, then (e_t - rho e_{t-1}) / (s sqrt(1 - rho^2)), column by column; 1 / sqrt(1 - tanh^2) = cosh.
+template <class T>
+Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> decorrelated(const Eigen::MatrixXd& rows,
+                                                              const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi) {
+    using std::cosh;
+    using std::exp;
+    using std::tanh;
+    Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> result(rows.rows(), rows.cols());
+    if (rows.rows() == 0) return result;
+    const T first = exp(-psi[0]);
+    const T rho = tanh(psi[1]);
+    const T other = first * cosh(psi[1]);
+    result.row(0) = rows.row(0).template cast<T>() * first;
+    const Eigen::Index n = rows.rows() - 1;
+    result.bottomRows(n) = (rows.bottomRows(n).template cast<T>() - rows.topRows(n).template cast<T>() * rho) * other;
+    return result;
+}
+
+/// L^-1 times the m responses of each record, by forward substitution over the responses' blocks of rows.
+template <class T>
+Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> uncoupled(
+    const Eigen::MatrixXd& rows, const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>& triangle) {
+    const Eigen::Index m = triangle.rows();
+    assert(rows.rows() % m == 0);
+    const Eigen::Index n = rows.rows() / m;
+    Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> result(rows.rows(), rows.cols());
+    for (Eigen::Index i = 0; i < m; ++i) {
+        auto response = result.middleRows(i * n, n);
+        response = rows.middleRows(i * n, n).template cast<T>();
+        for (Eigen::Index j = 0; j < i; ++j)
+            response -= result.middleRows(j * n, n) * triangle(i, j);
+        response *= T(1.0) / triangle(i, i);
+    }
+    return result;
+}
+
+}  // namespace orbid::estimator::detail
