@@ -62,6 +62,9 @@ struct EstimateOptions {
     double relative_singular_value = 3e-8;
     /// Whether the normal approximation is checked against the objective itself (a few evaluations per parameter).
     bool verdict = true;
+    /// log_integral with the determinant of the full Hessian instead of the Gauss-Newton one (2 evaluations with
+    /// derivatives per parameter).
+    bool full_hessian = false;
     std::function<bool()> interrupted;                              ///< asked between steps; empty = never
     std::function<void(int iteration, double objective)> progress;  ///< called after every accepted step; may be empty
 };
@@ -131,6 +134,12 @@ struct NullDirection {
     Eigen::VectorXd components;  ///< in log parameters (relative changes), largest component 1; shape (parameters)
 };
 
+/// A product of powers of parameters that the data know within a factor e or worse, while they know others well.
+struct SloppyDirection {
+    Eigen::VectorXd components;  ///< exponents, simple fractions where the data cannot tell; largest 1, shape (parameters)
+    double sd = 0.0;             ///< of the product's logarithm, from the data alone, >= 1 or so
+};
+
 struct Estimate {
     EstimateStatus status = EstimateStatus::failed;
     std::string message;
@@ -145,6 +154,7 @@ struct Estimate {
     Eigen::MatrixXd correlation;                     ///< shape (parameters, parameters); nan rows where undetermined
     Eigen::VectorXd singular_values;                 ///< of the scaled sensitivity matrix of the data, descending
     std::vector<NullDirection> null_directions;
+    std::vector<SloppyDirection> sloppy_directions;
     bool trust_normal = true;  ///< false: use profile likelihood, nested Laplace or sampling for intervals
     std::string distrust;      ///< why not, naming the parameter; empty when trusted
     /// sd from the full Hessian over sd from the Gauss-Newton one, per parameter; nan where undetermined or unknown.

@@ -16,6 +16,9 @@ struct Identifiability {
     std::vector<NullDirection> null_directions;  ///< directions that leave the data unchanged, sparsest basis
     std::vector<NullDirection> undecided;        ///< those of them that no prior decides either
     std::vector<bool> undetermined;              ///< per parameter: takes part in an undecided direction
+    /// Directions that the data decide, but only within a factor e or worse, although they decide others much better;
+    /// the least determined first.
+    std::vector<SloppyDirection> sloppy_directions;
     Eigen::VectorXd data_variance;  ///< posterior variance in u from the data alone; infinite in a null direction
 };
 
@@ -25,7 +28,15 @@ struct Identifiability {
 [[nodiscard]] Identifiability identifiability(const Eigen::MatrixXd& r, const BoundedStep& step,
                                               const Eigen::VectorXd& size, const Eigen::VectorXd& column_size);
 
+/// The product of powers of the parameters along a direction in log parameters: "m^1 k2^1 k3^(-1/2)".
+///
+/// Exponents that are the same as a fraction p/q, q <= 6, to 1e-6 are written so, others with three digits.
+[[nodiscard]] std::string as_product(const Eigen::VectorXd& components, const std::vector<FreeParameter>& parameters);
+
 /// "m, k2 and k3 enter only in a combination: m +1, k2 +1, k3 +1 leaves the data unchanged"
 [[nodiscard]] std::string in_words(const NullDirection& direction, const std::vector<FreeParameter>& parameters);
+
+/// "the data know m^1 k2^1 only within a factor 12 (sd of its logarithm 2.5)"
+[[nodiscard]] std::string in_words(const SloppyDirection& direction, const std::vector<FreeParameter>& parameters);
 
 }  // namespace orbid::estimator

@@ -168,6 +168,14 @@ void TiedProblem::expand(Estimate& estimate) const {
     // Relative changes: a follower changes by the same share as the parameter it follows.
     for (NullDirection& direction : estimate.null_directions)
         if (direction.components.size() == count) direction.components = rows(direction.components);
+    // A product of powers is named by the parameters that are free: with followers it would be another product.
+    for (SloppyDirection& direction : estimate.sloppy_directions) {
+        if (direction.components.size() != count) continue;
+        Eigen::VectorXd components = rows(direction.components);
+        for (std::size_t i = 0; i < full.size(); ++i)
+            if (!full[i].tied_to.empty()) components[static_cast<Eigen::Index>(i)] = 0.0;
+        direction.components = components;
+    }
 }
 
 }  // namespace orbid::estimator

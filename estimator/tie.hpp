@@ -26,7 +26,8 @@ struct TiedProblem {
     [[nodiscard]] std::vector<DerivedQuantity> derived(const std::vector<DerivedQuantity>& quantities) const;
 
     /// Parameters, covariance, correlation, directions and hessian_ratio of `estimate` in terms of the full list: a
-    /// tied parameter has value, start, sd and interval of the one it follows times its factor.
+    /// tied parameter has value, start, sd and interval of the one it follows times its factor, and takes part in null
+    /// directions as that one does; products of powers (sloppy directions) stay those of the free ones.
     void expand(Estimate& estimate) const;
 };
 

@@ -2,8 +2,11 @@
 #include <random>
 
 #include <Eigen/Cholesky>
+#include <Eigen/QR>
 
 #include "estimator/estimate.hpp"
+#include "estimator/identifiability.hpp"
+#include "estimator/subspace.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/function_residual.hpp"
 
@@ -175,6 +178,86 @@ TEST_CASE("noise-free data from a gross misfit: the scale falls to its floor, no
     CHECK(result.scales[0].value > 0.0);
     CHECK(result.scales[0].value < 1e-13);
     CHECK(std::isfinite(result.objective));
+}
+
+namespace {
+
+/// What identifiability() says of whitened sensitivities with the given singular values and right singular vectors
+/// (columns; completed to an orthonormal basis) in units of `size`.
+estimator::Identifiability seen(const Eigen::VectorXd& values, const Eigen::MatrixXd& directions,
+                                const Eigen::VectorXd& size) {
+    const Eigen::Index q = size.size();
+    const Eigen::MatrixXd v = directions.householderQr().householderQ();
+    // The QR keeps the span of the first columns; the sign of a direction does not matter.
+    const Eigen::MatrixXd relative = values.asDiagonal() * v.transpose();
+    const Eigen::MatrixXd r = relative * size.cwiseInverse().asDiagonal();
+    estimator::BoundedStep step;
+    for (Eigen::Index i = 0; i < q; ++i)
+        step.free.push_back(i);
+    step.space = estimator::split(r, Eigen::MatrixXd::Zero(0, q), size, 3e-8);
+    return estimator::identifiability(r, step, size, size);
+}
+
+std::vector<estimator::FreeParameter> named_m_k2_k3() {
+    return m_k2_k3(estimator::Scale::log);
+}
+
+}  // namespace
+
+TEST_CASE("a sloppy direction is a product of powers", "[estimator]") {
+    const auto parameters = named_m_k2_k3();
+    const Eigen::Vector3d size(1.0, 1e-3, 50.0);
+    const auto check = [&](const Eigen::Vector3d& direction, const Eigen::Vector3d& values,
+                           const Eigen::Vector3d& expected, const std::string& product) {
+        const auto result = seen(values, direction, size);
+        CAPTURE(product);
+        CHECK(result.null_directions.empty());
+        REQUIRE(result.sloppy_directions.size() == 1);
+        const auto& sloppy = result.sloppy_directions[0];
+        for (Eigen::Index i = 0; i < 3; ++i)
+            CHECK_THAT(sloppy.components[i], WithinAbs(expected[i], 1e-9));
+        CHECK(estimator::as_product(sloppy.components, parameters) == product);
+        // The logarithm of the product along the direction itself: |components| / singular value, and a rounded
+        // direction costs the data a tenth more at most.
+        CHECK_THAT(sloppy.sd, WithinRel(sloppy.components.norm() / values[0], 0.1));
+    };
+    const Eigen::Vector3d sharp(0.4, 1000.0, 500.0);
+    check({1.0, 1.0, 1.0}, sharp, {1.0, 1.0, 1.0}, "m^1 k2^1 k3^1");
+    check({1.0, -1.0, 0.0}, sharp, {1.0, -1.0, 0.0}, "m^1 k2^-1");
+    check({0.5, 1.0, -1.0 / 3.0}, sharp, {0.5, 1.0, -1.0 / 3.0}, "m^(1/2) k2^1 k3^(-1/3)");
+    // The data know the direction to 0.4 / 1000: 0.52 is not one half, although near.
+    check({1.0, 0.52, 0.0}, sharp, {1.0, 0.52, 0.0}, "m^1 k2^0.52");
+    // Here they know it to some percent: 0.98 is as good as one, 0.02 as good as nothing.
+    check({1.0, 0.98, 0.02}, {0.4, 8.0, 6.0}, {1.0, 1.0, 0.0}, "m^1 k2^1");
+    CHECK(estimator::in_words(estimator::SloppyDirection{Eigen::Vector3d(1.0, 1.0, 0.0), 2.5}, parameters) ==
+          "the data know m^1 k2^1 only within a factor 12.2 (sd of its logarithm 2.5)");
+    CHECK(estimator::in_words(estimator::SloppyDirection{Eigen::Vector3d(0.0, 1.0, 0.0), 120.0}, parameters) ==
+          "the data know k2^1 only within a factor e^120");
+}
+
+TEST_CASE("no direction is sloppy when all are well known, or none", "[estimator]") {
+    const Eigen::Vector3d size = Eigen::Vector3d::Ones();
+    const Eigen::Vector3d direction(1.0, 1.0, 1.0);
+    CHECK(seen(Eigen::Vector3d(1.5, 1000.0, 900.0), direction, size).sloppy_directions.empty());
+    CHECK(seen(Eigen::Vector3d(0.2, 0.9, 1.1), direction, size).sloppy_directions.empty());
+    // Two of them, the least determined first.
+    const auto two = seen(Eigen::Vector3d(0.2, 0.5, 100.0), Eigen::Matrix3d::Identity(), size).sloppy_directions;
+    REQUIRE(two.size() == 2);
+    CHECK_THAT(two[0].sd, WithinRel(5.0, 1e-12));
+    CHECK_THAT(two[1].sd, WithinRel(2.0, 1e-12));
+    CHECK(two[0].components == Eigen::Vector3d::UnitX());
+    CHECK(two[1].components == Eigen::Vector3d::UnitY());
+}
+
+TEST_CASE("a sloppy direction beside a null direction", "[estimator]") {
+    Eigen::MatrixXd directions(3, 2);
+    directions << 1.0, 1.0, 1.0, -1.0, 0.0, 0.0;
+    const auto result = seen(Eigen::Vector3d(0.0, 0.25, 1e4), directions, Eigen::Vector3d(2.0, 3.0, 1e-5));
+    REQUIRE(result.null_directions.size() == 1);
+    CHECK_THAT(result.null_directions[0].components[1], WithinAbs(1.0, 1e-9));
+    REQUIRE(result.sloppy_directions.size() == 1);
+    CHECK(estimator::as_product(result.sloppy_directions[0].components, named_m_k2_k3()) == "m^1 k2^-1");
+    CHECK_THAT(result.sloppy_directions[0].sd, WithinRel(std::sqrt(2.0) / 0.25, 1e-9));
 }
 
 }  // namespace orbid::tests

@@ -111,7 +111,9 @@ TEST_CASE("what a tied parameter inherits at a bound and in directions", "[estim
     estimate.correlation = MatrixXd::Identity(2, 2);
     estimate.hessian_ratio = Eigen::Vector2d(1.5, 2.5);
     estimate.null_directions.push_back({Eigen::Vector2d(1.0, -0.5)});
+    estimate.sloppy_directions.push_back({Eigen::Vector2d(1.0, -0.5), 3.0});
     problem.expand(estimate);
+    CHECK(estimate.sloppy_directions[0].components == Eigen::Vector3d(1.0, 0.0, -0.5));
     CHECK(estimate.parameters[0].at_bound == "lower");
     CHECK(estimate.parameters[1].at_bound == "upper");
     CHECK(estimate.covariance(2, 2) == 4.0);
