@@ -28,8 +28,8 @@ constexpr double ln_two_pi = 1.8378770664093454836;
 /// line search or trust region guards that.
 constexpr double least_share = 0.1;
 /// The hyperbolic density is log-concave, but nearly flat away from its cusp. Median regressions on three regressors
-/// with backtracking (50 samples each of 20 ... 200 records) took 114-146 steps on average, often more than 500, with
-/// the weight itself, 16-38 with a tenth of it and 9-11, never more than 23, with a thousandth.
+/// with backtracking (50 samples each of 20, 50 and 200 records) took 114-146 steps on average, often more than 500,
+/// with the weight itself, 16-38 with a tenth of it and 9-11, never more than 23, with a thousandth.
 constexpr double least_share_laplace = 1e-3;
 
 template <class T>
