@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <utility>
 
 #include <Eigen/QR>
 
@@ -13,91 +15,245 @@ namespace {
 /// A latent column whose part independent of the columns before it is below this share of it carries rounding only.
 constexpr double dead_share = 1e-13;
 
-}  // namespace
+/// The same for a column of link rows: some tens of roundings. Not more, for the light rows count as well, whatever the
+/// weight of the links.
+constexpr double dead_share_of_links = 64.0 * 2.220446049250313e-16;
 
-Eigen::MatrixXd upper_triangle(Eigen::MatrixXd a) {
-    const Eigen::Index columns = a.cols();
-    const Eigen::Index rows = std::min(a.rows(), columns);
-    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(columns, columns);
-    if (rows == 0) return result;
-    // Householder reflections are row-wise stable when heavy rows come first; only small stacks mix weights widely,
-    // and there the order costs nothing.
-    if (a.rows() <= 4 * columns + 16) {
-        std::vector<Eigen::Index> order(static_cast<std::size_t>(a.rows()));
-        std::iota(order.begin(), order.end(), Eigen::Index{0});
-        const Eigen::VectorXd weight = a.rowwise().lpNorm<Eigen::Infinity>();
-        std::stable_sort(order.begin(), order.end(),
-                         [&weight](Eigen::Index i, Eigen::Index j) { return weight[i] > weight[j]; });
-        Eigen::MatrixXd sorted(a.rows(), columns);
-        for (Eigen::Index i = 0; i < a.rows(); ++i)
-            sorted.row(i) = a.row(order[static_cast<std::size_t>(i)]);
-        a = std::move(sorted);
+/// The triangle with the dead columns taken out; a unit row in their place keeps it regular and their step zero.
+Eigen::MatrixXd without(const std::vector<bool>& dead, const Eigen::MatrixXd& triangle) {
+    const Eigen::Index rows = triangle.rows();
+    Eigen::MatrixXd extended = Eigen::MatrixXd::Zero(rows + std::count(dead.begin(), dead.end(), true), rows);
+    extended.topRows(rows) = triangle;
+    Eigen::Index extra = rows;
+    for (std::size_t j = 0; j < dead.size(); ++j) {
+        if (!dead[j]) continue;
+        extended.col(static_cast<Eigen::Index>(j)).setZero();
+        extended(extra++, static_cast<Eigen::Index>(j)) = 1.0;
     }
-    const Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(a);
-    result.topRows(rows) = qr.matrixQR().topRows(rows).triangularView<Eigen::Upper>();
-    return result;
+    return upper_triangle(extended);
 }
 
-BlockTriangle block_triangle(Eigen::MatrixXd rows, Eigen::Index latents) {
+void refuse(std::size_t block, const std::string& what) {
+    throw std::invalid_argument("block " + std::to_string(block) + ": " + what);
+}
+
+bool has_next(const BlockTriangle& block) {
+    return block.link.rows() > 0 && block.next >= 0;
+}
+
+/// Finds the chains, each from its first block (cyclic: from the block of least index).
+void find_chains(Arrow& arrow, std::vector<bool>& cyclic) {
+    const std::size_t count = arrow.blocks.size();
+    std::vector<std::ptrdiff_t> before(count, -1);
+    arrow.linked.assign(count, false);
+    for (std::size_t b = 0; b < count; ++b) {
+        const BlockTriangle& block = arrow.blocks[b];
+        if (block.link.rows() == 0) continue;
+        arrow.linked[b] = true;
+        Eigen::Index columns = block.latents + arrow.parameters + 1;
+        if (block.next >= 0) {
+            const auto next = static_cast<std::size_t>(block.next);
+            if (next >= count) refuse(b, "links to block " + std::to_string(next) + " of " + std::to_string(count));
+            if (before[next] >= 0)
+                refuse(b, "links to block " + std::to_string(next) + ", as does block " + std::to_string(before[next]));
+            before[next] = static_cast<std::ptrdiff_t>(b);
+            arrow.linked[next] = true;
+            columns += arrow.blocks[next].latents;
+        }
+        if (block.link.cols() != columns)
+            refuse(b,
+                   "link rows have " + std::to_string(block.link.cols()) + " columns, not " + std::to_string(columns));
+    }
+    std::vector<bool> taken(count, false);
+    for (const bool closed : {false, true}) {
+        for (std::size_t b = 0; b < count; ++b) {
+            if (!arrow.linked[b] || taken[b] || (!closed && before[b] >= 0)) continue;
+            arrow.chains.emplace_back();
+            cyclic.push_back(closed);
+            for (std::size_t i = b; !taken[i]; i = static_cast<std::size_t>(arrow.blocks[i].next)) {
+                taken[i] = true;
+                arrow.chains.back().push_back(i);
+                if (!has_next(arrow.blocks[i])) break;
+            }
+        }
+    }
+}
+
+/// Norms of the columns of link rows that hit the states of each block of a chain.
+std::vector<Eigen::VectorXd> link_norms(const Arrow& arrow, const std::vector<std::size_t>& chain) {
+    std::vector<Eigen::VectorXd> square(arrow.blocks.size());
+    for (const std::size_t b : chain)
+        square[b] = Eigen::VectorXd::Zero(arrow.blocks[b].latents);
+    for (const std::size_t b : chain) {
+        const BlockTriangle& block = arrow.blocks[b];
+        if (block.link.rows() == 0) continue;
+        square[b] += block.link.leftCols(block.latents).colwise().squaredNorm().transpose();
+        if (block.next < 0) continue;
+        const auto next = static_cast<std::size_t>(block.next);
+        square[next] +=
+            block.link.middleCols(block.latents, arrow.blocks[next].latents).colwise().squaredNorm().transpose();
+    }
+    std::vector<Eigen::VectorXd> norm;
+    for (const std::size_t b : chain)
+        norm.emplace_back(square[b].cwiseSqrt());
+    return norm;
+}
+
+/// Damping metric of a chain's blocks, see BlockTriangle::norm.
+void set_norms(Arrow& arrow, const std::vector<std::size_t>& chain, const std::vector<Eigen::VectorXd>& linked) {
+    double own_square = 0.0;
+    double link_square = 0.0;
+    const auto add = [](const BlockTriangle& block, const Eigen::VectorXd& link, double& own, double& other) {
+        for (Eigen::Index j = 0; j < block.latents; ++j) {
+            if (!(block.norm[j] > 0.0) || !(link[j] > 0.0)) continue;
+            own += block.norm[j] * block.norm[j];
+            other += link[j] * link[j];
+        }
+    };
+    for (std::size_t i = 0; i < chain.size(); ++i) {
+        BlockTriangle& block = arrow.blocks[chain[i]];
+        block.norm = block.triangle.leftCols(block.latents).colwise().norm().transpose();
+        add(block, linked[i], own_square, link_square);
+    }
+    const double common = link_square > 0.0 ? std::sqrt(own_square / link_square) : 1.0;
+    for (std::size_t i = 0; i < chain.size(); ++i) {
+        BlockTriangle& block = arrow.blocks[chain[i]];
+        double own = 0.0;
+        double other = 0.0;
+        add(block, linked[i], own, other);
+        const double ratio = other > 0.0 ? std::sqrt(own / other) : common;
+        for (Eigen::Index j = 0; j < block.latents; ++j) {
+            if (block.norm[j] > 0.0) continue;
+            block.norm[j] = ratio * linked[i][j];
+            if (!(block.norm[j] > 0.0)) block.norm[j] = 1.0;
+        }
+    }
+}
+
+/// The nodes of a chain, damped by mu; dead states leave the problem.
+std::vector<ChainNode> chain_nodes(const Arrow& arrow, const std::vector<std::size_t>& chain, double mu) {
+    const std::vector<Eigen::VectorXd> linked = link_norms(arrow, chain);
+    std::vector<ChainNode> nodes;
+    nodes.reserve(chain.size());
+    for (std::size_t i = 0; i < chain.size(); ++i) {
+        const BlockTriangle& block = arrow.blocks[chain[i]];
+        const Eigen::Index l = block.latents;
+        ChainNode node;
+        node.block = chain[i];
+        node.latents = l;
+        const Eigen::Index alone = block.next < 0 ? block.link.rows() : 0;
+        const Eigen::Index damping = mu > 0.0 ? l : 0;
+        node.own = Eigen::MatrixXd::Zero(l + alone + damping, block.triangle.cols());
+        node.own.topRows(l) = block.triangle.topRows(l);
+        if (alone > 0) node.own.middleRows(l, alone) = block.link;
+        if (damping > 0) node.own.bottomLeftCorner(l, l).diagonal() = std::sqrt(mu) * block.norm;
+        if (has_next(block)) node.link = block.link;
+        node.limit = (dead_share * block.triangle.leftCols(l).colwise().norm().transpose())
+                         .cwiseMax(dead_share_of_links * linked[i]);
+        for (Eigen::Index j = 0; j < l; ++j)
+            if (block.dead[static_cast<std::size_t>(j)]) node.own.col(j).setZero();
+        nodes.push_back(std::move(node));
+    }
+    for (std::size_t i = 0; i < chain.size(); ++i) {
+        Eigen::MatrixXd& link = nodes[i].link;
+        if (link.rows() == 0) continue;
+        const BlockTriangle& block = arrow.blocks[chain[i]];
+        const BlockTriangle& next = arrow.blocks[static_cast<std::size_t>(block.next)];
+        for (Eigen::Index j = 0; j < block.latents; ++j)
+            if (block.dead[static_cast<std::size_t>(j)]) link.col(j).setZero();
+        for (Eigen::Index j = 0; j < next.latents; ++j)
+            if (next.dead[static_cast<std::size_t>(j)]) link.col(block.latents + j).setZero();
+    }
+    return nodes;
+}
+
+/// Marks the states that the factorisation found undecided.
+void mark_dead(Arrow& arrow, const ChainFactor& factor) {
+    for (const std::vector<Elimination>& level : factor.levels) {
+        for (const Elimination& step : level) {
+            for (Eigen::Index k = step.rank; k < step.pivots; ++k) {
+                auto j = static_cast<std::size_t>(step.order[static_cast<std::size_t>(k)]);
+                auto node = static_cast<std::size_t>(step.node);
+                const auto own = static_cast<std::size_t>(factor.latents[node]);
+                if (j >= own) {
+                    j -= own;
+                    node = static_cast<std::size_t>(step.partner);
+                }
+                arrow.blocks[factor.block[node]].dead[j] = true;
+            }
+        }
+    }
+}
+
+}  // namespace
+
+BlockTriangle block_triangle(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::Index latents) {
     BlockTriangle block;
     block.latents = latents;
     block.norm = rows.leftCols(latents).colwise().norm().transpose();
     block.dead.assign(static_cast<std::size_t>(latents), false);
-    const Eigen::Index columns = rows.cols();
-    block.triangle = upper_triangle(latents == 0 ? std::move(rows) : rows);
+    block.triangle = upper_triangle(rows);
     bool any_dead = false;
     for (Eigen::Index j = 0; j < latents; ++j) {
         if (std::abs(block.triangle(j, j)) > dead_share * block.norm[j]) continue;
         block.dead[static_cast<std::size_t>(j)] = true;
+        block.norm[j] = 1.0;
         any_dead = true;
     }
     if (!any_dead) return block;
-    // The dead columns leave the problem; a unit row in their place keeps the triangle regular and their step zero.
-    const Eigen::Index count = std::count(block.dead.begin(), block.dead.end(), true);
-    Eigen::MatrixXd extended = Eigen::MatrixXd::Zero(rows.rows() + count, columns);
-    extended.topRows(rows.rows()) = rows;
-    Eigen::Index extra = rows.rows();
-    for (Eigen::Index j = 0; j < latents; ++j) {
-        if (!block.dead[static_cast<std::size_t>(j)]) continue;
-        extended.col(j).setZero();
-        extended(extra++, j) = 1.0;
-        block.norm[j] = 1.0;
-    }
-    block.triangle = upper_triangle(std::move(extended));
+    Eigen::MatrixXd regular = without(block.dead, block.triangle);
+    block.undecided = std::exchange(block.triangle, std::move(regular));
     return block;
 }
 
 Arrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters) {
     Arrow arrow;
     arrow.parameters = parameters;
-    const Eigen::Index width = parameters + 1;
-    Eigen::MatrixXd stacked(static_cast<Eigen::Index>(blocks.size()) * width, width);
-    for (std::size_t b = 0; b < blocks.size(); ++b)
-        stacked.middleRows(static_cast<Eigen::Index>(b) * width, width) =
-            blocks[b].triangle.bottomRightCorner(width, width);
-    arrow.pool = upper_triangle(std::move(stacked));
     arrow.blocks = std::move(blocks);
+    std::vector<bool> cyclic;
+    find_chains(arrow, cyclic);
+    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
+        BlockTriangle& block = arrow.blocks[b];
+        if (!arrow.linked[b] || block.undecided.size() == 0) continue;
+        block.triangle = std::move(block.undecided);
+        block.undecided.resize(0, 0);
+        block.dead.assign(block.dead.size(), false);
+    }
+    const Eigen::Index width = parameters + 1;
+    if (arrow.blocks.size() == 1) {
+        arrow.pool = arrow.blocks[0].triangle.bottomRightCorner(width, width);
+    } else {
+        Eigen::MatrixXd stacked(static_cast<Eigen::Index>(arrow.blocks.size()) * width, width);
+        for (std::size_t b = 0; b < arrow.blocks.size(); ++b)
+            stacked.middleRows(static_cast<Eigen::Index>(b) * width, width) =
+                arrow.blocks[b].triangle.bottomRightCorner(width, width);
+        arrow.pool = upper_triangle(stacked);
+    }
+    for (std::size_t i = 0; i < arrow.chains.size(); ++i) {
+        set_norms(arrow, arrow.chains[i], link_norms(arrow, arrow.chains[i]));
+        arrow.undamped.push_back(factorise_chain(chain_nodes(arrow, arrow.chains[i], 0.0), cyclic[i], parameters));
+        mark_dead(arrow, arrow.undamped.back());
+    }
     return arrow;
 }
 
 Condensed condense(const Arrow& arrow, double mu) {
     const Eigen::Index width = arrow.parameters + 1;
+    const auto width_of_chains = static_cast<Eigen::Index>(arrow.chains.size()) * width;
     Condensed condensed;
     condensed.top.reserve(arrow.blocks.size());
-    Eigen::MatrixXd pool = arrow.pool;
-    if (mu > 0.0) {
-        Eigen::Index latents = 0;
-        for (const BlockTriangle& block : arrow.blocks)
-            latents += block.latents;
-        Eigen::MatrixXd stacked(width + latents, width);
-        stacked.topRows(width) = arrow.pool;
-        Eigen::Index row = width;
-        for (const BlockTriangle& block : arrow.blocks) {
-            const Eigen::Index l = block.latents;
-            if (l == 0) {
-                condensed.top.emplace_back(0, width);
-                continue;
-            }
+    Eigen::Index damped_rows = 0;
+    for (std::size_t b = 0; b < arrow.blocks.size() && mu > 0.0; ++b)
+        if (!arrow.linked[b]) damped_rows += arrow.blocks[b].latents;
+    Eigen::MatrixXd stacked(width + damped_rows + width_of_chains, width);
+    stacked.topRows(width) = arrow.pool;
+    Eigen::Index row = width;
+    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
+        const BlockTriangle& block = arrow.blocks[b];
+        const Eigen::Index l = block.latents;
+        if (l == 0 || arrow.linked[b]) {
+            condensed.top.emplace_back(0, l + width);
+        } else if (mu > 0.0) {
             Eigen::MatrixXd damped = Eigen::MatrixXd::Zero(2 * l, l + width);
             damped.topRows(l) = block.triangle.topRows(l);
             damped.bottomLeftCorner(l, l).diagonal() = std::sqrt(mu) * block.norm;
@@ -107,12 +263,21 @@ Condensed condense(const Arrow& arrow, double mu) {
             condensed.top.push_back(factor.topRows(l));
             stacked.middleRows(row, l) = factor.bottomRightCorner(l, width);
             row += l;
+        } else {
+            condensed.top.push_back(block.triangle.topRows(l));
         }
-        pool = upper_triangle(std::move(stacked));
-    } else {
-        for (const BlockTriangle& block : arrow.blocks)
-            condensed.top.push_back(block.triangle.topRows(block.latents));
     }
+    condensed.chains.reserve(arrow.chains.size());
+    for (std::size_t i = 0; i < arrow.chains.size(); ++i) {
+        if (mu > 0.0)
+            condensed.chains.push_back(
+                factorise_chain(chain_nodes(arrow, arrow.chains[i], mu), arrow.undamped[i].cyclic, arrow.parameters));
+        else
+            condensed.chains.push_back(arrow.undamped[i]);
+        stacked.middleRows(row, width) = condensed.chains.back().rest;
+        row += width;
+    }
+    const Eigen::MatrixXd pool = row > width ? upper_triangle(stacked) : arrow.pool;
     condensed.r = pool.topLeftCorner(arrow.parameters, arrow.parameters);
     condensed.rhs = pool.topRightCorner(arrow.parameters, 1);
     condensed.rest = std::abs(pool(arrow.parameters, arrow.parameters));
@@ -123,7 +288,7 @@ std::vector<Eigen::VectorXd> latent_steps(const Arrow& arrow, const Condensed& c
     std::vector<Eigen::VectorXd> steps(arrow.blocks.size());
     for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
         const Eigen::Index l = arrow.blocks[b].latents;
-        if (l == 0) {
+        if (l == 0 || arrow.linked[b]) {
             steps[b].resize(0);
             continue;
         }
@@ -131,19 +296,82 @@ std::vector<Eigen::VectorXd> latent_steps(const Arrow& arrow, const Condensed& c
         steps[b] = -(top.rightCols(1) + top.middleCols(l, arrow.parameters) * d);
         top.leftCols(l).triangularView<Eigen::Upper>().solveInPlace(steps[b]);
     }
+    for (const ChainFactor& chain : condensed.chains)
+        solve_chain(chain, d, steps);
     return steps;
 }
 
 ModelChange model_change(const Arrow& arrow, const Eigen::VectorXd& d, const std::vector<Eigen::VectorXd>& d_z) {
     ModelChange change;
+    const auto add = [&change](const Eigen::VectorXd& moved, const auto& right) {
+        change.linear += moved.dot(right);
+        change.quadratic += moved.squaredNorm();
+    };
     for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
         const BlockTriangle& block = arrow.blocks[b];
-        const Eigen::VectorXd moved = block.triangle.leftCols(block.latents) * d_z[b] +
-                                      block.triangle.middleCols(block.latents, arrow.parameters) * d;
-        change.linear += moved.dot(block.triangle.rightCols(1).col(0));
-        change.quadratic += moved.squaredNorm();
+        const Eigen::Index l = block.latents;
+        add(block.triangle.leftCols(l) * d_z[b] + block.triangle.middleCols(l, arrow.parameters) * d,
+            block.triangle.rightCols(1).col(0));
+        if (block.link.rows() == 0) continue;
+        Eigen::VectorXd moved = block.link.leftCols(l) * d_z[b] +
+                                block.link.middleCols(block.link.cols() - 1 - arrow.parameters, arrow.parameters) * d;
+        if (block.next >= 0) {
+            const Eigen::VectorXd& next = d_z[static_cast<std::size_t>(block.next)];
+            moved += block.link.middleCols(l, next.size()) * next;
+        }
+        add(moved, block.link.rightCols(1).col(0));
     }
     return change;
+}
+
+double log_abs_determinant(const Condensed& condensed) {
+    double sum = 0.0;
+    for (const Eigen::MatrixXd& top : condensed.top)
+        sum += top.diagonal().array().abs().log().sum();
+    for (const ChainFactor& chain : condensed.chains)
+        for (const std::vector<Elimination>& level : chain.levels)
+            for (const Elimination& step : level)
+                sum += step.rows.diagonal().array().abs().log().sum();
+    return sum;
+}
+
+SelectedCovariance covariance_around(const Arrow& arrow, const Condensed& condensed,
+                                     const Eigen::MatrixXd& parameter_covariance) {
+    const Eigen::Index r = parameter_covariance.rows();
+    SelectedCovariance result;
+    result.block.resize(arrow.blocks.size());
+    result.link.resize(arrow.blocks.size());
+    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
+        if (arrow.linked[b]) continue;
+        const Eigen::Index l = arrow.blocks[b].latents;
+        const auto r_zz = condensed.top[b].leftCols(l).triangularView<Eigen::Upper>();
+        Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(l, l);
+        r_zz.solveInPlace(inverse);
+        const Eigen::MatrixXd gain = -inverse * condensed.top[b].middleCols(l, r);
+        Eigen::MatrixXd& p = result.block[b];
+        p.resize(l + r, l + r);
+        const Eigen::MatrixXd across = gain * parameter_covariance;
+        const Eigen::MatrixXd own = inverse * inverse.transpose() + across * gain.transpose();
+        p.topLeftCorner(l, l) = 0.5 * (own + own.transpose());
+        p.topRightCorner(l, r) = across;
+        p.bottomLeftCorner(r, l) = across.transpose();
+        p.bottomRightCorner(r, r) = parameter_covariance;
+        for (Eigen::Index j = 0; j < l; ++j) {
+            if (!arrow.blocks[b].dead[static_cast<std::size_t>(j)]) continue;
+            p.row(j).setZero();
+            p.col(j).setZero();
+        }
+    }
+    for (const ChainFactor& chain : condensed.chains)
+        chain_covariance(chain, parameter_covariance, result.block, result.link);
+    return result;
+}
+
+SelectedCovariance selected_covariance(const Arrow& arrow, const Condensed& condensed,
+                                       const Eigen::MatrixXd& parameter_triangle) {
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(parameter_triangle.rows(), parameter_triangle.rows());
+    parameter_triangle.triangularView<Eigen::Upper>().solveInPlace(inverse);
+    return covariance_around(arrow, condensed, inverse * inverse.transpose());
 }
 
 }  // namespace orbid::estimator
