@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/error_law.hpp"
 #include "estimator/residual.hpp"
 
 namespace orbid::estimator {
@@ -19,36 +20,47 @@ struct Channel {
     int group = 0;
 };
 
+/// The records of one law within a block; several responses: one response after the other.
+struct LawPart {
+    std::size_t law = 0;
+    std::vector<Eigen::Index> records;
+    Eigen::VectorXd observed;  ///< y of the records; empty unless the law needs it
+};
+
 /// One block that takes part in a minimisation.
 struct ActiveBlock {
     std::size_t residual = 0;
     std::size_t block = 0;
     std::vector<int> channel;  ///< of each record, index into the channels of the estimate
     Eigen::Index latents = 0;
-    Eigen::MatrixXd cholesky;  ///< lower L, Sigma_b = L L^T; empty = identity
+    Eigen::MatrixXd cholesky;    ///< lower L, Sigma_b = L L^T; empty = identity
+    Eigen::VectorXd deviation;   ///< known sd of each record; empty = 1
+    std::vector<LawPart> parts;  ///< the records by law; empty with a covariance shape
+    Eigen::Index constraints = 0;
+    std::ptrdiff_t next = -1;         ///< index into BlockSet::blocks
+    Eigen::VectorXd constraint_size;  ///< shape (constraints)
 };
 
 /// The set of blocks of one minimisation; it does not change while the objective is minimised (M11).
 struct BlockSet {
     std::vector<ActiveBlock> blocks;
-    Eigen::VectorXd count;        ///< records of each channel
-    Eigen::MatrixXd information;  ///< Fisher information of ln s without latents and parameters, see shape_information
-    double ln_det_shapes = 0.0;   ///< sum over blocks of ln|Sigma_b|
+    Eigen::VectorXd count;       ///< records of each channel
+    double ln_det_shapes = 0.0;  ///< sum over blocks of ln|Sigma_b|, known sds included
     Eigen::Index records = 0;
     Eigen::Index latents = 0;
+    Eigen::Index constraints = 0;
 };
 
 /// All groups of all residuals, in order.
 [[nodiscard]] std::vector<Channel> channels_of(const std::vector<Residual*>& residuals);
 
-/// The active blocks of all residuals as they are now.
+/// The active blocks of all residuals as they are now. Constraints whose next block takes no part are left out.
 ///
-/// Fisher information of ln s_g, ln s_h: sum over blocks of sum_{i in g, j in h} (delta_ij + Sigma_ij (Sigma^-1)_ij),
-/// which is 2 n_g on the diagonal for the identity.
-///
-/// @throws std::invalid_argument naming the block when a shape has the wrong size or is not positive definite, a
-///         record names a group that does not exist, or a block without structure has latent states.
-[[nodiscard]] BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels);
+/// @throws std::invalid_argument naming the block when a shape has the wrong size or is not positive definite, known
+///         sds or observed values are missing or out of range, a record names a group that does not exist, a block
+///         without structure has latent states or constraints, or a covariance shape meets errors that are not normal.
+[[nodiscard]] BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
+                              const std::vector<ErrorLaw>& laws);
 
 /// Values of the active blocks, in their order.
 struct Evaluation {
@@ -58,7 +70,30 @@ struct Evaluation {
 
 /// Asks every residual once. @throws std::invalid_argument naming the block when an answer has the wrong shape.
 [[nodiscard]] Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set,
-                                  const Eigen::VectorXd& theta, const Latents& latents, bool derivatives);
+                                  const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& theta,
+                                  const Latents& latents, bool derivatives);
+
+/// The errors of one law's records in the unit in which the law takes them: e, e divided by known sds, or
+/// ln y - ln yhat for log-normal errors.
+[[nodiscard]] Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law,
+                                         const Eigen::VectorXd& e);
+
+/// Change of -ln p of all blocks between two evaluations, without the cancellation of two sums.
+[[nodiscard]] double value_change(const BlockSet& set, const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi,
+                                  const std::vector<BlockValue>& from, const std::vector<BlockValue>& to);
+
+/// Constraints divided by their sizes: 1/2 sum (c / size)^2 at `to` less the same at `from`.
+[[nodiscard]] double violation_change(const BlockSet& set, const std::vector<BlockValue>& from,
+                                      const std::vector<BlockValue>& to);
+/// Largest |c| / size and root mean square of c / size; 0 without constraints.
+struct Violation {
+    double largest = 0.0;
+    double rms = 0.0;
+};
+[[nodiscard]] Violation violation(const BlockSet& set, const std::vector<BlockValue>& values);
+
+/// Scale s of each channel.
+[[nodiscard]] Eigen::VectorXd scales_of(const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi);
 
 /// w = L^-1 D^-1 a: rows divided by their error, in place. `channel` of each row, `scale` of each channel.
 void whiten(const std::vector<int>& channel, const Eigen::MatrixXd& cholesky, const Eigen::VectorXd& scale,

@@ -30,8 +30,10 @@ Eigen::VectorXd free_minimum(const Condensed& condensed, const PriorModel& prior
         rest[parameter] = 0.0;
     }
     const Eigen::VectorXd rhs = condensed.rhs + condensed.r * rest;
-    const Eigen::VectorXd curvature = pick(prior.curvature, step.free);
-    step.space = split(r, curvature, pick(fallback, step.free), tolerance);
+    Eigen::MatrixXd own(prior.rows.rows(), count);
+    for (Eigen::Index i = 0; i < count; ++i)
+        own.col(i) = prior.rows.col(step.free[static_cast<std::size_t>(i)]);
+    step.space = split(r, own, pick(fallback, step.free), tolerance);
     const Subspace& space = step.space;
     const Eigen::Index data = space.data.cols();
     const Eigen::Index rank = data + space.prior.cols();
@@ -40,16 +42,19 @@ Eigen::VectorXd free_minimum(const Condensed& condensed, const PriorModel& prior
     const Eigen::VectorXd inverse_unit = space.unit.cwiseInverse();
     Eigen::MatrixXd basis(count, rank);
     basis << space.data, space.prior;
-    const Eigen::MatrixXd prior_rows = (curvature.cwiseSqrt().cwiseProduct(inverse_unit)).asDiagonal() * basis;
-    Eigen::MatrixXd stacked = Eigen::MatrixXd::Zero(data + 2 * count + space.prior.cols(), rank + 1);
+    const Eigen::MatrixXd prior_rows = own * inverse_unit.asDiagonal() * basis;
+    const Eigen::Index rows = own.rows();
+    Eigen::MatrixXd stacked = Eigen::MatrixXd::Zero(data + rows + count + space.prior.cols(), rank + 1);
     stacked.topLeftCorner(data, data) = space.singular_values.head(data).asDiagonal();
     stacked.topRightCorner(data, 1) = space.left.transpose() * rhs;
-    stacked.block(data, 0, count, rank) = prior_rows;
+    stacked.block(data, 0, rows, rank) = prior_rows;
+    // What the prior pulls at, held parameters included.
+    stacked.block(data, rank, rows, 1) = prior.rows * rest;
     if (mu > 0.0) {
         const double root = std::sqrt(mu);
-        stacked.block(data + count, 0, count, data) =
+        stacked.block(data + rows, 0, count, data) =
             (root * pick(damping, step.free).cwiseProduct(inverse_unit)).asDiagonal() * space.data;
-        stacked.block(data + 2 * count, data, space.prior.cols(), space.prior.cols()).diagonal() =
+        stacked.block(data + rows + count, data, space.prior.cols(), space.prior.cols()).diagonal() =
             root * prior_rows.rightCols(space.prior.cols()).colwise().norm().transpose();
     }
     const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
@@ -107,14 +112,14 @@ BoundedStep bounded_step(const Condensed& condensed, const PriorModel& prior, co
         }
         // At the minimum for this set: free the held parameter that the objective pulls inward most.
         Eigen::VectorXd gradient = condensed.r.transpose() * (condensed.r * step.d + condensed.rhs) + prior.gradient +
-                                   prior.curvature.cwiseProduct(step.d);
+                                   prior.rows.transpose() * (prior.rows * step.d);
         if (mu > 0.0) gradient += mu * damping.cwiseAbs2().cwiseProduct(step.d);
         double strongest = 0.0;
         Eigen::Index freed = -1;
         for (Eigen::Index i = 0; i < q; ++i) {
             const int side = step.active[static_cast<std::size_t>(i)];
             if (side == 0) continue;
-            const double norm = std::max(condensed.r.col(i).norm(), std::sqrt(prior.curvature[i]));
+            const double norm = std::max(condensed.r.col(i).norm(), prior.rows.col(i).norm());
             const double inward = (side < 0 ? -gradient[i] : gradient[i]) / std::max(norm, 1e-300);
             if (inward > multiplier_tolerance * size && inward > strongest) {
                 strongest = inward;

@@ -12,8 +12,14 @@ namespace orbid::estimator {
 /// Prior of all parameters in coordinates u, to second order.
 struct PriorModel {
     double value = 0.0;
-    Eigen::VectorXd gradient;   ///< shape (q)
-    Eigen::VectorXd curvature;  ///< shape (q), >= 0
+    Eigen::VectorXd gradient;  ///< shape (q)
+    Eigen::MatrixXd rows;      ///< shape (any, q): rows^T rows is the curvature, positive semidefinite
+    Eigen::MatrixXd second;    ///< true second derivatives, shape (q, q)
+
+    /// d^T curvature d.
+    [[nodiscard]] double quadratic(const Eigen::VectorXd& d) const {
+        return rows.rows() > 0 ? (rows * d).squaredNorm() : 0.0;
+    }
 };
 
 /// Where a step may go: lower <= d <= upper (inclusive, may be infinite), relative to the present point.

@@ -1,19 +1,24 @@
 #include "estimator/estimate.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
 #include <variant>
 
+#include "estimator/joint_covariance.hpp"
 #include "estimator/posterior.hpp"
 #include "estimator/problem_setup.hpp"
+#include "estimator/verdict.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
 constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
+/// 97.5 % quantile of the standard normal density.
+constexpr double normal_975 = 1.9599639845400545;
 
 std::string label(const Problem& problem, const ActiveBlock& block) {
     const Residual& residual = *problem.residuals[block.residual];
@@ -98,13 +103,14 @@ void Rounds::adopt_latents(std::size_t residual, const std::vector<bool>& was_ac
 bool Rounds::refresh() {
     bool changed = false;
     std::size_t first = 0;
+    const Eigen::VectorXd all_scales = scales_of(problem_.laws, state_.psi);
     for (std::size_t r = 0; r < problem_.residuals.size(); ++r) {
         Residual& residual = *problem_.residuals[r];
         std::vector<bool> was_active;
         for (const BlockLayout& block : residual.layout())
             was_active.push_back(block.active);
         const auto groups = static_cast<Eigen::Index>(residual.groups().size());
-        const Eigen::VectorXd scales = state_.ln_scale.segment(static_cast<Eigen::Index>(first), groups).array().exp();
+        const Eigen::VectorXd scales = all_scales.segment(static_cast<Eigen::Index>(first), groups);
         const RefreshReport report = residual.refresh(state_.theta, state_.latents[r], scales);
         first += residual.groups().size();
         counts[r].lost += report.lost;
@@ -119,7 +125,7 @@ bool Rounds::refresh() {
 void Rounds::run() {
     const int limit = problem_.options.maximum_rounds;
     for (ledger.round = 1;; ++ledger.round) {
-        set = freeze(problem_.residuals, problem_.channels);
+        set = freeze(problem_.residuals, problem_.channels, problem_.laws);
         minimum = Minimum{};
         if (set.records == 0) {
             minimum.message = "no residual record takes part";
@@ -228,8 +234,76 @@ void fill_derived(const Problem& problem, const State& state, const Posterior& p
     }
 }
 
+std::string distribution_name(const ErrorDistribution& distribution) {
+    constexpr std::array names{"normal", "student_t", "laplace", "lognormal", "relative", "ar1"};
+    return names[distribution.index()];
+}
+
+/// Distribution, uncertainty and further error parameters of a channel.
+void fill_law(const Problem& problem, const State& state, const Posterior& posterior, int channel,
+              EstimatedScale& scale) {
+    for (const ErrorLaw& law : problem.laws) {
+        const auto place = std::find(law.channels.begin(), law.channels.end(), channel);
+        if (place == law.channels.end()) continue;
+        scale.distribution = law.joint() ? "joint normal" : distribution_name(law.distribution);
+        if (law.joint()) {
+            const Eigen::MatrixXd slopes = covariance_slopes(law, state.psi);
+            const auto m = static_cast<Eigen::Index>(law.channels.size());
+            const auto own = static_cast<Eigen::Index>(place - law.channels.begin());
+            const auto size = static_cast<Eigen::Index>(law.coordinates.size());
+            const Eigen::RowVectorXd slope = slopes.row(own * m + own);
+            const double variance =
+                slope.dot(posterior.error_covariance().block(law.first, law.first, size, size) * slope.transpose());
+            scale.uncertainty = std::sqrt(variance) / (2.0 * scale.value);
+            return;
+        }
+        scale.uncertainty = scale.value * std::sqrt(posterior.error_covariance()(law.first, law.first));
+        for (std::size_t j = 1; j < law.coordinates.size(); ++j) {
+            const ErrorCoordinate& coordinate = law.coordinates[j];
+            const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
+            const double sd = std::sqrt(posterior.error_covariance()(k, k));
+            Estimated shape;
+            shape.name = coordinate.name;
+            shape.value = coordinate.natural(state.psi[k]);
+            shape.start = coordinate.start;
+            shape.sd = shape.laplace_sd = sd * coordinate.slope(state.psi[k]);
+            shape.interval_method = !coordinate.estimate ? "fixed" : sd > 0.0 ? "normal" : "none";
+            shape.lower95 = coordinate.natural(state.psi[k] - normal_975 * sd);
+            shape.upper95 = coordinate.natural(state.psi[k] + normal_975 * sd);
+            if (coordinate.estimate && !(sd > 0.0))
+                shape.at_bound = state.psi[k] <= 0.5 * (coordinate.lower + coordinate.upper) ? "lower" : "upper";
+            scale.shape.push_back(std::move(shape));
+        }
+        return;
+    }
+}
+
+void fill_covariances(const Problem& problem, const State& state, const Posterior& posterior, Estimate& estimate) {
+    for (const ErrorLaw& law : problem.laws) {
+        if (!law.joint()) continue;
+        const auto m = static_cast<Eigen::Index>(law.channels.size());
+        const auto size = static_cast<Eigen::Index>(law.coordinates.size());
+        EstimatedCovariance covariance;
+        for (const int c : law.channels) {
+            const Channel& channel = problem.channels[static_cast<std::size_t>(c)];
+            covariance.groups.push_back(
+                problem.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)].name);
+        }
+        const Eigen::MatrixXd lower = covariance_root(law, state.psi);
+        covariance.value = lower * lower.transpose();
+        const Eigen::MatrixXd slopes = covariance_slopes(law, state.psi);
+        const Eigen::VectorXd variance = (slopes * posterior.error_covariance().block(law.first, law.first, size, size))
+                                             .cwiseProduct(slopes)
+                                             .rowwise()
+                                             .sum();
+        covariance.uncertainty = variance.cwiseSqrt().reshaped(m, m);
+        estimate.covariances.push_back(std::move(covariance));
+    }
+}
+
 void fill_scales(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
                  const Posterior& posterior, Estimate& estimate) {
+    const Eigen::VectorXd scales = scales_of(problem.laws, state.psi);
     for (std::size_t c = 0; c < problem.channels.size(); ++c) {
         const Channel& channel = problem.channels[c];
         const Group& group = problem.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)];
@@ -238,8 +312,8 @@ void fill_scales(const Problem& problem, const BlockSet& set, const State& state
         scale.unit = group.unit;
         scale.factor = group.factor;
         scale.estimated = group.scale.estimate;
-        scale.value = std::exp(state.ln_scale[static_cast<Eigen::Index>(c)]);
-        scale.uncertainty = scale.value * posterior.ln_scale_sd(static_cast<Eigen::Index>(c));
+        scale.value = scales[static_cast<Eigen::Index>(c)];
+        fill_law(problem, state, posterior, static_cast<int>(c), scale);
         double square = 0.0;
         for (std::size_t b = 0; b < set.blocks.size(); ++b)
             for (std::size_t i = 0; i < set.blocks[b].channel.size(); ++i)
@@ -273,7 +347,8 @@ void fill_blocks(const Problem& problem, const BlockSet& set, const State& state
     if (posterior == nullptr) return;
     for (std::size_t b = 0; b < set.blocks.size(); ++b) {
         const ActiveBlock& block = set.blocks[b];
-        estimate.residuals[block.residual][block.block] = {BlockStatus::ok, minimum.evaluation.values[b].e, {}, {}};
+        estimate.residuals[block.residual][block.block] = {};
+        estimate.residuals[block.residual][block.block].e = minimum.evaluation.values[b].e;
         estimate.latent_sds[block.residual][block.block] = posterior->latent_sds()[b];
         ++estimate.counts[block.residual].used;
     }
@@ -296,10 +371,18 @@ void describe(const Problem& problem, const Minimum& minimum, const Posterior& p
         if (minimum.step.active[i] != 0)
             estimate.message += "; " + problem.parameters[i].name + " is at its " +
                                 (minimum.step.active[i] < 0 ? "lower" : "upper") + " bound";
-    for (std::size_t c = 0; c < minimum.scale_at_floor.size(); ++c)
-        if (minimum.scale_at_floor[c])
-            estimate.message += "; the residuals of " + estimate.scales[c].group +
-                                " are at rounding level, their scale is held at its floor";
+    for (const ErrorLaw& law : problem.laws)
+        for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
+            const std::size_t k = static_cast<std::size_t>(law.first) + j;
+            const std::string& group = estimate.scales[static_cast<std::size_t>(law.channels.front())].group;
+            if (minimum.error_at_floor[k] && j == 0)
+                estimate.message += "; the residuals of " + group +
+                                    " are at rounding level or below their floor, their scale is held at its floor";
+            else if (minimum.error_at_floor[k])
+                estimate.message += "; the " + law.coordinates[j].name + " of " + group + " is at its lower limit";
+            if (minimum.error_at_ceiling[k])
+                estimate.message += "; the " + law.coordinates[j].name + " of " + group + " is at its upper limit";
+        }
     if (posterior.has_sandwich())
         estimate.message += "; residuals are autocorrelated: intervals from " + std::to_string(posterior.clusters()) +
                             " clusters of consecutive records";
@@ -350,11 +433,25 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
     fill_parameters(problem, state, rounds.minimum, posterior, result);
     fill_derived(problem, state, posterior, derived, result);
     fill_scales(problem, rounds.set, state, rounds.minimum, posterior, result);
+    fill_covariances(problem, state, posterior, result);
     fill_blocks(problem, rounds.set, state, rounds.minimum, &posterior, result);
     describe(problem, rounds.minimum, posterior, result);
-    const bool at_floor = std::any_of(rounds.minimum.scale_at_floor.begin(), rounds.minimum.scale_at_floor.end(),
+    result.log_integral = posterior.log_integral();
+    const bool at_floor = std::any_of(rounds.minimum.error_at_floor.begin(), rounds.minimum.error_at_floor.end(),
                                       [](bool floor) { return floor; });
-    result.trust_normal = at_floor || posterior.normal_enough(result.evaluations);
+    result.hessian_ratio = Eigen::VectorXd::Constant(state.u.size(), nan_value);
+    if ((options.verdict || options.full_hessian) && !at_floor) {
+        const FullHessian hessian =
+            full_hessian(problem, rounds.set, state, rounds.minimum, posterior, result.evaluations);
+        result.hessian_ratio = hessian.ratio;
+        if (options.full_hessian && hessian.definite) result.log_integral -= 0.5 * hessian.ln_determinant;
+        if (options.verdict) {
+            const Verdict verdict =
+                judge(problem, rounds.set, state, rounds.minimum, posterior, hessian, result.evaluations);
+            result.trust_normal = verdict.trust;
+            result.distrust = verdict.reason;
+        }
+    }
     result.objective = posterior.objective();
     result.log_likelihood = posterior.log_likelihood();
     result.degrees_of_freedom = posterior.degrees_of_freedom();

@@ -1,89 +1,231 @@
 #include "estimator/linearisation.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
 namespace orbid::estimator {
 
 namespace {
 
-/// Replaces the rows of each channel by the triangle of their factorisation where that is shorter.
-void compress(BlockRows& block) {
-    const Eigen::Index columns = block.rows.cols();
-    std::vector<int> channels = block.channel;
-    std::sort(channels.begin(), channels.end());
-    channels.erase(std::unique(channels.begin(), channels.end()), channels.end());
-    if (block.rows.rows() <= 2 * columns * static_cast<Eigen::Index>(channels.size())) return;
-    Eigen::MatrixXd shorter(columns * static_cast<Eigen::Index>(channels.size()), columns);
-    std::vector<int> shorter_channel;
-    Eigen::Index row = 0;
-    for (const int channel : channels) {
-        const auto count = static_cast<Eigen::Index>(std::count(block.channel.begin(), block.channel.end(), channel));
-        Eigen::MatrixXd own(count, columns);
-        Eigen::Index k = 0;
-        for (std::size_t i = 0; i < block.channel.size(); ++i)
-            if (block.channel[i] == channel) own.row(k++) = block.rows.row(static_cast<Eigen::Index>(i));
-        const Eigen::Index kept = std::min(count, columns);
-        shorter.middleRows(row, kept) = upper_triangle(std::move(own)).topRows(kept);
-        shorter_channel.insert(shorter_channel.end(), static_cast<std::size_t>(kept), channel);
-        row += kept;
+/// Records [de/dz | de/du | e] of one part in the unit of its law.
+LawRecords part_records(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law, const BlockValue& value,
+                        const Eigen::VectorXd& slope) {
+    const auto count = static_cast<Eigen::Index>(part.records.size());
+    LawRecords records{{}, part.observed, count};
+    records.rows.resize(count, block.latents + slope.size() + 1);
+    const bool all = count == value.e.size();  // then the records are in order
+    if (all) {
+        if (block.latents > 0) records.rows.leftCols(block.latents) = value.e_z;
+        records.rows.middleCols(block.latents, slope.size()).noalias() = value.e_theta * slope.asDiagonal();
+    } else {
+        for (Eigen::Index i = 0; i < count; ++i) {
+            const Eigen::Index from = part.records[static_cast<std::size_t>(i)];
+            if (block.latents > 0) records.rows.row(i).head(block.latents) = value.e_z.row(from);
+            records.rows.row(i).segment(block.latents, slope.size()) =
+                value.e_theta.row(from).cwiseProduct(slope.transpose());
+        }
     }
-    block.rows = shorter.topRows(row);
-    block.channel = std::move(shorter_channel);
+    records.rows.rightCols(1) = law_errors(block, part, law, value.e);
+    const auto derivatives = records.rows.leftCols(records.rows.cols() - 1);
+    if (std::holds_alternative<LogNormalErrors>(law.distribution)) {
+        for (Eigen::Index i = 0; i < count; ++i)
+            records.rows.row(i).head(derivatives.cols()) /=
+                part.observed[i] - value.e[part.records[static_cast<std::size_t>(i)]];
+    } else if (block.deviation.size() > 0) {
+        for (Eigen::Index i = 0; i < count; ++i)
+            records.rows.row(i).head(derivatives.cols()) /= block.deviation[part.records[static_cast<std::size_t>(i)]];
+    }
+    return records;
+}
+
+/// Replaces the rows by the triangle of their factorisation where that is shorter.
+void compress(LawRecords& records) {
+    const Eigen::Index columns = records.rows.cols();
+    if (records.rows.rows() <= 2 * columns) return;
+    records.rows = upper_triangle(std::move(records.rows));
+}
+
+Eigen::MatrixXd in_basis(const Eigen::MatrixXd& rows, Eigen::Index before, const Eigen::MatrixXd& basis) {
+    Eigen::MatrixXd reduced(rows.rows(), before + basis.cols() + 1);
+    reduced.leftCols(before) = rows.leftCols(before);
+    reduced.middleCols(before, basis.cols()).noalias() = rows.middleCols(before, basis.rows()) * basis;
+    reduced.rightCols(1) = rows.rightCols(1);
+    return reduced;
+}
+
+Eigen::VectorXd own(const ErrorLaw& law, const Eigen::VectorXd& psi) {
+    return psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size()));
 }
 
 }  // namespace
 
-std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<BlockValue>& values,
-                                 const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
-                                 bool compressed) {
-    std::vector<BlockRows> result;
-    result.reserve(set.blocks.size());
+std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<ErrorLaw>& laws,
+                                 const std::vector<BlockValue>& values, const std::vector<Coordinate>& coordinates,
+                                 const Eigen::VectorXd& theta, bool compressed) {
+    Eigen::VectorXd slope(theta.size());
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
+        slope[i] = coordinates[static_cast<std::size_t>(i)].slope(theta[i]);
+    std::vector<BlockRows> result(set.blocks.size());
     for (std::size_t b = 0; b < set.blocks.size(); ++b) {
         const ActiveBlock& block = set.blocks[b];
         const BlockValue& value = values[b];
-        BlockRows rows{{}, block.channel, block.latents, &block.cholesky};
-        rows.rows.resize(value.e.size(), block.latents + theta.size() + 1);
-        if (block.latents > 0) rows.rows.leftCols(block.latents) = value.e_z;
-        for (Eigen::Index i = 0; i < theta.size(); ++i)
-            rows.rows.col(block.latents + i) =
-                value.e_theta.col(i) * coordinates[static_cast<std::size_t>(i)].slope(theta[i]);
-        rows.rows.rightCols(1) = value.e;
-        if (compressed && block.cholesky.size() == 0) compress(rows);
-        result.push_back(std::move(rows));
+        BlockRows& rows = result[b];
+        rows.latents = block.latents;
+        rows.cholesky = &block.cholesky;
+        for (const LawPart& part : block.parts) {
+            rows.parts.push_back({part.law, part_records(block, part, laws[part.law], value, slope)});
+            if (compressed && laws[part.law].compressible()) compress(rows.parts.back().records);
+        }
+        if (block.cholesky.size() > 0) {
+            rows.channel = block.channel;
+            rows.rows.resize(value.e.size(), block.latents + theta.size() + 1);
+            if (block.latents > 0) rows.rows.leftCols(block.latents) = value.e_z;
+            rows.rows.middleCols(block.latents, theta.size()) = value.e_theta * slope.asDiagonal();
+            rows.rows.rightCols(1) = value.e;
+        }
+        if (block.constraints > 0) {
+            const Eigen::Index after = block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
+            rows.next = block.next;
+            rows.link.resize(block.constraints, block.latents + after + theta.size() + 1);
+            if (block.latents > 0) rows.link.leftCols(block.latents) = value.c_z;
+            if (after > 0) rows.link.middleCols(block.latents, after) = value.c_next;
+            rows.link.middleCols(block.latents + after, theta.size()) = value.c_theta * slope.asDiagonal();
+            rows.link.rightCols(1) = value.c;
+            rows.link = block.constraint_size.cwiseInverse().asDiagonal() * rows.link;
+        }
     }
     return result;
 }
 
 std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen::MatrixXd& basis) {
-    std::vector<BlockRows> result;
-    result.reserve(rows.size());
-    for (const BlockRows& block : rows) {
-        BlockRows reduced{{}, block.channel, block.latents, block.cholesky};
-        reduced.rows.resize(block.rows.rows(), block.latents + basis.cols() + 1);
-        reduced.rows.leftCols(block.latents) = block.rows.leftCols(block.latents);
-        reduced.rows.middleCols(block.latents, basis.cols()) =
-            block.rows.middleCols(block.latents, basis.rows()) * basis;
-        reduced.rows.rightCols(1) = block.rows.rightCols(1);
-        result.push_back(std::move(reduced));
+    std::vector<BlockRows> result = rows;
+    for (BlockRows& block : result) {
+        for (PartRows& part : block.parts)
+            part.records.rows = in_basis(part.records.rows, block.latents, basis);
+        if (block.rows.size() > 0) block.rows = in_basis(block.rows, block.latents, basis);
+        if (block.link.size() > 0) block.link = in_basis(block.link, block.link.cols() - basis.rows() - 1, basis);
     }
     return result;
 }
 
-Eigen::MatrixXd whitened(const BlockRows& block, const Eigen::VectorXd& scale) {
-    Eigen::MatrixXd rows = block.rows;
-    whiten(block.channel, *block.cholesky, scale, rows);
-    return rows;
+int rows_per_record(const ErrorLaw& law) {
+    return std::holds_alternative<RelativeErrors>(law.distribution) ? 2 : 1;
 }
 
-Arrow whitened_arrow(const std::vector<BlockRows>& rows, const Eigen::VectorXd& scale) {
+StandardRows<double> standard_rows(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+                                   const Eigen::VectorXd& psi, Curvature curvature) {
+    StandardRows<double> result;
+    if (block.rows.size() > 0) {
+        const Eigen::VectorXd scale = scales_of(laws, psi);
+        result.rows = block.rows;
+        whiten(block.channel, *block.cholesky, scale, result.rows);
+        result.value = 0.5 * result.rows.rightCols(1).squaredNorm() +
+                       0.5 * std::log(2.0 * std::numbers::pi) * static_cast<double>(block.channel.size());
+        for (const int c : block.channel)
+            result.value += std::log(scale[c]);
+        return result;
+    }
+    if (block.parts.size() == 1) {
+        const PartRows& part = block.parts.front();
+        return standardise<double>(laws[part.law], part.records, own(laws[part.law], psi), curvature);
+    }
+    std::vector<StandardRows<double>> parts;
+    Eigen::Index count = 0;
+    for (const PartRows& part : block.parts) {
+        parts.push_back(standardise<double>(laws[part.law], part.records, own(laws[part.law], psi), curvature));
+        count += parts.back().rows.rows();
+        result.value += parts.back().value;
+    }
+    if (parts.empty()) return result;
+    result.rows.resize(count, parts.front().rows.cols());
+    Eigen::Index row = 0;
+    for (const StandardRows<double>& part : parts) {
+        result.rows.middleRows(row, part.rows.rows()) = part.rows;
+        row += part.rows.rows();
+    }
+    return result;
+}
+
+StandardRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+                                              const Eigen::VectorXd& psi, Eigen::Index k, Curvature curvature,
+                                              const StandardRows<double>& at) {
+    StandardRows<double> result;
+    result.rows = Eigen::MatrixXd::Zero(at.rows.rows(), at.rows.cols());
+    if (block.rows.size() > 0) {
+        // d(L^-1 D^-1 A) = -L^-1 E_g L (L^-1 D^-1 A), E_g picks the rows of the channel.
+        const auto lower = block.cholesky->triangularView<Eigen::Lower>();
+        bool present = false;
+        Eigen::MatrixXd picked = lower * at.rows;
+        for (std::size_t i = 0; i < block.channel.size(); ++i) {
+            const auto row = static_cast<Eigen::Index>(i);
+            const bool own_row = std::any_of(laws.begin(), laws.end(), [&](const ErrorLaw& law) {
+                return law.first == k && law.channels.front() == block.channel[i];
+            });
+            if (own_row) {
+                present = true;
+                result.value += 1.0;
+            } else {
+                picked.row(row).setZero();
+            }
+        }
+        if (!present) return result;
+        lower.solveInPlace(picked);
+        result.rows = -picked;
+        result.value += result.rows.rightCols(1).col(0).dot(at.rows.rightCols(1).col(0));
+        return result;
+    }
+    Eigen::Index row = 0;
+    for (const PartRows& part : block.parts) {
+        const ErrorLaw& law = laws[part.law];
+        const auto size = static_cast<Eigen::Index>(law.coordinates.size());
+        if (k < law.first || k >= law.first + size) {
+            row += part.records.rows.rows() * rows_per_record(law);
+            continue;
+        }
+        if (law.compressible()) {
+            // S = A / s.
+            const Eigen::Index rows = part.records.rows.rows();
+            result.rows.middleRows(row, rows) = -at.rows.middleRows(row, rows);
+            result.value =
+                static_cast<double>(part.records.count) - at.rows.middleRows(row, rows).rightCols(1).squaredNorm();
+            return result;
+        }
+        constexpr double h = 1e-30;
+        Eigen::VectorXcd shifted = own(law, psi).cast<std::complex<double>>();
+        shifted[k - law.first] += std::complex<double>(0.0, h);
+        const auto derivative = standardise<std::complex<double>>(law, part.records, shifted, curvature);
+        result.rows.middleRows(row, derivative.rows.rows()) = derivative.rows.imag() / h;
+        result.value = derivative.value.imag() / h;
+        return result;
+    }
+    return result;
+}
+
+StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<ErrorLaw>& laws,
+                             const Eigen::VectorXd& psi, double matching, Curvature curvature, bool keep_rows) {
+    StandardArrow result;
     std::vector<BlockTriangle> blocks;
     blocks.reserve(rows.size());
     Eigen::Index parameters = 0;
+    for (const BlockRows& block : rows)
+        for (const PartRows& part : block.parts)
+            parameters = part.records.rows.cols() - block.latents - 1;
+    for (const BlockRows& block : rows)
+        if (block.rows.size() > 0) parameters = block.rows.cols() - block.latents - 1;
     for (const BlockRows& block : rows) {
-        parameters = block.rows.cols() - block.latents - 1;
-        blocks.push_back(block_triangle(whitened(block, scale), block.latents));
+        StandardRows<double> standard = standard_rows(block, laws, psi, curvature);
+        result.value += standard.value;
+        if (standard.rows.size() == 0) standard.rows.resize(0, block.latents + parameters + 1);
+        if (keep_rows) result.rows.push_back(standard);
+        blocks.push_back(block_triangle(std::move(standard.rows), block.latents));
+        if (block.link.size() > 0) {
+            blocks.back().link = block.link / matching;
+            blocks.back().next = block.next;
+        }
     }
-    return factorise(std::move(blocks), parameters);
+    result.arrow = factorise(std::move(blocks), parameters);
+    return result;
 }
 
 }  // namespace orbid::estimator

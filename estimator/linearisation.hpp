@@ -10,31 +10,60 @@
 
 namespace orbid::estimator {
 
-/// Rows [de/dz | de/du | e] of one block, not yet divided by the errors.
+/// Rows of one law in one block.
+struct PartRows {
+    std::size_t law = 0;
+    LawRecords records;
+};
+
+/// Rows [de/dz | de/du | e] of one block, not yet divided by the errors, sorted by error law.
 ///
-/// Without a covariance shape the rows of each channel are replaced by the triangle of their orthogonal factorisation:
-/// all sums of squares and products within a channel stay the same, and so does everything (M8)-(M11) needs of them
-/// for any error scale, at a cost that no longer depends on the number of records.
+/// Where a law sees sums of squares only, its rows are replaced by the triangle of their orthogonal factorisation: all
+/// sums of squares and products stay the same, and so does everything (M8)-(M11) needs of them for any error scale, at
+/// a cost that no longer depends on the number of records.
 struct BlockRows {
-    Eigen::MatrixXd rows;  ///< shape (rows, latents + columns + 1)
+    std::vector<PartRows> parts;
+    /// With a covariance shape: all rows, shape (rows, latents + columns + 1), and the channel of each.
+    Eigen::MatrixXd rows;
     std::vector<int> channel;
     Eigen::Index latents = 0;
     const Eigen::MatrixXd* cholesky = nullptr;  ///< of the covariance shape, empty = identity; owned by the BlockSet
+    /// Constraints divided by their sizes, [c_z | c_next | c_u | c], and the block that z_next belongs to.
+    Eigen::MatrixXd link;
+    std::ptrdiff_t next = -1;
 };
 
 /// Rows of all active blocks at theta (natural units), derivatives with respect to the coordinates u. Compressed unless
 /// told otherwise (clusters of records need them all).
-[[nodiscard]] std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<BlockValue>& values,
+[[nodiscard]] std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<ErrorLaw>& laws,
+                                               const std::vector<BlockValue>& values,
                                                const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
                                                bool compressed = true);
 
 /// The same rows in other parameters y, u = u_0 + basis y: shape of basis (parameters, columns).
 [[nodiscard]] std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen::MatrixXd& basis);
 
-/// One block's rows divided by the errors.
-[[nodiscard]] Eigen::MatrixXd whitened(const BlockRows& block, const Eigen::VectorXd& scale);
+/// Standard rows per record: relative errors have two, first all of the mean and then all of the variance.
+[[nodiscard]] int rows_per_record(const ErrorLaw& law);
 
-/// All blocks divided by the errors and factorised.
-[[nodiscard]] Arrow whitened_arrow(const std::vector<BlockRows>& rows, const Eigen::VectorXd& scale);
+/// One block's rows divided by the errors (constraints not among them), and -ln p of its records without
+/// ln|Sigma_b| and known sds.
+[[nodiscard]] StandardRows<double> standard_rows(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+                                                 const Eigen::VectorXd& psi, Curvature curvature);
+
+/// Derivative of standard_rows() with respect to psi[k]; rows that do not depend on it are zero.
+[[nodiscard]] StandardRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+                                                            const Eigen::VectorXd& psi, Eigen::Index k,
+                                                            Curvature curvature, const StandardRows<double>& at);
+
+/// All blocks divided by the errors and factorised; constraints enter as rows divided by `matching`.
+struct StandardArrow {
+    Arrow arrow;
+    std::vector<StandardRows<double>> rows;  ///< per block, kept when asked for
+    double value = 0.0;                      ///< sum of the blocks' values
+};
+[[nodiscard]] StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<ErrorLaw>& laws,
+                                           const Eigen::VectorXd& psi, double matching, Curvature curvature,
+                                           bool keep_rows = false);
 
 }  // namespace orbid::estimator

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <limits>
 
+#include <Eigen/Eigenvalues>
+
 #include "estimator/trust_region.hpp"
 
 namespace orbid::estimator {
@@ -37,6 +39,11 @@ void stretched(TrialStep& step, double factor) {
 /// Steps below this many sds are rounding where the scale is held at its floor, the least change a residual can show.
 constexpr double floor_sds = 100.0;
 
+/// Violations of constraints fall by this factor from stage to stage, down to a share of their sizes that changes no
+/// estimate: what data with errors of a ten-thousandth say is still 1e5 times looser.
+constexpr double tightening = 0.1;
+constexpr double exact_matching = 1e-9;
+
 std::string figures(const char* format, double value) {
     char text[96];
     std::snprintf(text, sizeof text, format, value);
@@ -58,19 +65,30 @@ public:
 
 private:
     bool start();
-    bool update_scales(bool profile);
-    void scale_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) const;
+    bool update_errors(bool profile);
+    Eigen::VectorXd error_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) const;
+    template <class Change>
+    void rescale(Change change);
+    bool tighten(bool at_once);
+    [[nodiscard]] double initial_radius() const;
     void build_model();
     bool try_step(const TrialStep& step);
     template <class Rule>
     bool stopped_blocks(Rule rule);
     [[nodiscard]] double objective() const;
-    [[nodiscard]] bool any_scale_estimated() const {
-        for (std::size_t c = 0; c < problem_.errors.size(); ++c)
-            if (problem_.errors[c].estimate && set_.count[static_cast<Eigen::Index>(c)] > 0.0) return true;
-        return false;
+    /// Half the sum of squares of standard errors and constraints.
+    [[nodiscard]] double misfit() const {
+        double square = 0.0;
+        for (const BlockTriangle& block : arrow_.blocks) {
+            square += block.triangle.rightCols(1).squaredNorm();
+            if (block.link.size() > 0) square += block.link.rightCols(1).squaredNorm();
+        }
+        return 0.5 * square;
     }
-    [[nodiscard]] Eigen::VectorXd scale() const { return state_.ln_scale.array().exp(); }
+    [[nodiscard]] bool any_error_estimated() const {
+        const std::vector<bool> free = free_errors(problem_, set_);
+        return std::find(free.begin(), free.end(), true) != free.end();
+    }
 
     const Problem& problem_;
     const BlockSet& set_;
@@ -78,78 +96,117 @@ private:
     Ledger& ledger_;
     Minimum minimum_;
     Arrow arrow_;
+    double value_ = 0.0;  ///< -ln p of the errors at the state, without ln|Sigma|
     StepModel model_;
     std::vector<int> failures_;  ///< steps in a row that had to be shortened because of each block
     std::vector<bool> cut_;      ///< blocks that failed at a trial of the present step
     double stretch_ = 1.0;       ///< length of the best step over the full Gauss-Newton step, from the last full step
     double radius_ = 0.0;
     bool derivatives_at_trial_ = true;
-    double gain_ = 0.0;  ///< actual over predicted decrease of the last step
+    double last_decrease_ = 0.0;   ///< of the last accepted step
+    double last_objective_ = 0.0;  ///< sum of squares before it, for the stages of constraints
+    double gain_ = 0.0;            ///< actual over predicted decrease of the last step
     bool last_step_full_ = false;
 };
 
 bool Minimisation::start() {
-    minimum_.evaluation = evaluate(problem_.residuals, set_, state_.theta, state_.latents, true);
+    minimum_.evaluation = evaluate(problem_.residuals, set_, problem_.laws, state_.theta, state_.latents, true);
     ++ledger_.evaluations;
     if (!minimum_.evaluation.failed.empty()) {
         minimum_.stopped = minimum_.evaluation.failed;
         minimum_.outcome = Outcome::start_failed;
         return false;
     }
-    minimum_.rows = linearise(set_, minimum_.evaluation.values, problem_.coordinates, state_.theta);
+    minimum_.rows = linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta);
     minimum_.prior = prior_at(problem_, state_.u);
-    minimum_.scale_at_floor.assign(problem_.errors.size(), false);
-    if (!state_.scales_known) {
+    minimum_.error_at_floor.assign(problem_.errors.size(), false);
+    minimum_.error_at_ceiling = minimum_.error_at_floor;
+    if (!state_.errors_known) {
         Eigen::VectorXd floor;
         Eigen::VectorXd ceiling;
-        scale_limits(floor, ceiling);
-        for (std::size_t c = 0; c < problem_.errors.size(); ++c) {
-            const auto g = static_cast<Eigen::Index>(c);
-            if (problem_.errors[c].value > 0.0) continue;
-            state_.ln_scale[g] = ceiling[g] - std::log(1e3);  // the root mean square of the whitened residuals
-        }
-        state_.scales_known = true;
+        const Eigen::VectorXd size = error_limits(floor, ceiling);
+        for (const ErrorLaw& law : problem_.laws)
+            for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
+                const ErrorCoordinate& coordinate = law.coordinates[j];
+                const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
+                if (coordinate.kind == ErrorCoordinate::Kind::log && !(coordinate.start > 0.0))
+                    state_.psi[k] = std::max(size[k], floor[k]);
+            }
+        state_.errors_known = true;
     }
+    // The first constraints are as loose as they are violated.
+    minimum_.matching = std::clamp(violation(set_, minimum_.evaluation.values).rms, exact_matching, 1.0);
     return true;
 }
 
-/// Floor: what rounding of theta and z alone does to the residuals. Ceiling: a thousand times their size.
-void Minimisation::scale_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) const {
-    const Eigen::Index channels = set_.count.size();
-    const Eigen::VectorXd unit_scale = Eigen::VectorXd::Ones(channels);
+/// Floor of scales: what rounding of theta and z alone does to the residuals. Ceiling: a thousand times their size.
+/// Other error parameters have limits of their own.
+/// @return ln of the root mean square of the residuals for scales, the present value for others
+Eigen::VectorXd Minimisation::error_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) const {
+    const auto channels = static_cast<Eigen::Index>(problem_.channels.size());
     const Eigen::VectorXd size = sizes(problem_, state_.theta);
     Eigen::VectorXd rounding = Eigen::VectorXd::Zero(channels);
     Eigen::VectorXd square = Eigen::VectorXd::Zero(channels);
     for (std::size_t b = 0; b < minimum_.rows.size(); ++b) {
         const BlockRows& block = minimum_.rows[b];
-        const Eigen::MatrixXd rows = whitened(block, unit_scale);
         const Eigen::VectorXd z = state_.latents[set_.blocks[b].residual][set_.blocks[b].block];
-        for (Eigen::Index i = 0; i < rows.rows(); ++i) {
-            const int c = block.channel[static_cast<std::size_t>(i)];
-            square[c] += rows(i, rows.cols() - 1) * rows(i, rows.cols() - 1);
-            rounding[c] += rows.row(i).head(block.latents).transpose().cwiseProduct(z).squaredNorm() +
-                           rows.row(i).segment(block.latents, size.size()).transpose().cwiseProduct(size).squaredNorm();
+        const auto add = [&](const auto& row, Eigen::Index c) {
+            square[c] += row[row.size() - 1] * row[row.size() - 1];
+            rounding[c] += row.head(block.latents).transpose().cwiseProduct(z).squaredNorm() +
+                           row.segment(block.latents, size.size()).transpose().cwiseProduct(size).squaredNorm();
+        };
+        for (const PartRows& part : block.parts) {
+            const std::vector<int>& own = problem_.laws[part.law].channels;
+            const Eigen::Index each = part.records.rows.rows() / static_cast<Eigen::Index>(own.size());
+            for (Eigen::Index i = 0; i < part.records.rows.rows(); ++i)
+                add(part.records.rows.row(i), own[static_cast<std::size_t>(i / std::max<Eigen::Index>(each, 1))]);
+        }
+        if (block.rows.size() == 0) continue;
+        const Eigen::MatrixXd rows = [&] {
+            Eigen::MatrixXd whitened = block.rows;
+            whiten(block.channel, *block.cholesky, Eigen::VectorXd::Ones(channels), whitened);
+            return whitened;
+        }();
+        for (Eigen::Index i = 0; i < rows.rows(); ++i)
+            add(rows.row(i), block.channel[static_cast<std::size_t>(i)]);
+    }
+    floor.resize(state_.psi.size());
+    ceiling.resize(state_.psi.size());
+    Eigen::VectorXd present = state_.psi;
+    for (const ErrorLaw& law : problem_.laws) {
+        Eigen::Index response = 0;
+        for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
+            const ErrorCoordinate& coordinate = law.coordinates[j];
+            const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
+            floor[k] = coordinate.lower;
+            ceiling[k] = coordinate.upper;
+            // Scales: the first parameter of a law, and the diagonal of a full covariance.
+            const bool scale = law.joint() ? coordinate.kind == ErrorCoordinate::Kind::log : j == 0;
+            if (!scale) continue;
+            const int c = law.channels[static_cast<std::size_t>(law.joint() ? response++ : 0)];
+            const double count = std::max(set_.count[c], 1.0);
+            const double least = std::log(std::max(epsilon * std::sqrt(rounding[c] / count), 1e-290));
+            present[k] = 0.5 * std::log(std::max(square[c] / count, 1e-290));
+            floor[k] = std::max(floor[k], least);
+            if (!is_proper(coordinate.prior) && !(law.inverse_wishart_dof > 0.0))
+                ceiling[k] = std::min(ceiling[k], std::log(1e3) + std::max(floor[k], present[k]));
         }
     }
-    floor.resize(channels);
-    ceiling.resize(channels);
-    for (Eigen::Index c = 0; c < channels; ++c) {
-        const double count = std::max(set_.count[c], 1.0);
-        floor[c] = std::log(std::max(epsilon * std::sqrt(rounding[c] / count), 1e-290));
-        ceiling[c] = std::log(1e3) + std::max(floor[c], 0.5 * std::log(std::max(square[c] / count, 1e-290)));
-        if (is_proper(problem_.errors[static_cast<std::size_t>(c)].prior)) ceiling[c] = infinity;
-    }
+    return present;
 }
 
 double Minimisation::objective() const {
-    double value = set_.count.dot(state_.ln_scale) + 0.5 * set_.ln_det_shapes + minimum_.prior.value;
+    double value = value_ + 0.5 * set_.ln_det_shapes + minimum_.prior.value;
     for (const BlockTriangle& block : arrow_.blocks)
-        value += 0.5 * block.triangle.rightCols(1).squaredNorm();
+        if (block.link.size() > 0) value += 0.5 * block.link.rightCols(1).squaredNorm();
     return value;
 }
 
 void Minimisation::build_model() {
-    arrow_ = whitened_arrow(minimum_.rows, scale());
+    StandardArrow standard =
+        standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, Curvature::step);
+    arrow_ = std::move(standard.arrow);
+    value_ = standard.value;
     const Eigen::VectorXd fallback = sizes(problem_, state_.theta);
     const Condensed condensed = condense(arrow_, 0.0);
     Eigen::VectorXd norm = condensed.r.colwise().norm().transpose();
@@ -164,13 +221,13 @@ void Minimisation::build_model() {
     minimum_.step = step_at(model_, 0.0).parameters;
 }
 
-bool Minimisation::update_scales(bool profile) {
+bool Minimisation::update_errors(bool profile) {
     build_model();
-    if (!any_scale_estimated()) return true;
+    if (!any_error_estimated()) return true;
     Eigen::Index dead = 0;
     for (const BlockTriangle& block : arrow_.blocks)
         dead += std::count(block.dead.begin(), block.dead.end(), true);
-    const Eigen::Index taken = set_.latents - dead + minimum_.step.space.data.cols();
+    const Eigen::Index taken = set_.latents - dead - set_.constraints + minimum_.step.space.data.cols();
     if (set_.records <= taken) {
         minimum_.outcome = Outcome::no_freedom;
         minimum_.message = std::to_string(set_.records) + " records cannot determine " + std::to_string(taken) +
@@ -179,17 +236,26 @@ bool Minimisation::update_scales(bool profile) {
     }
     for (std::size_t i = 0; i < minimum_.step.active.size(); ++i)
         if (minimum_.step.active[i] != 0 && minimum_.step.d[static_cast<Eigen::Index>(i)] != 0.0) profile = false;
-    const ScaleProblem scales = scale_problem(problem_, set_, minimum_.rows, minimum_.prior, minimum_.step, profile);
+    const ErrorProblem errors = error_problem(problem_, set_, minimum_, profile);
     Eigen::VectorXd floor;
     Eigen::VectorXd ceiling;
-    scale_limits(floor, ceiling);
-    const ScaleMinimum found = minimise_scales(scales, state_.ln_scale, floor, ceiling);
+    error_limits(floor, ceiling);
+    const ErrorMinimum found = minimise_errors(errors, state_.psi, floor, ceiling);
     if (found.steps > 0) ledger_.history.push_back({ledger_.round, "scales", true, found.before, found.after, 0.0, ""});
-    minimum_.scale_at_floor = found.at_floor;
-    // Damping and radius are kept in units of the whitened problem, which changes with the scales.
+    minimum_.error_at_floor = found.at_floor;
+    minimum_.error_at_ceiling = found.at_ceiling;
+    const Eigen::VectorXd psi =
+        problem_.options.variance == Variance::integrated ? integrated_scales(errors, found) : found.psi;
+    rescale([&] { state_.psi = psi; });
+    return true;
+}
+
+/// Damping and radius are kept in units of the standardised problem, which `change` changes.
+template <class Change>
+void Minimisation::rescale(Change change) {
     const Eigen::VectorXd before = condense(arrow_, 0.0).r.colwise().norm();
-    state_.ln_scale = found.x;
-    arrow_ = whitened_arrow(minimum_.rows, scale());
+    change();
+    arrow_ = standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, Curvature::step).arrow;
     const Eigen::VectorXd after = condense(arrow_, 0.0).r.colwise().norm();
     double old_size = 0.0;
     double new_size = 0.0;
@@ -202,7 +268,28 @@ bool Minimisation::update_scales(bool profile) {
     }
     if (old_size > 0.0) radius_ *= new_size / old_size;
     build_model();
+}
+
+/// The next stage of the constraints, when this one has little left to give (or `at_once`).
+/// @return whether there was one
+bool Minimisation::tighten(bool at_once) {
+    if (set_.constraints == 0 || !(minimum_.matching > exact_matching)) return false;
+    if (!at_once && !(last_decrease_ < 0.3 * last_objective_)) return false;
+    rescale([this] { minimum_.matching = std::max(exact_matching, tightening * minimum_.matching); });
+    radius_ = std::max(radius_, initial_radius());
     return true;
+}
+
+/// The first step may change every parameter by about its own size (a factor e in log coordinates).
+double Minimisation::initial_radius() const {
+    double radius = model_.damping.cwiseProduct(sizes(problem_, state_.theta)).norm();
+    for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
+        const Eigen::VectorXd& norm = arrow_.blocks[b].norm;
+        const Eigen::VectorXd& z = state_.latents[set_.blocks[b].residual][set_.blocks[b].block];
+        radius =
+            std::hypot(radius, norm.cwiseProduct(z.cwiseAbs().cwiseMax(Eigen::VectorXd::Ones(norm.size()))).norm());
+    }
+    return radius;
 }
 
 /// Names the blocks that the rule holds for as stopped, unless that were half of a residual's blocks or more: then it
@@ -247,7 +334,8 @@ bool Minimisation::try_step(const TrialStep& step) {
     Evaluation evaluation;
     std::vector<BlockRows> rows;
     if (std::isfinite(prior.value)) {
-        evaluation = evaluate(problem_.residuals, set_, trial.theta, trial.latents, derivatives_at_trial_);
+        evaluation =
+            evaluate(problem_.residuals, set_, problem_.laws, trial.theta, trial.latents, derivatives_at_trial_);
         ++ledger_.evaluations;
         if (!evaluation.failed.empty()) {
             for (const std::size_t b : evaluation.failed)
@@ -255,22 +343,19 @@ bool Minimisation::try_step(const TrialStep& step) {
             record.reason = "block failed";
         } else {
             change = prior.value - minimum_.prior.value;
-            for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
-                const Eigen::VectorXd& old_e = minimum_.evaluation.values[b].e;
-                const Eigen::VectorXd& new_e = evaluation.values[b].e;
-                Eigen::MatrixXd pair(old_e.size(), 2);
-                pair << new_e - old_e, new_e + old_e;
-                whiten(set_.blocks[b].channel, set_.blocks[b].cholesky, scale(), pair);
-                change += 0.5 * pair.col(0).dot(pair.col(1));
-            }
+            change += value_change(set_, problem_.laws, state_.psi, minimum_.evaluation.values, evaluation.values);
+            if (set_.constraints > 0)
+                change += violation_change(set_, minimum_.evaluation.values, evaluation.values) /
+                          (minimum_.matching * minimum_.matching);
             record.after = before + change;
             true_curvature = 2.0 * (change - step.slope);
             // Tiny steps: the gradients at both ends keep what the difference of two objectives loses to rounding.
             if (derivatives_at_trial_ && step.curvature < 1e-6) {
-                rows = linearise(set_, evaluation.values, problem_.coordinates, trial.theta);
+                rows = linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, trial.theta);
+                const Arrow arrow =
+                    standard_arrow(rows, problem_.laws, state_.psi, minimum_.matching, Curvature::step).arrow;
                 const double slope =
-                    model_change(whitened_arrow(rows, scale()), step.parameters.d, step.latents).linear +
-                    prior.gradient.dot(step.parameters.d);
+                    model_change(arrow, step.parameters.d, step.latents).linear + prior.gradient.dot(step.parameters.d);
                 change = 0.5 * (step.slope + slope);
                 true_curvature = slope - step.slope;
                 record.after = before + std::min(change, 0.0);
@@ -285,7 +370,7 @@ bool Minimisation::try_step(const TrialStep& step) {
     if (change < 0.0 && gain_ > 1e-4) {
         record.accepted = true;
         if (!derivatives_at_trial_) {
-            evaluation = evaluate(problem_.residuals, set_, trial.theta, trial.latents, true);
+            evaluation = evaluate(problem_.residuals, set_, problem_.laws, trial.theta, trial.latents, true);
             ++ledger_.evaluations;
             if (!evaluation.failed.empty()) {
                 record.accepted = false;
@@ -309,8 +394,10 @@ bool Minimisation::try_step(const TrialStep& step) {
                    : 1.0;
     ledger_.history.push_back(record);
     ++ledger_.iterations;
+    last_objective_ = misfit();
+    last_decrease_ = -change;
     state_ = std::move(trial);
-    if (rows.empty()) rows = linearise(set_, evaluation.values, problem_.coordinates, state_.theta);
+    if (rows.empty()) rows = linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, state_.theta);
     minimum_.evaluation = std::move(evaluation);
     minimum_.rows = std::move(rows);
     minimum_.prior = prior;
@@ -325,17 +412,8 @@ bool Minimisation::try_step(const TrialStep& step) {
 
 Minimum Minimisation::run() {
     if (!start()) return std::move(minimum_);
-    if (!update_scales(false)) return std::move(minimum_);
-    // The first step may change every parameter by about its own size (a factor e in log coordinates).
-    radius_ = model_.damping.cwiseProduct(sizes(problem_, state_.theta)).norm();
-    for (std::size_t b = 0; b < set_.blocks.size(); ++b)
-        radius_ = std::hypot(
-            radius_,
-            arrow_.blocks[b]
-                .norm
-                .cwiseProduct(state_.latents[set_.blocks[b].residual][set_.blocks[b].block].cwiseAbs().cwiseMax(
-                    Eigen::VectorXd::Ones(arrow_.blocks[b].norm.size())))
-                .norm());
+    if (!update_errors(false)) return std::move(minimum_);
+    radius_ = initial_radius();
     int rejected = 0;
     int polish = 0;
     double last_remaining = infinity;
@@ -344,6 +422,10 @@ Minimum Minimisation::run() {
         minimum_.step = full.parameters;
         minimum_.remaining = std::sqrt(std::max(full.curvature, 0.0));
         const bool met = minimum_.remaining < problem_.options.step_tolerance;
+        if (met && tighten(true)) {
+            rejected = 0;
+            continue;
+        }
         if (met && (minimum_.remaining < polished || polish >= polishing_steps || rejected > 0 ||
                     (polish > 1 && minimum_.remaining > 0.8 * last_remaining))) {
             minimum_.outcome = Outcome::converged;
@@ -359,9 +441,13 @@ Minimum Minimisation::run() {
         // Nothing below rounding can be gained by shorter steps still.
         const bool hopeless = rejected >= 30 || radius_ < 1e-14 * model_.damping.cwiseProduct(model_.fallback).norm();
         // With a scale at its floor a sd is itself the rounding of the residuals.
-        const bool at_floor = std::any_of(minimum_.scale_at_floor.begin(), minimum_.scale_at_floor.end(),
+        const bool at_floor = std::any_of(minimum_.error_at_floor.begin(), minimum_.error_at_floor.end(),
                                           [](bool floor) { return floor; });
         const bool small = minimum_.remaining < (at_floor ? floor_sds : rounding_sds);
+        if ((hopeless || (rejected >= 4 && small)) && tighten(true)) {
+            rejected = 0;
+            continue;
+        }
         if (hopeless || (rejected >= 4 && small)) {
             minimum_.outcome = small ? Outcome::converged : Outcome::no_progress;
             minimum_.message = (small ? "no shorter step decreases the objective and the full step that is left is "
@@ -389,7 +475,8 @@ Minimum Minimisation::run() {
                 cut_[b] = false;
             }
             if (stopped_blocks([this](std::size_t b) { return failures_[b] >= 3; })) break;
-            if (!update_scales(last_step_full_ && gain_ > 0.5 && gain_ < 1.5)) break;
+            if (!update_errors(last_step_full_ && gain_ > 0.5 && gain_ < 1.5)) break;
+            tighten(false);
             continue;
         }
         ++rejected;
@@ -402,13 +489,46 @@ Minimum Minimisation::run() {
 }  // namespace
 
 PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u) {
-    PriorModel model{0.0, Eigen::VectorXd::Zero(u.size()), Eigen::VectorXd::Zero(u.size())};
-    for (Eigen::Index i = 0; i < u.size(); ++i) {
+    const Eigen::Index q = u.size();
+    PriorModel model{0.0, Eigen::VectorXd::Zero(q), {}, Eigen::MatrixXd::Zero(q, q)};
+    Eigen::VectorXd curvature(q);
+    for (Eigen::Index i = 0; i < q; ++i) {
         const auto index = static_cast<std::size_t>(i);
         const PriorTerm term = problem.coordinates[index].term(problem.parameters[index].prior, u[i]);
         model.value += term.value;
         model.gradient[i] = term.gradient;
-        model.curvature[i] = term.curvature;
+        model.second(i, i) = term.second;
+        curvature[i] = term.curvature;
+    }
+    const Eigen::Index curved = (curvature.array() > 0.0).count();
+    Eigen::Index row = 0;
+    model.rows = Eigen::MatrixXd::Zero(curved, q);
+    for (Eigen::Index i = 0; i < q; ++i)
+        if (curvature[i] > 0.0) model.rows(row++, i) = std::sqrt(curvature[i]);
+    for (const Problem::Joint& joint : problem.joint_priors) {
+        const auto count = static_cast<Eigen::Index>(joint.place.size());
+        std::vector<Coordinate> coordinates;
+        Eigen::VectorXd own(count);
+        for (Eigen::Index i = 0; i < count; ++i) {
+            const Eigen::Index place = joint.place[static_cast<std::size_t>(i)];
+            coordinates.push_back(problem.coordinates[static_cast<std::size_t>(place)]);
+            own[i] = u[place];
+        }
+        const JointPriorTerm term = joint_term(joint.prior, coordinates, own);
+        model.value += term.value;
+        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(term.curvature);
+        const Eigen::MatrixXd root =
+            eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose();
+        model.rows.conservativeResize(row + count, q);
+        model.rows.bottomRows(count).setZero();
+        for (Eigen::Index i = 0; i < count; ++i) {
+            const Eigen::Index place = joint.place[static_cast<std::size_t>(i)];
+            model.gradient[place] += term.gradient[i];
+            model.rows.col(place).tail(count) = root.col(i);
+            for (Eigen::Index j = 0; j < count; ++j)
+                model.second(place, joint.place[static_cast<std::size_t>(j)]) += term.second(i, j);
+        }
+        row += count;
     }
     return model;
 }
@@ -417,27 +537,34 @@ Eigen::VectorXd sizes(const Problem& problem, const Eigen::VectorXd& theta) {
     Eigen::VectorXd size(theta.size());
     for (Eigen::Index i = 0; i < theta.size(); ++i) {
         const auto index = static_cast<std::size_t>(i);
-        size[i] = problem.coordinates[index].scale == Scale::log
-                      ? 1.0
-                      : std::max(std::abs(theta[i]), problem.parameters[index].typical_size);
+        size[i] = problem.coordinates[index].size(theta[i], problem.parameters[index].typical_size);
     }
     return size;
 }
 
-ScaleProblem scale_problem(const Problem& problem, const BlockSet& set, const std::vector<BlockRows>& rows,
-                           const PriorModel& prior, const BoundedStep& step, bool profile) {
-    ScaleProblem scales;
-    scales.set = &set;
-    scales.rows = in_basis(rows, step.from_data);
-    scales.prior_rows = prior.curvature.cwiseSqrt().asDiagonal() * step.decided;
-    scales.prior_gradient = step.decided.transpose() * prior.gradient;
-    for (std::size_t c = 0; c < problem.errors.size(); ++c) {
-        scales.priors.push_back(problem.errors[c].prior);
-        scales.free.push_back(problem.errors[c].estimate && set.count[static_cast<Eigen::Index>(c)] > 0.0);
+std::vector<bool> free_errors(const Problem& problem, const BlockSet& set) {
+    std::vector<bool> free(problem.errors.size(), false);
+    for (const ErrorLaw& law : problem.laws) {
+        const bool data = std::all_of(law.channels.begin(), law.channels.end(),
+                                      [&set](int channel) { return set.count[channel] > 0.0; });
+        for (std::size_t j = 0; j < law.coordinates.size(); ++j)
+            free[static_cast<std::size_t>(law.first) + j] = data && law.coordinates[j].estimate;
     }
-    scales.restricted = problem.options.variance == Variance::restricted;
-    scales.profile = profile;
-    return scales;
+    return free;
+}
+
+ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum, bool profile) {
+    ErrorProblem errors;
+    errors.set = &set;
+    errors.laws = &problem.laws;
+    errors.rows = in_basis(minimum.rows, minimum.step.from_data);
+    errors.prior_rows = minimum.prior.rows * minimum.step.decided;
+    errors.prior_gradient = minimum.step.decided.transpose() * minimum.prior.gradient;
+    errors.free = free_errors(problem, set);
+    errors.matching = minimum.matching;
+    errors.restricted = problem.options.variance == Variance::restricted;
+    errors.profile = profile;
+    return errors;
 }
 
 Minimum minimise(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger) {

@@ -8,7 +8,7 @@
 #include "estimator/block_set.hpp"
 #include "estimator/bounded_step.hpp"
 #include "estimator/coordinate.hpp"
-#include "estimator/error_scale.hpp"
+#include "estimator/error_parameter.hpp"
 #include "estimator/estimate.hpp"
 #include "estimator/linearisation.hpp"
 
@@ -22,7 +22,14 @@ struct Problem {
     Eigen::VectorXd upper;
     std::vector<Residual*> residuals;
     std::vector<Channel> channels;
-    std::vector<ErrorScale> errors;  ///< of each channel
+    std::vector<ErrorLaw> laws;
+    std::vector<ErrorCoordinate> errors;  ///< all error parameters, in the order of psi
+    /// Joint priors with the places of their parameters.
+    struct Joint {
+        JointNormalPrior prior;
+        std::vector<Eigen::Index> place;
+    };
+    std::vector<Joint> joint_priors;
     EstimateOptions options;
 };
 
@@ -31,8 +38,8 @@ struct State {
     Eigen::VectorXd theta;  ///< natural units
     Eigen::VectorXd u;      ///< coordinates
     Latents latents;
-    Eigen::VectorXd ln_scale;   ///< of each channel
-    bool scales_known = false;  ///< false: scales without a start value are taken from the first residuals
+    Eigen::VectorXd psi;        ///< error parameters in their coordinates
+    bool errors_known = false;  ///< false: scales without a start value are taken from the first residuals
 };
 
 enum class Outcome { converged, no_progress, iteration_limit, interrupted, blocks_stopped, start_failed, no_freedom };
@@ -46,7 +53,10 @@ struct Minimum {
     PriorModel prior;                  ///< at the state
     BoundedStep step;                  ///< the full step that is left: its basis and active bounds describe the minimum
     std::vector<std::size_t> stopped;  ///< blocks that stopped three steps in a row, or failed at the start
-    std::vector<bool> scale_at_floor;
+    std::vector<bool> error_at_floor;  ///< error parameters held at their lower limit
+    std::vector<bool> error_at_ceiling;  ///< and at the upper one
+    /// Weight of the constraints at the end, as the size of a violation that costs 1/2, in units of their sizes.
+    double matching = 1.0;
     double remaining = 0.0;  ///< length of the full step that is left, in posterior sds
 };
 
@@ -62,17 +72,21 @@ struct Ledger {
 /// The parameter prior at u to second order.
 [[nodiscard]] PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u);
 
-/// Size of each parameter in its coordinate: 1 for log, max(|value|, typical size) for linear.
+/// Size of each parameter in its coordinate: what a change by max(|value|, typical size) is there.
 [[nodiscard]] Eigen::VectorXd sizes(const Problem& problem, const Eigen::VectorXd& theta);
 
-/// Fisher information problem of the scales at a linearisation.
-[[nodiscard]] ScaleProblem scale_problem(const Problem& problem, const BlockSet& set,
-                                         const std::vector<BlockRows>& rows, const PriorModel& prior,
-                                         const BoundedStep& step, bool profile);
+/// Which error parameters are estimated and have data, shape (error parameters).
+[[nodiscard]] std::vector<bool> free_errors(const Problem& problem, const BlockSet& set);
+
+/// Problem of the error parameters at a linearisation.
+[[nodiscard]] ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum,
+                                         bool profile);
 
 /// Minimises (M8)/(M9) over theta, latent states and scales with the given blocks; (M11) with a trust region.
 ///
-/// theta- and latent steps decrease Phi at fixed scales, scale steps decrease Phi_psi at a fixed linearisation.
+/// theta- and latent steps decrease Phi at fixed psi, psi-steps decrease Phi_psi at a fixed linearisation. Constraints
+/// take part as errors of known size that falls in stages until it no longer changes the estimate: demanded exactly at
+/// once they fail from most starts, in stages they lead there (Bock's and Baake's problems).
 /// Converged: the full step that is left is shorter than `step_tolerance` in the metric of the posterior information
 /// (then every parameter's step is below that many of its posterior sds, and the gradient is as small in the inverse
 /// metric), with the scales at their minimum; some more steps are taken then as long as they gain digits. When no

@@ -26,13 +26,9 @@ double quantile_975(double degrees) {
 Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum)
     : problem_(problem), set_(set), state_(state), minimum_(minimum) {
     const Eigen::Index q = state.u.size();
-    const auto channels = static_cast<Eigen::Index>(problem.channels.size());
-    const Eigen::VectorXd scale = state.ln_scale.array().exp();
     const BoundedStep& step = minimum.step;
-    const ScaleProblem scales = scale_problem(problem, set, minimum.rows, minimum.prior, step, false);
-    point_ = evaluate_scales(scales, state.ln_scale);
-    arrow_ = whitened_arrow(minimum.rows, scale);
-    condensed_ = condense(arrow_, 0.0);
+    errors_ = error_problem(problem, set, minimum, false);
+    point_ = evaluate_errors(errors_, state.psi);
 
     Eigen::MatrixXd half = step.decided.transpose();
     point_.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(half);
@@ -46,62 +42,105 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
         const Prior& prior = problem.parameters[index].prior;
         if (is_proper(prior)) column_size[i] = problem.coordinates[index].prior_sd(prior, state.theta[i]);
     }
+    arrow_ = standard_arrow(minimum.rows, problem.laws, state.psi, minimum.matching, Curvature::expected).arrow;
+    condensed_ = condense(arrow_, 0.0);
     identifiability_ = identifiability(condensed_.r, step, size, column_size);
 
     Eigen::Index dead = 0;
     for (const BlockTriangle& block : arrow_.blocks)
         dead += std::count(block.dead.begin(), block.dead.end(), true);
-    degrees_of_freedom_ = static_cast<double>(set.records - (set.latents - dead) - step.space.data.cols());
-
-    // Scales: inverse of their joint expected information.
-    std::vector<Eigen::Index> free;
-    Eigen::Index present = 0;
-    for (Eigen::Index c = 0; c < channels; ++c) {
-        if (set.count[c] > 0.0) ++present;
-        if (scales.free[static_cast<std::size_t>(c)] && !minimum.scale_at_floor[static_cast<std::size_t>(c)])
-            free.push_back(c);
-    }
-    estimated_scales_ = static_cast<int>(free.size());
-    one_scale_ = present == 1 && estimated_scales_ == 1;
-    ln_scale_sd_ = Eigen::VectorXd::Zero(channels);
-    ln_scale_covariance_ = Eigen::MatrixXd::Zero(channels, channels);
-    if (!free.empty()) {
-        const auto count = static_cast<Eigen::Index>(free.size());
-        Eigen::MatrixXd information(count, count);
-        for (Eigen::Index i = 0; i < count; ++i)
-            for (Eigen::Index j = 0; j < count; ++j)
-                information(i, j) =
-                    point_.information(free[static_cast<std::size_t>(i)], free[static_cast<std::size_t>(j)]);
-        const Eigen::LDLT<Eigen::MatrixXd> factor(information);
-        const bool definite =
-            factor.info() == Eigen::Success && factor.isPositive() && factor.vectorD().minCoeff() > 0.0;
-        const Eigen::MatrixXd inverse = definite
-                                            ? Eigen::MatrixXd(factor.solve(Eigen::MatrixXd::Identity(count, count)))
-                                            : Eigen::MatrixXd::Constant(count, count, nan_value);
-        for (Eigen::Index i = 0; i < count; ++i) {
-            const Eigen::Index g = free[static_cast<std::size_t>(i)];
-            ln_scale_sd_[g] = std::sqrt(inverse(i, i));
-            for (Eigen::Index j = 0; j < count; ++j)
-                ln_scale_covariance_(g, free[static_cast<std::size_t>(j)]) = inverse(i, j);
-        }
-    }
-
+    degrees_of_freedom_ =
+        static_cast<double>(set.records - (set.latents - dead - set.constraints) - step.space.data.cols());
+    error_parameters();
     look_for_autocorrelation();
     make_sandwich();
 
-    // Latent states given theta, plus what the uncertainty of theta adds: R_zz^-1 (I + R_z C R_z^T) R_zz^-T.
-    for (std::size_t b = 0; b < arrow_.blocks.size(); ++b) {
-        const Eigen::Index l = arrow_.blocks[b].latents;
-        const auto r_zz = condensed_.top[b].leftCols(l).triangularView<Eigen::Upper>();
-        Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(l, l);
-        r_zz.solveInPlace(inverse);
-        const Eigen::MatrixXd through = inverse * condensed_.top[b].middleCols(l, q);
-        Eigen::VectorXd variance = inverse.rowwise().squaredNorm();
-        variance += (through * covariance_).cwiseProduct(through).rowwise().sum();
+    // Latent states with what the uncertainty of theta adds.
+    const std::vector<Eigen::MatrixXd> around = covariance_around(arrow_, condensed_, covariance_).block;
+    for (std::size_t b = 0; b < set.blocks.size(); ++b) {
+        const Eigen::Index l = set.blocks[b].latents;
+        Eigen::VectorXd variance = around[b].diagonal().head(l);
         for (Eigen::Index j = 0; j < l; ++j)
             if (arrow_.blocks[b].dead[static_cast<std::size_t>(j)]) variance[j] = nan_value;
         latent_sds_.emplace_back(variance.cwiseSqrt());
     }
+}
+
+/// Laplace covariance of the error parameters: the inverse Hessian of Phi_psi with theta and z at their minimum.
+void Posterior::error_parameters() {
+    const auto count_all = static_cast<Eigen::Index>(problem_.errors.size());
+    error_covariance_ = Eigen::MatrixXd::Zero(count_all, count_all);
+    for (Eigen::Index k = 0; k < count_all; ++k) {
+        const auto index = static_cast<std::size_t>(k);
+        if (errors_.free[index] && !minimum_.error_at_floor[index] && !minimum_.error_at_ceiling[index])
+            free_errors_.push_back(k);
+    }
+    const std::size_t present = static_cast<std::size_t>((set_.count.array() > 0.0).count());
+    one_scale_ = present == 1 && free_errors_.size() == 1 &&
+                 std::any_of(problem_.laws.begin(), problem_.laws.end(), [this](const ErrorLaw& law) {
+                     return law.first == free_errors_.front() && law.compressible();
+                 });
+    if (free_errors_.empty()) return;
+    ErrorProblem profiled = errors_;
+    profiled.profile = true;
+    const Eigen::MatrixXd hessian = error_hessian(profiled, state_.psi, free_errors_);
+    const auto count = hessian.rows();
+    const Eigen::LDLT<Eigen::MatrixXd> factor(hessian);
+    const bool definite = factor.info() == Eigen::Success && factor.isPositive() && factor.vectorD().minCoeff() > 0.0;
+    const Eigen::MatrixXd inverse = definite ? Eigen::MatrixXd(factor.solve(Eigen::MatrixXd::Identity(count, count)))
+                                             : Eigen::MatrixXd::Constant(count, count, nan_value);
+    ln_error_determinant_ = definite ? factor.vectorD().array().log().sum() : nan_value;
+    for (Eigen::Index i = 0; i < count; ++i)
+        for (Eigen::Index j = 0; j < count; ++j)
+            error_covariance_(free_errors_[static_cast<std::size_t>(i)], free_errors_[static_cast<std::size_t>(j)]) =
+                inverse(i, j);
+    add_error_uncertainty();
+}
+
+/// Where theta and psi inform each other in expectation (relative errors), or where the posterior of psi is part of
+/// what is asked for (integrated): Cov(theta) = E Cov(theta | psi) + Cov E(theta | psi), with the slope of the
+/// conditional mode, d y / d psi = -H^-1 d(S^T s) / d psi.
+void Posterior::add_error_uncertainty() {
+    const bool integrated = problem_.options.variance == Variance::integrated;
+    const Eigen::Index rank = point_.triangle.rows();
+    moved_by_errors_ = Eigen::MatrixXd::Zero(rank, static_cast<Eigen::Index>(free_errors_.size()));
+    if (rank == 0) return;
+    bool any = false;
+    for (std::size_t i = 0; i < free_errors_.size(); ++i) {
+        const Eigen::Index k = free_errors_[i];
+        const auto law = std::find_if(problem_.laws.begin(), problem_.laws.end(), [k](const ErrorLaw& candidate) {
+            return k >= candidate.first &&
+                   k < candidate.first + static_cast<Eigen::Index>(candidate.coordinates.size());
+        });
+        if (!integrated && !std::holds_alternative<RelativeErrors>(law->distribution)) continue;
+        any = true;
+        // Gradient of the condensed problem with respect to y, by its change with psi: central differences of
+        // S_y^T s - (latent part), with the latent states following.
+        constexpr double h = 1e-5;
+        Eigen::VectorXd difference = Eigen::VectorXd::Zero(rank);
+        for (const double sign : {-1.0, 1.0}) {
+            Eigen::VectorXd shifted = state_.psi;
+            shifted[k] += sign * h;
+            const Condensed condensed = condense(
+                standard_arrow(errors_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected).arrow,
+                0.0);
+            difference += sign / (2.0 * h) * (condensed.r.transpose() * condensed.rhs);
+        }
+        const auto r = point_.triangle.triangularView<Eigen::Upper>();
+        point_.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(difference);
+        r.solveInPlace(difference);
+        moved_by_errors_.col(static_cast<Eigen::Index>(i)) = -difference;
+    }
+    if (!any) return;
+    Eigen::MatrixXd errors(static_cast<Eigen::Index>(free_errors_.size()),
+                           static_cast<Eigen::Index>(free_errors_.size()));
+    for (std::size_t i = 0; i < free_errors_.size(); ++i)
+        for (std::size_t j = 0; j < free_errors_.size(); ++j)
+            errors(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) =
+                error_covariance_(free_errors_[i], free_errors_[j]);
+    const Eigen::MatrixXd through = minimum_.step.decided * moved_by_errors_;
+    laplace_ += through * errors * through.transpose();
+    covariance_ = laplace_;
 }
 
 void Posterior::look_for_autocorrelation() {
@@ -131,7 +170,7 @@ void Posterior::make_sandwich() {
     double longest = 0.0;
     for (const Autocorrelation& correlation : autocorrelations_)
         if (correlation.significant) longest = std::max(longest, correlation.records);
-    if (!(longest > 0.0) || point_.triangle.rows() == 0) return;
+    if (!(longest > 0.0) || point_.triangle.rows() == 0 || set_.constraints > 0) return;
     // Clusters of twice the integrated correlation time: about four times the decay time of an AR(1).
     const double length = 2.0 * longest;
     std::vector<std::vector<int>> clusters;
@@ -150,25 +189,73 @@ void Posterior::make_sandwich() {
     // L records has the share 1 - (decay / L)(1 - exp(-L / decay)) of the variance it would have with all neighbours.
     const double decay = 0.5 * longest;
     const double inflation = 1.0 / (1.0 - decay / length * -std::expm1(-length / decay));
-    const auto rows = linearise(set_, minimum_.evaluation.values, problem_.coordinates, state_.theta, false);
-    sandwich_ = std::make_unique<Sandwich>(in_basis(rows, minimum_.step.from_data), clusters,
-                                           state_.ln_scale.array().exp(), point_.triangle, inflation);
+    const auto rows =
+        linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false);
+    sandwich_ = std::make_unique<Sandwich>(in_basis(rows, minimum_.step.from_data), set_, clusters, problem_.laws,
+                                           state_.psi, point_.triangle, inflation);
     covariance_ = minimum_.step.decided * sandwich_->covariance() * minimum_.step.decided.transpose();
 }
 
 double Posterior::objective() const {
-    double value = point_.value + 0.5 * set_.ln_det_shapes + minimum_.prior.value;
+    // (M8) leaves out the constants of the normal density.
+    double value = point_.value + 0.5 * set_.ln_det_shapes + minimum_.prior.value -
+                   0.5 * std::log(2.0 * std::numbers::pi) * static_cast<double>(set_.records);
     // The factor is taken in equilibrated coordinates; their units bring it back to u.
     if (problem_.options.variance == Variance::restricted) value += minimum_.step.space.unit.array().log().sum();
+    return value + constraint_term();
+}
+
+/// Constraints as errors of size q have the density exp(-(c / q)^2 / 2) / (q sqrt(2 pi)); the limit q -> 0 is finite.
+double Posterior::constraint_term() const {
+    double value = 0.0;
+    for (const ActiveBlock& block : set_.blocks)
+        if (block.constraints > 0)
+            value += block.constraint_size.array().log().sum() +
+                     static_cast<double>(block.constraints) * std::log(minimum_.matching);
     return value;
 }
 
 double Posterior::log_likelihood() const {
-    double value = -0.5 * static_cast<double>(set_.records) * std::log(2.0 * std::numbers::pi) -
-                   set_.count.dot(state_.ln_scale) - 0.5 * set_.ln_det_shapes;
-    for (const BlockTriangle& block : arrow_.blocks)
-        value -= 0.5 * block.triangle.rightCols(1).squaredNorm();
-    return value;
+    return -point_.standard.value - 0.5 * set_.ln_det_shapes;
+}
+
+double Posterior::log_integral() const {
+    const double ln_two_pi = std::log(2.0 * std::numbers::pi);
+    double value = -point_.value - 0.5 * set_.ln_det_shapes - minimum_.prior.value - constraint_term();
+    // -Phi_psi holds -1/2 ln|H| over the latent states, and with "restricted" over the parameters.
+    if (problem_.options.variance != Variance::restricted)
+        value -= point_.triangle.diagonal().array().abs().log().sum();
+    value -= minimum_.step.space.unit.array().log().sum();
+    value -= 0.5 * ln_error_determinant_;
+    const double integrated = static_cast<double>(point_.triangle.rows() + set_.latents - set_.constraints) +
+                              static_cast<double>(free_errors_.size());
+    return value + 0.5 * ln_two_pi * integrated;
+}
+
+/// d ln of (y^T C y) / d psi over the free error parameters, times y^T C y: -2 v^T S^T dS v, v = H^-1 (0, y).
+Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
+    Eigen::VectorXd v = y;
+    point_.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(v);
+    point_.triangle.triangularView<Eigen::Upper>().solveInPlace(v);
+    // Latent states that follow v, without what their own residuals ask for.
+    const std::vector<Eigen::VectorXd> still =
+        latent_steps(point_.standard.arrow, point_.condensed, Eigen::VectorXd::Zero(v.size()));
+    const std::vector<Eigen::VectorXd> moved = latent_steps(point_.standard.arrow, point_.condensed, v);
+    Eigen::VectorXd slopes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(free_errors_.size()));
+    for (std::size_t b = 0; b < errors_.rows.size(); ++b) {
+        const StandardRows<double>& at = point_.standard.rows[b];
+        if (at.rows.rows() == 0) continue;
+        const Eigen::Index l = errors_.rows[b].latents;
+        const Eigen::VectorXd z = moved[b] - still[b];
+        const Eigen::VectorXd here = at.rows.leftCols(l) * z + at.rows.middleCols(l, v.size()) * v;
+        for (std::size_t i = 0; i < free_errors_.size(); ++i) {
+            const StandardRows<double> derivative = standard_rows_derivative(errors_.rows[b], problem_.laws, state_.psi,
+                                                                             free_errors_[i], Curvature::expected, at);
+            slopes[static_cast<Eigen::Index>(i)] -=
+                2.0 * here.dot(derivative.rows.leftCols(l) * z + derivative.rows.middleCols(l, v.size()) * v);
+        }
+    }
+    return slopes;
 }
 
 Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
@@ -183,7 +270,8 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
     if (!(y.lpNorm<Eigen::Infinity>() > 0.0)) return result;
     Eigen::VectorXd c = y;
     point_.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(c);
-    const double variance = c.squaredNorm();
+    double variance = c.squaredNorm();
+    if (moved_by_errors_.size() > 0) variance = direction.dot(laplace_ * direction);
     result.laplace_sd = std::sqrt(variance);
     if (sandwich_) {
         result.sd = std::sqrt(y.dot(sandwich_->covariance() * y));
@@ -192,57 +280,26 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
         return result;
     }
     result.sd = result.laplace_sd;
-    if (estimated_scales_ == 0) {
+    if (free_errors_.empty()) {
         result.method = "normal";
         result.quantile = quantile_975(std::numeric_limits<double>::infinity());
     } else if (one_scale_) {
         result.method = "t";
         result.quantile = quantile_975(degrees_of_freedom_);
     } else {
-        // Satterthwaite: 2 variance^2 / var(variance), d variance / d ln s_g = 2 c^T K_g c.
-        const auto channels = static_cast<Eigen::Index>(point_.share.size());
-        Eigen::VectorXd gradient(channels);
-        for (Eigen::Index g = 0; g < channels; ++g)
-            gradient[g] = 2.0 * c.dot(point_.share[static_cast<std::size_t>(g)] * c);
+        // Satterthwaite: 2 variance^2 / var(variance).
+        const Eigen::VectorXd slopes = variance_slopes(y);
+        const auto count = slopes.size();
+        double spread = 0.0;
+        for (Eigen::Index i = 0; i < count; ++i)
+            for (Eigen::Index j = 0; j < count; ++j)
+                spread += slopes[i] * slopes[j] *
+                          error_covariance_(free_errors_[static_cast<std::size_t>(i)],
+                                            free_errors_[static_cast<std::size_t>(j)]);
         result.method = "satterthwaite";
-        result.quantile = quantile_975(2.0 * variance * variance / gradient.dot(ln_scale_covariance_ * gradient));
+        result.quantile = quantile_975(2.0 * variance * variance / spread);
     }
     return result;
-}
-
-bool Posterior::normal_enough(int& evaluations) const {
-    constexpr double reach = 1.5;
-    const double predicted = 0.5 * reach * reach;
-    for (const Eigen::Index i : minimum_.step.free) {
-        const double variance = laplace_(i, i);
-        if (!(variance > 0.0) || identifiability_.undetermined[static_cast<std::size_t>(i)]) continue;
-        for (const double sign : {-1.0, 1.0}) {
-            const Eigen::VectorXd d = sign * reach / std::sqrt(variance) * laplace_.col(i);
-            State trial = state_;
-            trial.u += d;
-            if ((trial.u.array() < problem_.lower.array()).any() || (trial.u.array() > problem_.upper.array()).any())
-                return false;
-            for (Eigen::Index k = 0; k < d.size(); ++k)
-                trial.theta[k] = problem_.coordinates[static_cast<std::size_t>(k)].natural(trial.u[k]);
-            const auto d_z = latent_steps(arrow_, condensed_, d);
-            for (std::size_t b = 0; b < set_.blocks.size(); ++b)
-                trial.latents[set_.blocks[b].residual][set_.blocks[b].block] += d_z[b];
-            double change = prior_at(problem_, trial.u).value - minimum_.prior.value;
-            if (!std::isfinite(change)) return false;
-            const Evaluation evaluation = evaluate(problem_.residuals, set_, trial.theta, trial.latents, false);
-            ++evaluations;
-            if (!evaluation.failed.empty()) return false;
-            for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
-                Eigen::MatrixXd pair(evaluation.values[b].e.size(), 2);
-                pair << evaluation.values[b].e - minimum_.evaluation.values[b].e,
-                    evaluation.values[b].e + minimum_.evaluation.values[b].e;
-                whiten(set_.blocks[b].channel, set_.blocks[b].cholesky, state_.ln_scale.array().exp(), pair);
-                change += 0.5 * pair.col(0).dot(pair.col(1));
-            }
-            if (!(change > 0.5 * predicted && change < 2.0 * predicted)) return false;
-        }
-    }
-    return true;
 }
 
 }  // namespace orbid::estimator

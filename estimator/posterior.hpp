@@ -38,32 +38,40 @@ public:
     [[nodiscard]] double degrees_of_freedom() const { return degrees_of_freedom_; }
     [[nodiscard]] bool has_sandwich() const { return sandwich_ != nullptr; }
     [[nodiscard]] std::size_t clusters() const { return sandwich_ ? sandwich_->clusters() : 0; }
-    [[nodiscard]] double ln_scale_sd(Eigen::Index channel) const { return ln_scale_sd_[channel]; }  ///< 0 when fixed
+    /// Covariance of the error parameters psi; zero rows where fixed or held at a limit.
+    [[nodiscard]] const Eigen::MatrixXd& error_covariance() const { return error_covariance_; }
+    /// Laplace's ln of the integral over all coordinates, see Estimate::log_integral.
+    [[nodiscard]] double log_integral() const;
     [[nodiscard]] const std::vector<Autocorrelation>& autocorrelations() const { return autocorrelations_; }
     /// sds of the latent states of each active block; nan where the data say nothing.
     [[nodiscard]] const std::vector<Eigen::VectorXd>& latent_sds() const { return latent_sds_; }
-    /// Phi at 1.5 posterior sds to both sides of each parameter against the parabola: false when it is off by more
-    /// than a factor of two, cannot be evaluated, or a bound cuts it off. Costs two evaluations per parameter.
-    [[nodiscard]] bool normal_enough(int& evaluations) const;
+    [[nodiscard]] const Arrow& arrow() const { return arrow_; }              ///< in the coordinates u
+    [[nodiscard]] const Condensed& condensed() const { return condensed_; }  ///< in the coordinates u
 
 private:
+    void error_parameters();
+    void add_error_uncertainty();
+    [[nodiscard]] double constraint_term() const;
     void look_for_autocorrelation();
     void make_sandwich();
+    [[nodiscard]] Eigen::VectorXd variance_slopes(const Eigen::VectorXd& y) const;
 
     const Problem& problem_;
     const BlockSet& set_;
     const State& state_;
     const Minimum& minimum_;
-    ScalePoint point_;
+    ErrorProblem errors_;
+    ErrorPoint point_;
     Arrow arrow_;
     Condensed condensed_;
     Identifiability identifiability_;
     Eigen::MatrixXd covariance_;
     Eigen::MatrixXd laplace_;
-    Eigen::VectorXd ln_scale_sd_;
-    Eigen::MatrixXd ln_scale_covariance_;  ///< zero rows where fixed
-    int estimated_scales_ = 0;
-    bool one_scale_ = false;  ///< every record has the same, estimated scale
+    Eigen::MatrixXd error_covariance_;
+    double ln_error_determinant_ = 0.0;      ///< of the Hessian of Phi_psi over the free error parameters
+    std::vector<Eigen::Index> free_errors_;  ///< estimated and not held at a limit
+    Eigen::MatrixXd moved_by_errors_;  ///< d y / d psi over free_errors_ where it counts, see add_error_uncertainty
+    bool one_scale_ = false;           ///< every record has the same, estimated normal scale
     double degrees_of_freedom_ = 0.0;
     std::vector<Autocorrelation> autocorrelations_;  ///< per channel
     std::unique_ptr<Sandwich> sandwich_;

@@ -32,9 +32,13 @@ void check_parameter(const FreeParameter& parameter) {
                ", " + shown(parameter.upper) + "]");
     if (!(parameter.typical_size > 0.0) || !std::isfinite(parameter.typical_size))
         refuse(who + "typical_size = " + shown(parameter.typical_size) + " must be positive and finite");
-    if (parameter.scale == Scale::log && !(parameter.start > 0.0))
+    if ((parameter.scale == Scale::log || parameter.scale == Scale::log10) && !(parameter.start > 0.0))
         refuse(who + "start = " + shown(parameter.start) +
                " must be positive on the log scale; use the linear scale to start at zero or below");
+    if (parameter.scale == Scale::logit &&
+        (!std::isfinite(parameter.lower) || !std::isfinite(parameter.upper) || !(parameter.start > parameter.lower) ||
+         !(parameter.start < parameter.upper)))
+        refuse(who + "the logit scale needs finite bounds and a start = " + shown(parameter.start) + " between them");
     try {
         validate(parameter.prior);
     } catch (const std::invalid_argument& error) {
@@ -76,14 +80,15 @@ Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<R
     problem.upper.resize(count);
     for (Eigen::Index i = 0; i < count; ++i) {
         FreeParameter& parameter = problem.parameters[static_cast<std::size_t>(i)];
-        if (const auto* uniform = std::get_if<UniformPrior>(&parameter.prior)) {
-            parameter.lower = std::max(parameter.lower, uniform->lower);
-            parameter.upper = std::min(parameter.upper, uniform->upper);
-        }
-        const Coordinate coordinate{parameter.scale};
+        const Coordinate coordinate = coordinate_of(parameter);
+        const Support reach = support(parameter.prior);
+        parameter.lower = std::max(parameter.lower, reach.lower);
+        parameter.upper = std::min(parameter.upper, reach.upper);
+        if (!(parameter.lower < parameter.upper))
+            refuse("parameter \"" + parameter.name + "\": its prior and its bounds exclude each other");
         // A log scale reaches down to zero, which it never attains.
-        problem.lower[i] =
-            coordinate.at(parameter.scale == Scale::log ? std::max(parameter.lower, 0.0) : parameter.lower);
+        const bool logarithmic = parameter.scale == Scale::log || parameter.scale == Scale::log10;
+        problem.lower[i] = coordinate.at(logarithmic ? std::max(parameter.lower, 0.0) : parameter.lower);
         problem.upper[i] = coordinate.at(parameter.upper);
         problem.coordinates.push_back(coordinate);
     }
@@ -91,20 +96,30 @@ Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<R
     for (std::size_t r = 0; r < residuals.size(); ++r) {
         if (residuals[r] == nullptr) refuse("residuals[" + std::to_string(r) + "] is null");
         for (const Group& group : residuals[r]->groups()) {
-            const std::string who = "group \"" + group.name + "\": ";
-            if (!groups.insert(group.name).second) refuse(who + "the name is given twice");
-            if (!group.scale.estimate && (!(group.scale.value > 0.0) || !std::isfinite(group.scale.value)))
-                refuse(who + "fixed scale = " + shown(group.scale.value) + " must be positive and finite");
-            if (std::isnan(group.scale.value)) refuse(who + "scale = nan");
-            try {
-                validate(group.scale.prior);
-            } catch (const std::invalid_argument& error) {
-                refuse(who + error.what());
-            }
-            problem.errors.push_back(group.scale);
+            if (!groups.insert(group.name).second) refuse("group \"" + group.name + "\": the name is given twice");
         }
     }
     problem.channels = channels_of(residuals);
+    problem.laws = error_laws(residuals);
+    for (const ErrorLaw& law : problem.laws)
+        problem.errors.insert(problem.errors.end(), law.coordinates.begin(), law.coordinates.end());
+    for (const JointNormalPrior& prior : options.joint_priors) {
+        validate(prior);
+        Problem::Joint joint{prior, {}};
+        for (const std::string& name : prior.names) {
+            const auto found = std::find_if(parameters.begin(), parameters.end(),
+                                            [&name](const FreeParameter& parameter) { return parameter.name == name; });
+            if (found == parameters.end()) refuse("joint prior: \"" + name + "\" is not an estimated parameter");
+            if (!std::holds_alternative<FlatPrior>(found->prior))
+                refuse("joint prior: \"" + name + "\" has a prior of its own as well");
+            const auto place = static_cast<Eigen::Index>(found - parameters.begin());
+            for (const Problem::Joint& other : problem.joint_priors)
+                if (std::find(other.place.begin(), other.place.end(), place) != other.place.end())
+                    refuse("joint prior: \"" + name + "\" is in two joint priors");
+            joint.place.push_back(place);
+        }
+        problem.joint_priors.push_back(std::move(joint));
+    }
     return problem;
 }
 
@@ -130,10 +145,12 @@ State initial_state(const Problem& problem) {
                 refuse("residual block \"" + layout[b].label + "\": " + std::to_string(state.latents.back()[b].size()) +
                        " initial latent states, layout says " + std::to_string(layout[b].latents));
     }
-    state.ln_scale.resize(static_cast<Eigen::Index>(problem.errors.size()));
-    for (std::size_t c = 0; c < problem.errors.size(); ++c)
-        state.ln_scale[static_cast<Eigen::Index>(c)] =
-            problem.errors[c].value > 0.0 ? std::log(problem.errors[c].value) : 0.0;
+    state.psi.resize(static_cast<Eigen::Index>(problem.errors.size()));
+    for (std::size_t k = 0; k < problem.errors.size(); ++k) {
+        const ErrorCoordinate& coordinate = problem.errors[k];
+        const bool unknown = coordinate.kind == ErrorCoordinate::Kind::log && !(coordinate.start > 0.0);
+        state.psi[static_cast<Eigen::Index>(k)] = unknown ? 0.0 : coordinate.at(coordinate.start);
+    }
     return state;
 }
 

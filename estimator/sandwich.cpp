@@ -15,14 +15,32 @@ constexpr double alone = 1e-6;
 
 }  // namespace
 
-Sandwich::Sandwich(const std::vector<BlockRows>& rows, const std::vector<std::vector<int>>& cluster,
-                   const Eigen::VectorXd& scale, const Eigen::MatrixXd& triangle, double inflation)
+namespace {
+
+/// The cluster of each standard row of a block: rows follow the records law by law.
+std::vector<int> row_clusters(const ActiveBlock& block, const std::vector<ErrorLaw>& laws,
+                              const std::vector<int>& cluster) {
+    if (block.parts.empty()) return cluster;
+    std::vector<int> result;
+    for (const LawPart& part : block.parts)
+        for (int copy = 0; copy < rows_per_record(laws[part.law]); ++copy)
+            for (const Eigen::Index record : part.records)
+                result.push_back(cluster[static_cast<std::size_t>(record)]);
+    return result;
+}
+
+}  // namespace
+
+Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
+                   const std::vector<std::vector<int>>& cluster, const std::vector<ErrorLaw>& laws,
+                   const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle, double inflation)
     : rank_(triangle.rows()), triangle_(triangle) {
     const auto r = triangle_.triangularView<Eigen::Upper>();
     Eigen::MatrixXd meat = Eigen::MatrixXd::Zero(rank_, rank_);
     for (std::size_t b = 0; b < rows.size(); ++b) {
         const Eigen::Index l = rows[b].latents;
-        const Eigen::MatrixXd whitened_rows = whitened(rows[b], scale);
+        const Eigen::MatrixXd whitened_rows = standard_rows(rows[b], laws, psi, Curvature::expected).rows;
+        const std::vector<int> own_cluster = row_clusters(set.blocks[b], laws, cluster[b]);
         const BlockTriangle factor = block_triangle(whitened_rows, l);
         Eigen::MatrixXd q = whitened_rows.leftCols(l + rank_);
         for (Eigen::Index j = 0; j < l; ++j)
@@ -43,7 +61,7 @@ Sandwich::Sandwich(const std::vector<BlockRows>& rows, const std::vector<std::ve
             Part part{b, Eigen::MatrixXd::Zero(l + rank_, l + rank_), {}};
             Eigen::VectorXd score = Eigen::VectorXd::Zero(l + rank_);
             for (Eigen::Index i = 0; i < q.rows(); ++i) {
-                if (cluster[b][static_cast<std::size_t>(i)] != c) continue;
+                if (own_cluster[static_cast<std::size_t>(i)] != c) continue;
                 part.gram.noalias() += q.row(i).transpose() * q.row(i);
                 score += q.row(i).transpose() * whitened_rows(i, whitened_rows.cols() - 1);
             }

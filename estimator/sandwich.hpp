@@ -22,8 +22,9 @@ public:
     /// @param cluster   per active block, cluster number (from 0, within the block) of each record.
     /// @param triangle  R of the decided parameters with prior, shape (rank, rank).
     /// @param inflation factor >= 1 on the covariance for correlation across the borders of clusters.
-    Sandwich(const std::vector<BlockRows>& rows, const std::vector<std::vector<int>>& cluster,
-             const Eigen::VectorXd& scale, const Eigen::MatrixXd& triangle, double inflation);
+    Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set, const std::vector<std::vector<int>>& cluster,
+             const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle,
+             double inflation);
 
     [[nodiscard]] const Eigen::MatrixXd& covariance() const { return covariance_; }  ///< shape (rank, rank)
     [[nodiscard]] std::size_t clusters() const { return parts_.size(); }

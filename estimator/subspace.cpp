@@ -12,13 +12,16 @@ Eigen::MatrixXd Subspace::decided() const {
     return unit.cwiseInverse().asDiagonal() * basis;
 }
 
-Subspace split(const Eigen::MatrixXd& r, const Eigen::VectorXd& curvature, const Eigen::VectorXd& fallback,
+Subspace split(const Eigen::MatrixXd& r, const Eigen::MatrixXd& prior, const Eigen::VectorXd& fallback,
                double tolerance) {
     const Eigen::Index q = r.cols();
     Subspace space;
     space.unit = r.colwise().norm().transpose();
     for (Eigen::Index i = 0; i < q; ++i)
-        if (!(space.unit[i] > 0.0)) space.unit[i] = curvature[i] > 0.0 ? std::sqrt(curvature[i]) : 1.0 / fallback[i];
+        if (!(space.unit[i] > 0.0)) {
+            const double own = prior.rows() > 0 ? prior.col(i).norm() : 0.0;
+            space.unit[i] = own > 0.0 ? own : 1.0 / fallback[i];
+        }
     space.data.resize(q, 0);
     space.prior.resize(q, 0);
     space.flat.resize(q, 0);
@@ -35,10 +38,14 @@ Subspace split(const Eigen::MatrixXd& r, const Eigen::VectorXd& curvature, const
     space.left = svd.matrixU().leftCols(rank);
     const Eigen::MatrixXd null = svd.matrixV().rightCols(q - rank);
     if (null.cols() == 0) return space;
-    const Eigen::MatrixXd prior_rows = (curvature.array().sqrt() / space.unit.array()).matrix().asDiagonal() * null;
+    if (prior.rows() == 0) {
+        space.flat = null;
+        return space;
+    }
+    const Eigen::MatrixXd prior_rows = prior * space.unit.cwiseInverse().asDiagonal() * null;
     const Eigen::JacobiSVD<Eigen::MatrixXd> prior_svd(prior_rows, Eigen::ComputeFullV);
     const Eigen::VectorXd& values = prior_svd.singularValues();
-    // The prior is diagonal and known exactly; only rounding has to be told from curvature here.
+    // The prior is known exactly; only rounding has to be told from curvature here.
     constexpr double prior_tolerance = 1e-9;
     Eigen::Index prior_rank = 0;
     while (prior_rank < values.size() && values[prior_rank] > prior_tolerance * values[0])

@@ -26,10 +26,10 @@ struct Subspace {
 /// cancellation between columns only.
 ///
 /// @param r          shape (q, q): latent-condensed whitened sensitivities of the data, without prior.
-/// @param curvature  shape (q), >= 0: curvature of -ln prior.
+/// @param prior      square root of the curvature of -ln prior, shape (any, q): prior^T prior is the curvature.
 /// @param fallback   shape (q), > 0: size of a parameter in u, sets the unit of a column that is zero.
 /// @param tolerance  singular values below this share of the largest count as zero.
-[[nodiscard]] Subspace split(const Eigen::MatrixXd& r, const Eigen::VectorXd& curvature,
-                             const Eigen::VectorXd& fallback, double tolerance);
+[[nodiscard]] Subspace split(const Eigen::MatrixXd& r, const Eigen::MatrixXd& prior, const Eigen::VectorXd& fallback,
+                             double tolerance);
 
 }  // namespace orbid::estimator

@@ -16,10 +16,10 @@ TrialStep step_at(const StepModel& model, double mu) {
     step.latents = latent_steps(*model.arrow, condensed, d);
     const ModelChange change = model_change(*model.arrow, d, step.latents);
     step.slope = change.linear + model.prior->gradient.dot(d);
-    step.curvature = change.quadratic + model.prior->curvature.dot(d.cwiseAbs2());
+    step.curvature = change.quadratic + model.prior->quadratic(d);
     // Directions that only the prior decides are measured in its own curvature, as they are damped.
     double square = model.damping.cwiseProduct(step.parameters.seen).squaredNorm() +
-                    model.prior->curvature.dot((d - step.parameters.seen).cwiseAbs2());
+                    model.prior->quadratic(d - step.parameters.seen);
     for (std::size_t b = 0; b < step.latents.size(); ++b)
         square += model.arrow->blocks[b].norm.cwiseProduct(step.latents[b]).squaredNorm();
     step.length = std::sqrt(square);

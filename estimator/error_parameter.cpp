@@ -1,0 +1,394 @@
+#include "estimator/error_parameter.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include "estimator/joint_covariance.hpp"
+
+namespace orbid::estimator {
+
+namespace {
+
+/// [S_z S] P of every block, with the columns of latent states that nothing determines left out.
+std::vector<Eigen::MatrixXd> spread(const ErrorProblem& problem, const ErrorPoint& point) {
+    const std::vector<Eigen::MatrixXd> covariance =
+        selected_covariance(point.standard.arrow, point.condensed,
+                            problem.restricted ? point.triangle : Eigen::MatrixXd())
+            .block;
+    std::vector<Eigen::MatrixXd> result(problem.rows.size());
+    for (std::size_t b = 0; b < problem.rows.size(); ++b) {
+        const Eigen::MatrixXd& rows = point.standard.rows[b].rows;
+        if (rows.rows() == 0 || covariance[b].cols() == 0) continue;
+        result[b].noalias() = rows.leftCols(covariance[b].cols()) * covariance[b];
+    }
+    return result;
+}
+
+/// Whether psi[k] scales the errors of a law that sees sums of squares only.
+const ErrorLaw* plain_law(const std::vector<ErrorLaw>& laws, Eigen::Index k) {
+    for (const ErrorLaw& law : laws)
+        if (law.first == k && law.compressible()) return &law;
+    return nullptr;
+}
+
+}  // namespace
+
+ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi) {
+    const Eigen::Index rank = problem.prior_gradient.size();
+    const std::vector<ErrorLaw>& laws = *problem.laws;
+    ErrorPoint point;
+    point.standard = standard_arrow(problem.rows, laws, psi, problem.matching, Curvature::expected, true);
+    point.condensed = condense(point.standard.arrow, 0.0);
+    point.value = point.standard.value;
+
+    // The decided parameters with their prior: triangle R and best step y.
+    Eigen::MatrixXd stacked(rank + problem.prior_rows.rows(), rank + 1);
+    stacked << point.condensed.r, point.condensed.rhs, problem.prior_rows,
+        Eigen::VectorXd::Zero(problem.prior_rows.rows());
+    const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
+    point.triangle = factor.topLeftCorner(rank, rank);
+
+    Eigen::VectorXd y;
+    std::vector<Eigen::VectorXd> d_z;
+    if (problem.profile) {
+        y = problem.prior_gradient;
+        point.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(y);
+        y = -(y + factor.topRightCorner(rank, 1));
+        point.triangle.triangularView<Eigen::Upper>().solveInPlace(y);
+        d_z = latent_steps(point.standard.arrow, point.condensed, y);
+        const ModelChange change = model_change(point.standard.arrow, y, d_z);
+        point.value += change.linear + 0.5 * change.quadratic + problem.prior_gradient.dot(y) +
+                       0.5 * (problem.prior_rows * y).squaredNorm();
+    }
+    if (problem.restricted) point.value += point.triangle.diagonal().array().abs().log().sum();
+    point.value += log_abs_determinant(point.condensed);
+
+    point.gradient = Eigen::VectorXd::Zero(psi.size());
+    point.fit = Eigen::VectorXd::Zero(psi.size());
+    point.left = Eigen::VectorXd::Zero(psi.size());
+    const std::vector<Eigen::MatrixXd> through = spread(problem, point);
+    for (Eigen::Index k = 0; k < psi.size(); ++k) {
+        if (!problem.free[static_cast<std::size_t>(k)]) continue;
+        const bool plain = plain_law(laws, k) != nullptr;
+        for (std::size_t b = 0; b < problem.rows.size(); ++b) {
+            const BlockRows& block = problem.rows[b];
+            const StandardRows<double>& at = point.standard.rows[b];
+            if (at.rows.rows() == 0) continue;
+            const StandardRows<double> derivative =
+                standard_rows_derivative(block, laws, psi, k, Curvature::expected, at);
+            double trace = 0.0;
+            if (through[b].size() > 0)
+                trace = derivative.rows.leftCols(through[b].cols()).cwiseProduct(through[b]).sum();
+            double fit = derivative.value;
+            if (problem.profile) {
+                const Eigen::Index last = at.rows.cols() - 1;
+                const Eigen::VectorXd w = at.rows.col(last) + at.rows.leftCols(block.latents) * d_z[b] +
+                                          at.rows.middleCols(block.latents, rank) * y;
+                const Eigen::VectorXd d_w = derivative.rows.col(last) +
+                                            derivative.rows.leftCols(block.latents) * d_z[b] +
+                                            derivative.rows.middleCols(block.latents, rank) * y;
+                fit += w.dot(d_w) - at.rows.col(last).dot(derivative.rows.col(last));
+            }
+            point.gradient[k] += fit + trace;
+            if (!plain) continue;
+            // d(-ln p) = n - fit for the scale of such a law.
+            double count = 0.0;
+            for (const PartRows& part : block.parts)
+                if (laws[part.law].first == k) count += static_cast<double>(part.records.count);
+            for (const int channel : block.channel)
+                for (const ErrorLaw& law : laws)
+                    if (law.first == k && law.channels.front() == channel) count += 1.0;
+            point.fit[k] += count - fit;
+            point.left[k] += count + trace;
+        }
+    }
+    for (const ErrorLaw& law : laws) {
+        const auto size = static_cast<Eigen::Index>(law.coordinates.size());
+        const Eigen::VectorXd own = psi.segment(law.first, size);
+        bool any = false;
+        for (Eigen::Index j = 0; j < size; ++j)
+            any = any || problem.free[static_cast<std::size_t>(law.first + j)];
+        if (!any) continue;
+        point.value += prior_term<double>(law, own);
+        for (Eigen::Index j = 0; j < size; ++j) {
+            if (!problem.free[static_cast<std::size_t>(law.first + j)]) continue;
+            constexpr double h = 1e-30;
+            Eigen::VectorXcd shifted = own.cast<std::complex<double>>();
+            shifted[j] += std::complex<double>(0.0, h);
+            point.gradient[law.first + j] += prior_term<std::complex<double>>(law, shifted).imag() / h;
+        }
+    }
+    return point;
+}
+
+Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const Eigen::VectorXd& psi,
+                              const std::vector<Eigen::Index>& free) {
+    // Four points: error h^4 / 30 of a fifth derivative that is about 64 n, against rounding / h.
+    constexpr double h = 1e-3;
+    const auto count = static_cast<Eigen::Index>(free.size());
+    Eigen::MatrixXd hessian(count, count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        const Eigen::Index k = free[static_cast<std::size_t>(i)];
+        Eigen::VectorXd slope = Eigen::VectorXd::Zero(psi.size());
+        for (const auto& [at, weight] : {std::pair{-2.0, 1.0}, {-1.0, -8.0}, {1.0, 8.0}, {2.0, -1.0}}) {
+            Eigen::VectorXd shifted = psi;
+            shifted[k] += at * h;
+            slope += weight / (12.0 * h) * evaluate_errors(problem, shifted).gradient;
+        }
+        for (Eigen::Index j = 0; j < count; ++j)
+            hessian(j, i) = slope[free[static_cast<std::size_t>(j)]];
+    }
+    return 0.5 * (hessian + hessian.transpose());
+}
+
+namespace {
+
+/// (M10) for a full covariance: V = [sum_i (e_i e_i^T + J_i C J_i^T) + Psi] / (n + nu + m + 1), as a step of psi.
+void joint_step(const ErrorProblem& problem, const ErrorPoint& point, const ErrorLaw& law, std::size_t index,
+                const Eigen::VectorXd& psi, const std::vector<Eigen::MatrixXd>& through, Eigen::VectorXd& step) {
+    const auto m = static_cast<Eigen::Index>(law.channels.size());
+    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(m, m);
+    double records = 0.0;
+    for (std::size_t b = 0; b < problem.rows.size(); ++b) {
+        Eigen::Index row = 0;
+        for (const PartRows& part : problem.rows[b].parts) {
+            const Eigen::Index rows = part.records.rows.rows() * rows_per_record((*problem.laws)[part.law]);
+            if (part.law == index) {
+                const Eigen::Index n = part.records.count / m;
+                const Eigen::MatrixXd& standard = point.standard.rows[b].rows;
+                for (Eigen::Index i = 0; i < m; ++i)
+                    for (Eigen::Index j = 0; j < m; ++j) {
+                        sum(i, j) += standard.block(row + i * n, standard.cols() - 1, n, 1)
+                                         .cwiseProduct(standard.block(row + j * n, standard.cols() - 1, n, 1))
+                                         .sum();
+                        if (through[b].size() > 0)
+                            sum(i, j) += standard.block(row + i * n, 0, n, through[b].cols())
+                                             .cwiseProduct(through[b].middleRows(row + j * n, n))
+                                             .sum();
+                    }
+                records += static_cast<double>(n);
+            }
+            row += rows;
+        }
+    }
+    const Eigen::MatrixXd lower = covariance_root(law, psi);
+    Eigen::MatrixXd v = lower * sum * lower.transpose();
+    double divisor = records;
+    if (law.inverse_wishart_dof > 0.0) {
+        v += law.inverse_wishart_psi;
+        divisor += law.inverse_wishart_dof + static_cast<double>(m) + 1.0;
+    }
+    const Eigen::LLT<Eigen::MatrixXd> factor(v / divisor);
+    if (factor.info() != Eigen::Success) return;
+    const auto size = static_cast<Eigen::Index>(law.coordinates.size());
+    step.segment(law.first, size) = root_coordinates(factor.matrixL()) - psi.segment(law.first, size);
+}
+
+/// Fixed-point steps of (M10): of each law by itself, and of all plain scales together.
+std::vector<Eigen::VectorXd> far_steps(const ErrorProblem& problem, const ErrorPoint& point, const Eigen::VectorXd& psi,
+                                       const std::vector<Eigen::Index>& free) {
+    Eigen::VectorXd own = Eigen::VectorXd::Zero(psi.size());
+    Eigen::VectorXd common = Eigen::VectorXd::Zero(psi.size());
+    double fit = 0.0;
+    double left = 0.0;
+    for (const Eigen::Index k : free) {
+        if (!(point.fit[k] > 0.0)) continue;
+        // (M10) solved for the factor on s^2 with its trace t held: fit / (n - t), exact for one scale; where a
+        // coupled shape makes that meaningless, 1 - gradient / n, which is always positive for one scale.
+        const double count = point.gradient[k] + point.fit[k];
+        const double ratio =
+            point.left[k] > 1e-3 ? point.fit[k] / point.left[k] : 1.0 - point.gradient[k] / std::max(count, 1.0);
+        own[k] = 0.5 * std::log(std::max(ratio, 1e-12));
+        common[k] = 1.0;
+        fit += point.fit[k];
+        left += point.left[k];
+    }
+    std::vector<Eigen::MatrixXd> through;
+    for (std::size_t l = 0; l < problem.laws->size(); ++l) {
+        const ErrorLaw& law = (*problem.laws)[l];
+        if (!law.joint() || !problem.free[static_cast<std::size_t>(law.first)]) continue;
+        if (through.empty()) through = spread(problem, point);
+        joint_step(problem, point, law, l, psi, through, own);
+    }
+    std::vector<Eigen::VectorXd> steps;
+    if (own.lpNorm<Eigen::Infinity>() > 0.0) steps.push_back(own);
+    // The same for all scales together: exact where a shape ties them to each other.
+    if (fit > 0.0 && left > 1e-3 && common.sum() > 1.5) steps.push_back(common * (0.5 * std::log(fit / left)));
+    return steps;
+}
+
+/// Secant (BFGS) update of a Hessian: H s = y afterwards; skipped where y^T s > 0 does not hold.
+void update(Eigen::MatrixXd& hessian, const Eigen::VectorXd& s, const Eigen::VectorXd& y) {
+    const Eigen::VectorXd h_s = hessian * s;
+    const double curvature = y.dot(s);
+    const double expected = s.dot(h_s);
+    if (!(curvature > 1e-8 * expected)) return;
+    hessian += y * y.transpose() / curvature - h_s * h_s.transpose() / expected;
+}
+
+/// A positive definite stand-in: eigenvalues by their absolute value, at least a millionth of the largest.
+Eigen::MatrixXd made_definite(const Eigen::MatrixXd& hessian) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(hessian);
+    const Eigen::VectorXd size = eigen.eigenvalues().cwiseAbs();
+    const double least = std::max(1e-6 * size.maxCoeff(), 1e-300);
+    return eigen.eigenvectors() * size.cwiseMax(least).asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+/// Curvature to start with: 2 fit for plain scales (exact curvature of ln s at its minimum is 2 n), differences else.
+Eigen::MatrixXd first_hessian(const ErrorProblem& problem, const ErrorPoint& point, const Eigen::VectorXd& psi,
+                              const std::vector<Eigen::Index>& free) {
+    const auto count = static_cast<Eigen::Index>(free.size());
+    Eigen::VectorXd diagonal(count);
+    bool plain = true;
+    for (Eigen::Index i = 0; i < count; ++i) {
+        diagonal[i] = 2.0 * point.fit[free[static_cast<std::size_t>(i)]];
+        plain = plain && diagonal[i] > 0.0;
+    }
+    if (plain) return diagonal.asDiagonal();
+    return made_definite(error_hessian(problem, psi, free));
+}
+
+Eigen::VectorXd picked(const Eigen::VectorXd& from, const std::vector<Eigen::Index>& free) {
+    Eigen::VectorXd result(static_cast<Eigen::Index>(free.size()));
+    for (std::size_t i = 0; i < free.size(); ++i)
+        result[static_cast<Eigen::Index>(i)] = from[free[i]];
+    return result;
+}
+
+}  // namespace
+
+ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd& start, const Eigen::VectorXd& floor,
+                             const Eigen::VectorXd& ceiling) {
+    ErrorMinimum minimum;
+    minimum.psi = start;
+    for (Eigen::Index k = 0; k < start.size(); ++k)
+        if (problem.free[static_cast<std::size_t>(k)]) minimum.psi[k] = std::clamp(start[k], floor[k], ceiling[k]);
+    minimum.at_floor.assign(static_cast<std::size_t>(start.size()), false);
+    minimum.at_ceiling = minimum.at_floor;
+    ErrorPoint point = evaluate_errors(problem, minimum.psi);
+    minimum.before = minimum.after = point.value;
+    std::vector<Eigen::Index> former_free;
+    Eigen::MatrixXd hessian;
+    // Six decades take a few fixed-point steps, secant steps then converge superlinearly; two dozen are usual at most.
+    constexpr int step_limit = 200;
+    for (int iteration = 0; iteration < step_limit; ++iteration) {
+        std::vector<Eigen::Index> free;
+        for (Eigen::Index k = 0; k < start.size(); ++k) {
+            const auto index = static_cast<std::size_t>(k);
+            minimum.at_floor[index] = problem.free[index] && minimum.psi[k] <= floor[k] && point.gradient[k] > 0.0;
+            minimum.at_ceiling[index] = problem.free[index] && minimum.psi[k] >= ceiling[k] && point.gradient[k] < 0.0;
+            if (problem.free[index] && !minimum.at_floor[index] && !minimum.at_ceiling[index]) free.push_back(k);
+        }
+        minimum.distance = 0.0;
+        if (free.empty()) return minimum;
+        const auto count = static_cast<Eigen::Index>(free.size());
+        const Eigen::VectorXd gradient = picked(point.gradient, free);
+        if (free != former_free) hessian = first_hessian(problem, point, minimum.psi, free);
+        former_free = free;
+        for (Eigen::Index i = 0; i < count; ++i)
+            minimum.distance =
+                std::max(minimum.distance, std::abs(gradient[i]) / std::sqrt(std::max(hessian(i, i), 1e-300)));
+        // Below this many sds no figure of a result changes.
+        if (minimum.distance < 1e-12) return minimum;
+
+        const Eigen::LDLT<Eigen::MatrixXd> factor(hessian);
+        const bool definite = factor.info() == Eigen::Success && factor.isPositive() &&
+                              factor.vectorD().minCoeff() > 1e-10 * factor.vectorD().maxCoeff();
+        std::vector<Eigen::VectorXd> steps;
+        if (definite) {
+            const Eigen::VectorXd newton = -factor.solve(gradient);
+            Eigen::VectorXd step = Eigen::VectorXd::Zero(start.size());
+            for (Eigen::Index i = 0; i < count; ++i)
+                step[free[static_cast<std::size_t>(i)]] = newton[i];
+            steps.push_back(std::move(step));
+        }
+        // Curvature says little about a minimum that is many sds away.
+        if (!definite || minimum.distance > 1.0)
+            for (Eigen::VectorXd& step : far_steps(problem, point, minimum.psi, free))
+                steps.push_back(std::move(step));
+
+        const auto trial_of = [&](const Eigen::VectorXd& step) {
+            Eigen::VectorXd trial = minimum.psi;
+            for (const Eigen::Index k : free)
+                trial[k] = std::clamp(trial[k] + std::clamp(step[k], -5.0, 5.0), floor[k], ceiling[k]);
+            return trial;
+        };
+        // Close by, the difference of two values is lost in their rounding; the trapezoidal rule of the gradient keeps
+        // it (relative error ~ |step|).
+        const auto change_to = [&](const Eigen::VectorXd& trial, const ErrorPoint& next) {
+            const Eigen::VectorXd moved = trial - minimum.psi;
+            return moved.lpNorm<Eigen::Infinity>() < 1e-3 ? 0.5 * (point.gradient + next.gradient).dot(moved)
+                                                          : next.value - point.value;
+        };
+        Eigen::VectorXd best;
+        ErrorPoint best_point;
+        double best_change = 0.0;
+        for (int shortening = 0; shortening < 30 && !(best_change < 0.0); ++shortening) {
+            for (Eigen::VectorXd& step : steps) {
+                Eigen::VectorXd trial = trial_of(step);
+                step *= 0.3;
+                if (!((trial - minimum.psi).lpNorm<Eigen::Infinity>() > 0.0)) continue;
+                ErrorPoint next = evaluate_errors(problem, trial);
+                const double change = change_to(trial, next);
+                if (!(change < best_change)) continue;
+                best_change = change;
+                best = std::move(trial);
+                best_point = std::move(next);
+            }
+        }
+        if (!(best_change < 0.0)) return minimum;
+        const Eigen::VectorXd s = picked(best - minimum.psi, free);
+        const Eigen::VectorXd y = picked(best_point.gradient - point.gradient, free);
+        minimum.psi = std::move(best);
+        minimum.after += best_change;
+        point = std::move(best_point);
+        ++minimum.steps;
+        // A long step says nothing about the curvature where it ends.
+        if (s.lpNorm<Eigen::Infinity>() > 0.5)
+            hessian = first_hessian(problem, point, minimum.psi, free);
+        else
+            update(hessian, s, y);
+    }
+    return minimum;
+}
+
+Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimum& minimum) {
+    // Gauss-Hermite nodes by the eigenvalues of the Jacobi matrix (Golub and Welsch 1969).
+    constexpr Eigen::Index nodes = 15;
+    Eigen::MatrixXd jacobi = Eigen::MatrixXd::Zero(nodes, nodes);
+    for (Eigen::Index i = 1; i < nodes; ++i)
+        jacobi(i, i - 1) = jacobi(i - 1, i) = std::sqrt(0.5 * static_cast<double>(i));
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> rule(jacobi);
+    Eigen::VectorXd psi = minimum.psi;
+    for (const ErrorLaw& law : *problem.laws) {
+        const Eigen::Index k = law.first;
+        const auto index = static_cast<std::size_t>(k);
+        if (!problem.free[index] || !law.compressible() || minimum.at_floor[index] || minimum.at_ceiling[index])
+            continue;
+        if (std::holds_alternative<FlatPrior>(law.coordinates.front().prior)) continue;
+        const double curvature = error_hessian(problem, minimum.psi, {k})(0, 0);
+        if (!(curvature > 0.0)) continue;
+        const double width = std::sqrt(2.0 / curvature);
+        const double at_minimum = evaluate_errors(problem, minimum.psi).value;
+        double total = 0.0;
+        double weight = 0.0;
+        for (Eigen::Index i = 0; i < nodes; ++i) {
+            const double t = rule.eigenvalues()[i];
+            Eigen::VectorXd shifted = minimum.psi;
+            shifted[k] += width * t;
+            const double density = std::pow(rule.eigenvectors()(0, i), 2) *
+                                   std::exp(t * t - (evaluate_errors(problem, shifted).value - at_minimum));
+            total += density;
+            weight += density * std::exp(-2.0 * width * t);
+        }
+        psi[k] -= 0.5 * std::log(weight / total);
+    }
+    return psi;
+}
+
+}  // namespace orbid::estimator

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/block_set.hpp"
+#include "estimator/bounded_step.hpp"
+#include "estimator/linearisation.hpp"
+
+namespace orbid::estimator {
+
+/// The error parameters as a minimisation of their own, Phi_psi of (M9), at a fixed linearisation:
+///
+///     Phi_psi = sum_g -ln p_g - ln p(psi) + 1/2 ln|H|
+///
+/// H over the latent states (ml, integrated) or over latent states and decided parameters (restricted), with the
+/// expected information of the errors. With `profile`, errors and the parameter prior are taken at the minimum of the
+/// quadratic model over (theta, z) for each psi: the min in (M9). Without, at the present point: far from the minimum
+/// the model promises too much.
+struct ErrorProblem {
+    const BlockSet* set = nullptr;
+    const std::vector<ErrorLaw>* laws = nullptr;
+    std::vector<BlockRows> rows;     ///< columns of theta in the basis of decided directions (see BoundedStep)
+    Eigen::MatrixXd prior_rows;      ///< square root of the curvature of the parameter prior times basis
+    Eigen::VectorXd prior_gradient;  ///< basis^T gradient, shape (rank)
+    std::vector<bool> free;          ///< error parameters that are estimated and have data
+    double matching = 1.0;           ///< see standard_arrow()
+    bool restricted = true;
+    bool profile = false;
+};
+
+/// Value and gradient of Phi_psi; shape (error parameters).
+struct ErrorPoint {
+    double value = 0.0;
+    Eigen::VectorXd gradient;
+    /// For scales of laws that see squares only: sum of squares of the standard errors, and records less trace; else 0.
+    Eigen::VectorXd fit;
+    Eigen::VectorXd left;
+    StandardArrow standard;  ///< rows kept
+    Condensed condensed;
+    Eigen::MatrixXd triangle;  ///< R of the decided parameters with prior, latent states eliminated
+};
+
+/// d/dpsi_k = d(-ln p)/dpsi_k + tr(P S^T dS/dpsi_k), P = covariance of (z, theta) ("ml": of z), see (M10) for scales.
+[[nodiscard]] ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi);
+
+/// Second derivatives of Phi_psi with respect to the free error parameters by central differences of its gradient,
+/// shape (free, free).
+[[nodiscard]] Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const Eigen::VectorXd& psi,
+                                            const std::vector<Eigen::Index>& free);
+
+struct ErrorMinimum {
+    Eigen::VectorXd psi;
+    double before = 0.0;
+    double after = 0.0;  ///< <= before
+    int steps = 0;
+    /// largest |gradient| of a free parameter over the root of its curvature: distance to the minimum in sds
+    double distance = 0.0;
+    std::vector<bool> at_floor;    ///< held at its lower limit; for a scale: residuals at rounding level
+    std::vector<bool> at_ceiling;  ///< held at its upper limit
+};
+
+/// Fixed-point steps of (M10) from afar, secant steps near the minimum; each accepted step decreases Phi_psi.
+///
+/// @param floor, ceiling  limits of psi.
+[[nodiscard]] ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi,
+                                           const Eigen::VectorXd& floor, const Eigen::VectorXd& ceiling);
+
+/// Scales of normal errors at which the expected weight under the conditional density of ln s is the one that steps
+/// use: s^-2 = E[s^-2 | theta]. With Jeffreys' prior this is the minimum of (M9) itself; with another prior the
+/// expectation is taken by Gauss-Hermite quadrature around it.
+[[nodiscard]] Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimum& minimum);
+
+}  // namespace orbid::estimator
