@@ -37,15 +37,15 @@ using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
 template <class T>
 using Matrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
 
-/// Row i of the standardised rows: sqrt(h) [a_i | g / h], so that its square is h a a^T and its gradient g a.
+/// Standardised rows sqrt(h_i) [a_i | g_i / h_i] from first row `from` on: their squares are h a a^T, their gradients
+/// g a. The vectors hold sqrt(h_i) and g_i / sqrt(h_i). Column by column, as matrices lie in memory.
 template <class T>
-void set_row(StandardRows<T>& result, const LawRecords& records, Eigen::Index i, const T& gradient,
-             const T& curvature) {
-    using std::sqrt;
-    const T root = sqrt(curvature);
-    const Eigen::Index last = records.rows.cols() - 1;
-    result.rows.row(i).head(last) = records.rows.row(i).head(last).template cast<T>() * root;
-    result.rows(i, last) = gradient / root;
+void set_rows(StandardRows<T>& result, const LawRecords& records, const Vector<T>& root, const Vector<T>& last,
+              Eigen::Index from = 0) {
+    const Eigen::Index columns = records.rows.cols() - 1;
+    for (Eigen::Index j = 0; j < columns; ++j)
+        result.rows.col(j).segment(from, root.size()) = records.rows.col(j).template cast<T>().cwiseProduct(root);
+    result.rows.col(columns).segment(from, root.size()) = last;
 }
 
 template <class T>
@@ -65,6 +65,7 @@ StandardRows<T> normal_rows(const LawRecords& records, const T& ln_scale) {
 template <class T>
 StandardRows<T> student_rows(const LawRecords& records, const Vector<T>& psi, Curvature curvature) {
     using std::exp;
+    using std::sqrt;
     const T s = exp(psi[0]);
     const T nu = exp(psi[1]);
     const T spread = nu * s * s;
@@ -72,6 +73,8 @@ StandardRows<T> student_rows(const LawRecords& records, const Vector<T>& psi, Cu
     StandardRows<T> result{Matrix<T>(records.rows.rows(), records.rows.cols()),
                            n * (psi[0] + detail::student_normalisation(nu))};
     const T expected = (nu + 1.0) / ((nu + 3.0) * s * s);
+    Vector<T> root(records.rows.rows());
+    Vector<T> last(records.rows.rows());
     for (Eigen::Index i = 0; i < records.rows.rows(); ++i) {
         const double e = records.rows(i, records.rows.cols() - 1);
         const T sum = spread + e * e;
@@ -82,8 +85,10 @@ StandardRows<T> student_rows(const LawRecords& records, const Vector<T>& psi, Cu
             const T share = (spread - e * e) / sum;
             h = weight * (real_part(share) > least_share ? share : T(least_share));
         }
-        set_row(result, records, i, T(weight * e), h);
+        root[i] = sqrt(h);
+        last[i] = weight * e / root[i];
     }
+    set_rows(result, records, root, last);
     return result;
 }
 
@@ -97,6 +102,8 @@ StandardRows<T> laplace_rows(const LawRecords& records, const T& ln_scale, Curva
     StandardRows<T> result{Matrix<T>(records.rows.rows(), records.rows.cols()),
                            n * (ln_scale + detail::laplace_normalisation)};
     const T expected = detail::laplace_information / (s * s);
+    Vector<T> root(records.rows.rows());
+    Vector<T> last(records.rows.rows());
     for (Eigen::Index i = 0; i < records.rows.rows(); ++i) {
         const double e = records.rows(i, records.rows.cols() - 1);
         const T r = sqrt(e * e + d * d);
@@ -107,8 +114,10 @@ StandardRows<T> laplace_rows(const LawRecords& records, const T& ln_scale, Curva
             const T share = d * d / (r * r);
             h = weight * (real_part(share) > least_share_laplace ? share : T(least_share_laplace));
         }
-        set_row(result, records, i, T(weight * e), h);
+        root[i] = sqrt(h);
+        last[i] = weight * e / root[i];
     }
+    set_rows(result, records, root, last);
     return result;
 }
 
@@ -124,36 +133,39 @@ StandardRows<T> relative_rows(const LawRecords& records, const Vector<T>& psi, C
     assert(records.observed.size() == records.rows.rows());
     const T variance = exp(2.0 * psi[0]);
     const T factor = exp(2.0 * psi[1]);
+    const double half_root = 0.5 * std::numbers::sqrt2;
     const Eigen::Index n = records.rows.rows();
-    const Eigen::Index last = records.rows.cols() - 1;
-    StandardRows<T> result{Matrix<T>::Zero(2 * n, last + 1), T(0.5 * static_cast<double>(n) * ln_two_pi)};
+    StandardRows<T> result{Matrix<T>(2 * n, records.rows.cols()), T(0.5 * static_cast<double>(n) * ln_two_pi)};
+    Vector<T> root(n);
+    Vector<T> last(n);
+    // The second rows stay zero for a step: shape and sums do not depend on the curvature asked for.
+    Vector<T> root_of_variance = Vector<T>::Zero(n);
+    Vector<T> last_of_variance = Vector<T>::Zero(n);
     for (Eigen::Index i = 0; i < n; ++i) {
-        const double e = records.rows(i, last);
+        const double e = records.rows(i, records.rows.cols() - 1);
         const double prediction = records.observed[i] - e;
         const T v = variance + factor * (prediction * prediction);
         const T t = 2.0 * factor * prediction / v;
         const T square = e * e / v;
         result.value += 0.5 * (log(v) + square);
-        const T expected = 1.0 / v + 0.5 * t * t;
-        if (curvature == Curvature::step) {
-            const T t_slope = 2.0 * factor / v - t * t;
-            const T second = 1.0 / v + 2.0 * e * t / v + 0.5 * square * t * t + 0.5 * t_slope * (1.0 - square);
-            const T least = least_share * expected;
-            set_row(result, records, i, T(e / v + 0.5 * t * (square - 1.0)),
-                    real_part(second) > real_part(least) ? second : least);
-            continue;  // the second row stays zero: shape and sums do not depend on the curvature asked for
+        if (curvature == Curvature::expected) {
+            root[i] = 1.0 / sqrt(v);
+            last[i] = e * root[i];
+            root_of_variance[i] = t * half_root;
+            last_of_variance[i] = (square - 1.0) * half_root;
+            continue;
         }
-        const T root = 1.0 / sqrt(v);
-        const auto a = records.rows.row(i).head(last).template cast<T>();
-        result.rows.row(i).head(last) = a * root;
-        result.rows(i, last) = e * root;
-        result.rows.row(n + i).head(last) = a * T(t * std::numbers::sqrt2 / 2.0);
-        result.rows(n + i, last) = (square - 1.0) * (std::numbers::sqrt2 / 2.0);
+        const T least = least_share * (1.0 / v + 0.5 * t * t);
+        const T t_slope = 2.0 * factor / v - t * t;
+        const T second = 1.0 / v + 2.0 * e * t / v + 0.5 * square * t * t + 0.5 * t_slope * (1.0 - square);
+        root[i] = sqrt(real_part(second) > real_part(least) ? second : least);
+        last[i] = (e / v + 0.5 * t * (square - 1.0)) / root[i];
     }
+    set_rows(result, records, root, last);
+    set_rows(result, records, root_of_variance, last_of_variance, n);
     return result;
 }
 
-/// ln|L| of the records' covariance V = L L^T without the factor that the number of records brings.
 template <class T>
 T ln_determinant(const Matrix<T>& triangle) {
     using std::log;
