@@ -44,13 +44,18 @@ Eigen::VectorXd starts(const std::vector<estimator::FreeParameter>& parameters) 
 
 CycleStart start_from_cycles(const Workspace& work, const std::vector<estimator::FreeParameter>& parameters,
                              const models::ParameterBinding& binding, const std::vector<orbits::Cycle>& cycles,
-                             const orbits::CycleTargetOptions& targets, const estimator::EstimateOptions& options) {
+                             const orbits::CycleTargetOptions& asked, const estimator::EstimateOptions& options) {
     const Job& job = work.job;
+    // On the way to a start normal errors will do: their form only matters for the final estimate.
+    orbits::CycleTargetOptions targets = asked;
+    targets.forms.clear();
+    targets.covariances.clear();
     std::vector<estimator::FreeParameter> current = parameters;
     CycleStart result;
     const auto stage = [&](std::string_view name, estimator::Residual& residual) {
         estimator::EstimateOptions stage_options = options;
         stage_options.variance = estimator::Variance::ml;
+        stage_options.verdict = false;
         stage_options.maximum_iterations = stage_iterations;
         stage_options.step_tolerance = stage_tolerance;
         const auto estimate = estimator::estimate(current, {&residual}, {}, stage_options);

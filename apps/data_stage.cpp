@@ -164,7 +164,21 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     return experiment;
 }
 
-Experiment measured(const Workspace& work, const DataJob& data) {
+/// Header of the column with the sds of a coordinate's readings; empty: none is asked for.
+std::string sd_column(const Job& job, std::size_t experiment, Eigen::Index coordinate) {
+    if (!job.estimate || !job.estimate->series) return {};
+    const SeriesResidualJob& series = *job.estimate->series;
+    const auto& observed = job.data[experiment].observe;
+    const bool used = std::count(series.data.begin(), series.data.end(), experiment) > 0 &&
+                      std::count(observed.begin(), observed.end(), coordinate) > 0;
+    for (const ErrorJob& error : series.errors) {
+        if (used && error.coordinate == coordinate) return error.sd_column;
+    }
+    return {};
+}
+
+Experiment measured(const Workspace& work, std::size_t index) {
+    const DataJob& data = work.job.data[index];
     const FileJob& file = *data.file;
     work.progress.begin("read");
     Experiment experiment;
@@ -184,7 +198,8 @@ Experiment measured(const Workspace& work, const DataJob& data) {
                  column.column,
                  column.unit,
                  static_cast<double>(column.sign),
-                 column.offset});
+                 column.offset,
+                 sd_column(work.job, index, column.coordinate)});
         }
         experiment.series = orbits::read_csv(file.path, layout);
     } else {
@@ -212,7 +227,7 @@ Experiment measured(const Workspace& work, const DataJob& data) {
 std::vector<Experiment> load_data(const Workspace& work) {
     std::vector<Experiment> experiments;
     for (std::size_t i = 0; i < work.job.data.size(); ++i) {
-        experiments.push_back(work.job.data[i].simulation ? simulated(work, i) : measured(work, work.job.data[i]));
+        experiments.push_back(work.job.data[i].simulation ? simulated(work, i) : measured(work, i));
     }
     return experiments;
 }

@@ -23,6 +23,21 @@ const estimator::EstimatedScale* scale_of(const estimator::Estimate& estimate, c
     return nullptr;
 }
 
+Eigen::VectorXd values(const estimator::Estimate& estimate) {
+    Eigen::VectorXd theta(static_cast<Eigen::Index>(estimate.parameters.size()));
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
+        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
+    return theta;
+}
+
+/// Relative part of a group's errors; 0 where there is none.
+double relative_of(const estimator::EstimatedScale& scale) {
+    for (const estimator::Estimated& parameter : scale.shape) {
+        if (parameter.name == "relative") return parameter.value;
+    }
+    return 0.0;
+}
+
 double nearest_prediction(double observed, double e, bool angle) {
     const double predicted = observed - e;
     return angle ? models::wrapped(predicted) : predicted;
@@ -73,28 +88,32 @@ void add_series_rows(const Job& job, std::size_t experiment, const orbits::Serie
                 residual.groups()[static_cast<std::size_t>(residual.layout()[b].group[static_cast<std::size_t>(i)])];
             const auto* scale = scale_of(estimate, group.name);
             const double observed = segment.values(row, record.sample);
-            rows.push_back({job.data[experiment].name, segment.label, std::string(coordinate.name),
-                            segment.times[record.sample], observed, observed - values[b].e[i],
-                            scale != nullptr ? scale->value : nan});
+            rows.push_back(
+                {job.data[experiment].name, segment.label, std::string(coordinate.name), segment.times[record.sample],
+                 observed, observed - values[b].e[i],
+                 scale != nullptr ? residual.error_sd(b, i, values[b].e[i], scale->value, relative_of(*scale)) : nan});
         }
     }
 }
 
 void add_initial_states(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                        const estimator::Estimate& estimate, const std::vector<std::vector<Eigen::Index>>& parameters,
                         const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
                         ResultContext& context) {
     const auto coordinates = job.model.system->coordinates();
     for (std::size_t b = 0; b < latents.size(); ++b) {
         InitialState initial{job.data[experiment].name, residual.series().segments[residual.segment(b)].label, {}};
-        const Eigen::VectorXd state = residual.state(latents[b]);
+        const Eigen::VectorXd state = residual.state(b, values(estimate), latents[b]);
         for (Eigen::Index i = 0; i < state.size(); ++i) {
             const auto& free = residual.free_coordinates();
             const auto at = std::find(free.begin(), free.end(), i);
             const bool known = b < sds.size() && sds[b].size() == static_cast<Eigen::Index>(free.size());
-            const double sd = at != free.end() && known ? sds[b][at - free.begin()] : nan;
+            double sd = at != free.end() && known ? sds[b][at - free.begin()] : nan;
+            const auto& own = parameters[static_cast<std::size_t>(i)];
+            if (!own.empty()) sd = estimate.parameters[static_cast<std::size_t>(own[b])].sd;
             const auto& coordinate = coordinates[static_cast<std::size_t>(i)];
-            initial.values.push_back(
-                {std::string(coordinate.name), std::string(coordinate.unit), state[i], sd, at != free.end()});
+            initial.values.push_back({std::string(coordinate.name), std::string(coordinate.unit), state[i], sd,
+                                      at != free.end() || !own.empty()});
         }
         context.initial_states.push_back(std::move(initial));
     }
@@ -108,11 +127,13 @@ void add_predictions(const Job& job, std::size_t experiment, const orbits::Serie
     const auto predicted = segments_with(residual.series(), data, data.predict);
     segments.insert(segments.end(), predicted.begin(), predicted.end());
     Eigen::VectorXd scales(static_cast<Eigen::Index>(residual.groups().size()));
+    Eigen::VectorXd relative = Eigen::VectorXd::Zero(scales.size());
     for (Eigen::Index g = 0; g < scales.size(); ++g) {
         const auto* scale = scale_of(estimate, residual.groups()[static_cast<std::size_t>(g)].name);
         scales[g] = scale != nullptr && scale->value > 0.0 ? scale->value : 1.0;
+        if (scale != nullptr) relative[g] = relative_of(*scale);
     }
-    const auto predictions = residual.predict(theta, scales, segments);
+    const auto predictions = residual.predict(theta, scales, segments, relative);
     for (std::size_t i = 0; i < predictions.size(); ++i) {
         Prediction prediction;
         prediction.experiment = data.name;

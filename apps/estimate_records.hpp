@@ -29,8 +29,10 @@ void add_series_rows(const Job& job, std::size_t experiment, const orbits::Serie
                      std::vector<ResidualRow>& rows);
 
 /// Initial state of every fitted segment; what is held at a value has no sd.
+/// @param parameters    by coordinate: indices of parameters that are its value in each block, or empty.
 /// @param latents, sds  of the estimate, one per block; `sds` may be empty.
 void add_initial_states(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                        const estimator::Estimate& estimate, const std::vector<std::vector<Eigen::Index>>& parameters,
                         const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
                         ResultContext& context);
 

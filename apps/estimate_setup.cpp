@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -13,6 +14,14 @@ bool has_own(const DataJob& data, Eigen::Index parameter) {
     return std::find(data.free.begin(), data.free.end(), parameter) != data.free.end();
 }
 
+/// What the parameter that another one follows is called in an experiment.
+std::string name_in(const Job& job, const DataJob& data, const std::string& name) {
+    for (const FreeParameterJob& free : job.estimate->parameters) {
+        if (free.value.name == name && has_own(data, free.parameter)) return fmt::format("{}@{}", name, data.name);
+    }
+    return name;
+}
+
 /// All experiments have it for themselves: nothing is left to share.
 bool is_shared(const Job& job, Eigen::Index parameter) {
     return job.data.empty() || !std::all_of(job.data.begin(), job.data.end(),
@@ -22,6 +31,31 @@ bool is_shared(const Job& job, Eigen::Index parameter) {
 void bind(models::ParameterBinding& binding, Eigen::Index parameter, std::size_t estimated) {
     binding.parameter.push_back(parameter);
     binding.estimated.push_back(static_cast<Eigen::Index>(estimated));
+}
+
+void add_initial_values(const Job& job, std::size_t experiment, const std::vector<std::string>& segments,
+                        EstimateSetup& setup) {
+    const DataJob& data = job.data[experiment];
+    auto& indices = setup.initial[experiment];
+    indices.resize(data.initial_state.size());
+    for (std::size_t i = 0; i < data.initial_state.size(); ++i) {
+        const InitialValueJob& initial = data.initial_state[i];
+        if (!initial.is_parameter()) continue;
+        const models::Coordinate& coordinate = job.model.system->coordinates()[i];
+        for (const std::string& segment : segments) {
+            estimator::FreeParameter parameter;
+            parameter.name = initial_parameter_name(std::string(coordinate.name), data.name);
+            if (segments.size() > 1) parameter.name += "." + segment;
+            parameter.unit = coordinate.unit;
+            parameter.start = initial.value.value_or(std::numeric_limits<double>::quiet_NaN());
+            parameter.scale = initial.scale;
+            parameter.lower = initial.lower;
+            parameter.upper = initial.upper;
+            parameter.prior = initial.prior;
+            indices[i].push_back(static_cast<Eigen::Index>(setup.parameters.size()));
+            setup.parameters.push_back(std::move(parameter));
+        }
+    }
 }
 
 estimator::DerivedQuantity derived_quantity(const DerivedJob& derived, const models::ParameterBinding& binding) {
@@ -47,7 +81,7 @@ Eigen::VectorXd EstimateSetup::start() const {
     return theta;
 }
 
-EstimateSetup estimate_setup(const Job& job) {
+EstimateSetup estimate_setup(const Job& job, const std::vector<std::vector<std::string>>& segments) {
     EstimateSetup setup;
     setup.model.base = job.model.values;
     setup.experiments.resize(job.data.size());
@@ -74,7 +108,13 @@ EstimateSetup estimate_setup(const Job& job) {
             if (e == 0 && !is_shared(job, free.parameter)) bind(setup.model, free.parameter, setup.parameters.size());
             setup.parameters.push_back(free.value);
             setup.parameters.back().name = fmt::format("{}@{}", free.value.name, job.data[e].name);
+            setup.parameters.back().tied_to = name_in(job, job.data[e], free.value.tied_to);
         }
+    }
+    setup.initial.resize(job.data.size());
+    if (job.estimate->series) {
+        for (const std::size_t experiment : job.estimate->series->data)
+            add_initial_values(job, experiment, segments[experiment], setup);
     }
     const auto count = static_cast<Eigen::Index>(setup.parameters.size());
     setup.model.estimated_count = count;

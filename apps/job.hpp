@@ -1,11 +1,14 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include <Eigen/Core>
@@ -81,7 +84,24 @@ struct InitialValueJob {
     bool estimate = true;
     std::optional<double> value;  ///< fixed value, or start when estimated; empty: start from the data
     estimator::Prior prior = estimator::FlatPrior{};
+    estimator::Scale scale = estimator::Scale::linear;
+    double lower = -std::numeric_limits<double>::infinity();
+    double upper = std::numeric_limits<double>::infinity();
+
+    /// More is said of it than a latent state can have: it becomes a parameter of the estimate, one per segment, named
+    /// by initial_parameter_name.
+    [[nodiscard]] bool is_parameter() const {
+        const bool plain = std::holds_alternative<estimator::FlatPrior>(prior) ||
+                           std::holds_alternative<estimator::NormalPrior>(prior);
+        return estimate && !(plain && scale == estimator::Scale::linear && std::isinf(lower) && std::isinf(upper));
+    }
 };
+
+/// "u_0@run1": a coordinate's value at the first sample of an experiment. With several fitted segments ".LABEL"
+/// follows.
+[[nodiscard]] inline std::string initial_parameter_name(const std::string& coordinate, const std::string& experiment) {
+    return coordinate + "_0@" + experiment;
+}
 
 /// One experiment.
 struct DataJob {
@@ -120,7 +140,7 @@ struct PeriodicJob {
 
 struct FreeParameterJob {
     Eigen::Index parameter;          ///< index into System::parameters()
-    estimator::FreeParameter value;  ///< start, scale, bounds, prior; name and unit of the model
+    estimator::FreeParameter value;  ///< start, scale, bounds, prior, tie; name and unit of the model
 };
 
 struct DerivedJob {
@@ -131,30 +151,70 @@ struct DerivedJob {
 /// Errors of one coordinate. ErrorScale::value is 0 while estimated without a start: "start from the residuals".
 struct ErrorJob {
     Eigen::Index coordinate = 0;
-    estimator::ErrorScale scale;
+    estimator::ErrorScale scale;  ///< with `sd_column` a factor on the sds there
+    estimator::ErrorDistribution distribution = estimator::NormalErrors{};
+    double floor = 0.0;     ///< least value of an estimated scale
+    std::string sd_column;  ///< header in the table of the data; empty: one sd for all readings
+};
+
+/// Several coordinates with one full covariance, estimated.
+struct CovarianceJob {
+    std::vector<Eigen::Index> coordinates;  ///< two or more, normal
+    double dof = 0.0;                       ///< of its inverse-Wishart prior; 0: none
+    Eigen::MatrixXd psi;                    ///< shape (m, m), with a prior
 };
 
 struct CyclesResidualJob {
     std::vector<int> periods;
     bool covariance = true;        ///< weights: the analysis' covariance times a factor; false: equal, a sd
     std::vector<ErrorJob> errors;  ///< one per coordinate of the model, in their order
+    std::vector<CovarianceJob> covariances;
 };
 
 /// Sampled data with exact matching: one free initial state per segment over the whole segment.
 struct SeriesResidualJob {
     std::vector<std::size_t> data;  ///< indices into Job::data
     std::vector<ErrorJob> errors;   ///< one per coordinate observed in any of them, ascending
+    std::vector<CovarianceJob> covariances;
 };
 
 enum class ResidualType { cycles, series };
 
+/// Estimates from several starts; 1 = from the job's alone.
+struct MultiStartJob {
+    std::size_t starts = 1;
+    std::uint64_t seed = 1;  ///< the job's, unless another is given
+};
+
+/// Draws from the posterior density; 0 draws: none.
+struct SampleJob {
+    std::size_t draws = 0;   ///< per chain, after the warm-up
+    std::size_t chains = 4;  ///< >= 2: their agreement is the test
+    std::size_t warm_up = 1000;
+};
+
+/// Which estimated parameters something is done for.
+struct ParameterChoice {
+    bool all = false;
+    std::vector<std::string> names;  ///< of the estimate's parameters, unless all
+
+    [[nodiscard]] bool any() const { return all || !names.empty(); }
+    /// Also for every segment of an initial value that is named without one.
+    [[nodiscard]] bool contains(const std::string& name) const;
+};
+
 struct EstimateJob {
     std::vector<FreeParameterJob> parameters;
+    std::vector<estimator::JointNormalPrior> joint_priors;
     std::vector<DerivedJob> derived;
     std::optional<CyclesResidualJob> cycles;
     std::optional<SeriesResidualJob> series;
     std::vector<ResidualType> strategy;  ///< in this order; names every residual present, once
     estimator::Variance variance = estimator::Variance::restricted;
+    MultiStartJob multi_start;
+    SampleJob sample;
+    ParameterChoice profile;
+    ParameterChoice marginals;
 };
 
 struct ReferenceJob {

@@ -87,6 +87,54 @@ void read_segments(const ValueReader& value, DataJob& data) {
     segments.finish();
 }
 
+/// A density of positive numbers alone.
+bool is_positive(const estimator::Prior& prior) {
+    return std::holds_alternative<estimator::LogNormalPrior>(prior) ||
+           std::holds_alternative<estimator::GammaPrior>(prior) ||
+           std::holds_alternative<estimator::HalfNormalPrior>(prior) ||
+           std::holds_alternative<estimator::HalfCauchyPrior>(prior);
+}
+
+void read_free_initial_value(ObjectReader& object, InitialValueJob& initial) {
+    const auto start = object.find("start");
+    if (start) initial.value = start->number();
+    if (const auto prior = object.find("prior")) initial.prior = read_prior(*prior).value_or(estimator::Prior{});
+    if (is_positive(initial.prior)) {
+        initial.scale = estimator::Scale::log;
+        initial.lower = 0.0;
+    }
+    if (const auto scale = object.find("scale")) {
+        const auto choice = scale->choice({"linear", "log"});
+        if (choice) initial.scale = *choice == 0 ? estimator::Scale::linear : estimator::Scale::log;
+        if (initial.scale == estimator::Scale::log) initial.lower = 0.0;
+    }
+    if (const auto bounds = object.find("bounds")) {
+        const auto items = bounds->items();
+        if (items.size() != 2) {
+            if (bounds->is(JsonValue::Kind::array)) bounds->report("must be [lower, upper]; null stands for no bound");
+        } else {
+            if (!items[0].is(JsonValue::Kind::null)) initial.lower = items[0].number().value_or(initial.lower);
+            if (!items[1].is(JsonValue::Kind::null)) initial.upper = items[1].number().value_or(initial.upper);
+            if (!(initial.lower < initial.upper)) {
+                bounds->report(
+                    fmt::format("lower bound {} must be below the upper bound {}", initial.lower, initial.upper));
+            }
+        }
+        if (initial.scale == estimator::Scale::log && initial.lower < 0.0) {
+            bounds->report(fmt::format("lower bound {} must be >= 0 on a log scale", initial.lower));
+        }
+    }
+    if (!start || !initial.value) return;
+    if (initial.scale == estimator::Scale::log && !(*initial.value > 0.0)) {
+        start->report(fmt::format("start {} has no logarithm: give a start > 0", *initial.value));
+    } else if (!(initial.lower <= *initial.value && *initial.value <= initial.upper)) {
+        start->report(
+            fmt::format("start {} lies outside the bounds [{}, {}]", *initial.value, initial.lower, initial.upper));
+    } else if (!std::isfinite(estimator::negative_log_density(initial.prior, *initial.value))) {
+        start->report(fmt::format("start {} has no density under its prior", *initial.value));
+    }
+}
+
 InitialValueJob read_initial_value(const ValueReader& value) {
     InitialValueJob initial;
     if (value.is(JsonValue::Kind::string)) {
@@ -101,11 +149,9 @@ InitialValueJob read_initial_value(const ValueReader& value) {
     if (const auto fixed = object.find("value")) {
         initial.estimate = false;
         initial.value = fixed->number();
+        if (!initial.value) initial.value = 0.0;
     } else {
-        if (const auto start = object.find("start")) initial.value = start->number();
-        if (const auto prior = object.find("prior")) {
-            initial.prior = read_prior(*prior).value_or(estimator::Prior{});
-        }
+        read_free_initial_value(object, initial);
     }
     object.finish();
     return initial;

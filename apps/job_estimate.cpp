@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -14,8 +15,13 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 /// domain, so it is this share of the typical size.
 constexpr double smallest_positive_share = 1e-9;
 
+/// Scales whose ends are never reached: the end of a domain may be one although no value.
+bool is_logarithmic(estimator::Scale scale) {
+    return scale == estimator::Scale::log || scale == estimator::Scale::log10;
+}
+
 void set_default_bounds(const models::Parameter& entry, estimator::FreeParameter& free) {
-    const bool log_scale = free.scale == estimator::Scale::log;
+    const bool log_scale = is_logarithmic(free.scale);
     free.upper = infinity;
     switch (entry.domain) {
         case models::Domain::real:
@@ -47,9 +53,10 @@ void read_bounds(const ValueReader& value, const models::Parameter& entry, estim
         value.report(fmt::format("lower bound {} must be below the upper bound {}", lower, upper));
         return;
     }
-    const bool log_scale = free.scale == estimator::Scale::log;
-    // On a log scale the bound 0 is never reached.
-    const bool allowed = no_lower || (log_scale ? lower >= 0.0 : models::contains(entry.domain, lower));
+    const bool log_scale = is_logarithmic(free.scale);
+    // On a log or logit scale the bound 0 is never reached.
+    const bool open_zero = log_scale || (free.scale == estimator::Scale::logit && lower == 0.0);
+    const bool allowed = no_lower || (open_zero ? lower >= 0.0 : models::contains(entry.domain, lower));
     if (!allowed) {
         items[0].report(fmt::format("lower bound {} lies outside the domain of {}: must be {}", lower, entry.name,
                                     log_scale ? ">= 0 on a log scale" : models::rule(entry.domain)));
@@ -63,9 +70,12 @@ void check_start(const ValueReader& at, const models::Parameter& entry, const es
     if (!models::contains(entry.domain, free.start)) {
         at.report(fmt::format("start {} of {} ({}): must be {}", free.start, entry.name, entry.description,
                               models::rule(entry.domain)));
-    } else if (free.scale == estimator::Scale::log && !(free.start > 0.0)) {
+    } else if (is_logarithmic(free.scale) && !(free.start > 0.0)) {
         at.report(fmt::format("start {} of {} has no logarithm: use \"scale\": \"linear\", or a start > 0", free.start,
                               entry.name));
+    } else if (free.scale == estimator::Scale::logit && !(free.lower < free.start && free.start < free.upper)) {
+        at.report(fmt::format("start {} of {} must lie inside its bounds ({}, {}) on a logit scale", free.start,
+                              entry.name, free.lower, free.upper));
     } else if (!(free.lower <= free.start && free.start <= free.upper)) {
         at.report(fmt::format("start {} of {} lies outside its bounds [{}, {}]", free.start, entry.name, free.lower,
                               free.upper));
@@ -84,15 +94,21 @@ FreeParameterJob read_free(const ValueReader& value, Eigen::Index index, const J
     free.start = job.model.values[index];
     free.scale = entry.domain == models::Domain::positive ? estimator::Scale::log : estimator::Scale::linear;
     ObjectReader object(value);
-    const std::size_t problems_before = value.problem_count();
-    if (const auto scale = object.find("scale")) {
-        const auto choice = scale->choice({"linear", "log"});
-        if (choice) free.scale = *choice == 0 ? estimator::Scale::linear : estimator::Scale::log;
+    if (const auto tie = object.find("tied")) {
+        read_tie(object, *tie, result);
+        object.finish();
+        return result;
     }
+    const std::size_t problems_before = value.problem_count();
+    const auto scale = object.find("scale");
+    if (scale) free.scale = read_scale(*scale).value_or(free.scale);
     const auto start = object.find("start");
     if (start) free.start = start->number().value_or(free.start);
     set_default_bounds(entry, free);
     if (const auto bounds = object.find("bounds")) read_bounds(*bounds, entry, free);
+    if (scale && free.scale == estimator::Scale::logit && !(std::isfinite(free.lower) && std::isfinite(free.upper))) {
+        scale->report(fmt::format("a logit scale needs finite \"bounds\"; they are [{}, {}]", free.lower, free.upper));
+    }
     if (const auto prior = object.find("prior")) free.prior = read_prior(*prior).value_or(estimator::Prior{});
     object.finish();
     // What is wrong already would only be reported a second time in other words.
@@ -152,18 +168,6 @@ void read_strategy(ObjectReader& object, EstimateJob& estimate) {
     }
 }
 
-/// A method of which only "none" exists: { key: none } is accepted, other values are reserved.
-void read_none(ObjectReader& object, std::string_view block, std::string_view key, double none) {
-    const auto value = object.find(block);
-    if (!value) return;
-    ObjectReader inner(*value);
-    if (const auto entry = inner.find(key)) {
-        const auto number = entry->number();
-        if (number && *number != none) entry->report_later(fmt::format("\"{}\": {}", key, *number));
-    }
-    inner.finish();
-}
-
 void check_experiments(const ValueReader& at, const Job& job, const EstimateJob& estimate) {
     const auto names = parameter_names(job);
     const auto is_free = [&](Eigen::Index index) {
@@ -202,19 +206,28 @@ void read_estimate(ObjectReader& root, Job& job) {
             const auto index = parameter_named(name, member, job);
             if (index) estimate.parameters.push_back(read_free(member, *index, job));
         }
+        for (const auto& [name, member] : parameters->members()) {
+            for (FreeParameterJob& free : estimate.parameters) {
+                if (free.value.name != name || free.value.tied_to.empty()) continue;
+                ObjectReader object_of(member);
+                resolve_tie(object_of.find("tied").value_or(member), job, estimate, free);
+            }
+        }
         if (job.model.system) check_experiments(*parameters, job, estimate);
     }
+    if (const auto priors = object.find("joint_priors")) read_joint_priors(*priors, job, estimate);
     if (const auto derived = object.find("derived")) read_derived(*derived, job, estimate);
     if (const auto residuals = object.require("residuals", "[ { \"type\": \"cycles\" } ], for example")) {
         read_residuals(*residuals, job, estimate);
     }
     if (const auto variance = object.find("variance")) {
-        const auto choice = variance->choice({"ml", "restricted"}, {"integrated"});
-        if (choice == 0) estimate.variance = estimator::Variance::ml;
+        using estimator::Variance;
+        constexpr std::array kinds{Variance::ml, Variance::restricted, Variance::integrated};
+        if (const auto choice = variance->choice({"ml", "restricted", "integrated"}))
+            estimate.variance = kinds[*choice];
     }
     read_strategy(object, estimate);
-    read_none(object, "multi_start", "starts", 1.0);
-    read_none(object, "posterior", "sample", 0.0);
+    read_posterior(object, job, estimate);
     object.finish();
     job.estimate = std::move(estimate);
 }

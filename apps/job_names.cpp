@@ -128,6 +128,27 @@ std::optional<Eigen::VectorXd> read_state(const ValueReader& value, const Job& j
     return state;
 }
 
+std::optional<Eigen::MatrixXd> read_matrix(const ValueReader& value, Eigen::Index size) {
+    const auto rows = value.items();
+    bool complete = value.is(JsonValue::Kind::array) && static_cast<Eigen::Index>(rows.size()) == size;
+    if (value.is(JsonValue::Kind::array) && !complete) {
+        value.report(fmt::format("must be a matrix of {} rows, not {}", size, rows.size()));
+    }
+    Eigen::MatrixXd matrix(size, size);
+    for (std::size_t i = 0; complete && i < rows.size(); ++i) {
+        const auto cells = rows[i].items();
+        complete = static_cast<Eigen::Index>(cells.size()) == size;
+        if (!complete) rows[i].report(fmt::format("must be a row of {} numbers, not {}", size, cells.size()));
+        for (std::size_t j = 0; complete && j < cells.size(); ++j) {
+            const auto number = cells[j].number();
+            complete = number.has_value();
+            matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = number.value_or(0.0);
+        }
+    }
+    if (!complete) return std::nullopt;
+    return matrix;
+}
+
 bool is_name(const std::string& name, const ValueReader& at) {
     const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
     const auto digit = [](char c) { return c >= '0' && c <= '9'; };

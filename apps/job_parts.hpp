@@ -28,8 +28,32 @@ void read_file(ObjectReader& data, const ValueReader& path, const Job& job, File
 
 /// Parts of estimate.
 [[nodiscard]] std::optional<estimator::Prior> read_prior(const ValueReader& value);
-[[nodiscard]] std::optional<estimator::ErrorScale> read_error_scale(const ValueReader& value);
+/// "linear", "log", "log10" or "logit".
+[[nodiscard]] std::optional<estimator::Scale> read_scale(const ValueReader& value);
+/// "tied" of a parameter whose other keys are in `object`; resolve_tie() follows when all parameters are read.
+void read_tie(ObjectReader& object, const ValueReader& tie, FreeParameterJob& free);
+/// Checks a tie against all parameters and takes start and scale from the one it follows.
+void resolve_tie(const ValueReader& at, const Job& job, const EstimateJob& estimate, FreeParameterJob& free);
+/// "joint_priors", after the parameters.
+void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& estimate);
+/// Names of the model's estimated parameters in the result: k2, or k2@run1 where one is free per experiment.
+[[nodiscard]] std::vector<std::string> estimated_parameter_names(const Job& job, const EstimateJob& estimate);
 void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate);
+/// "multi_start", "posterior", "profile", "marginals"; after the parameters and residuals.
+void read_posterior(ObjectReader& object, const Job& job, EstimateJob& estimate);
+
+/// Whose errors are read: what their records allow.
+struct ErrorUse {
+    enum class Records { cycles, cycles_with_covariance, series };
+    Records records = Records::series;
+    std::vector<Eigen::Index> coordinates;  ///< that have errors
+    std::vector<std::size_t> data;          ///< series: indices into Job::data
+};
+
+/// "errors" and "covariance" of a residual: one entry per coordinate of `use`; those not named are normal with an
+/// estimated sd.
+void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, std::vector<ErrorJob>& errors,
+                 std::vector<CovarianceJob>& covariances);
 
 /// Names of the model's parameters or coordinates; empty without a model.
 [[nodiscard]] std::vector<std::string> parameter_names(const Job& job);
@@ -54,6 +78,12 @@ void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estim
 
 /// A state of the model: one number per coordinate.
 [[nodiscard]] std::optional<Eigen::VectorXd> read_state(const ValueReader& value, const Job& job);
+
+/// A square matrix of `size` rows [[...], ...].
+[[nodiscard]] std::optional<Eigen::MatrixXd> read_matrix(const ValueReader& value, Eigen::Index size);
+
+/// Largest whole number up to which every whole number is a double: what a JSON number holds exactly.
+inline constexpr std::uint64_t largest_exact_whole = std::uint64_t{1} << 53U;
 
 /// Names given by the user: [A-Za-z_][A-Za-z0-9_]*; reported otherwise.
 [[nodiscard]] bool is_name(const std::string& name, const ValueReader& at);

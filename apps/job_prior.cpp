@@ -1,4 +1,6 @@
-#include <cmath>
+#include <algorithm>
+#include <array>
+#include <stdexcept>
 
 #include "apps/job_parts.hpp"
 
@@ -8,28 +10,112 @@ namespace {
 
 constexpr std::string_view prior_forms =
     "\"flat\", or an object with one of \"normal\": { mean, sd }, \"lognormal\": { median, log_sd }, "
-    "\"uniform\": { lower, upper }";
+    "\"uniform\": { lower, upper }, \"half_normal\": { scale }, \"half_cauchy\": { scale }, "
+    "\"gamma\": { shape, rate }, \"student_t\": { dof, location, scale }";
 
-/// The two numbers of a density.
-struct Pair {
-    double first = 0.0;
-    double second = 1.0;
+/// The numbers of one density, each required.
+class DensityReader {
+public:
+    explicit DensityReader(const ValueReader& value) : object_(value) {}
+
+    /// 1 after a problem was reported: every density allows it.
+    double number(std::string_view key) { return read(key, false); }
+    double positive(std::string_view key) { return read(key, true); }
+    void finish() const { object_.finish(); }
+
+private:
+    double read(std::string_view key, bool positive) {
+        const auto entry = object_.require(key, positive ? "a number > 0" : "a number");
+        if (!entry) return 1.0;
+        return (positive ? entry->positive() : entry->number()).value_or(1.0);
+    }
+
+    ObjectReader object_;
 };
 
-Pair read_pair(const ValueReader& value, std::string_view first, std::string_view second, bool first_positive,
-               bool second_positive) {
-    Pair pair;
+std::optional<estimator::Prior> read_density(const std::string& form, const ValueReader& value) {
+    DensityReader density(value);
+    std::optional<estimator::Prior> prior;
+    if (form == "normal") {
+        const double mean = density.number("mean");
+        prior = estimator::NormalPrior{mean, density.positive("sd")};
+    } else if (form == "lognormal") {
+        const double median = density.positive("median");
+        prior = estimator::LogNormalPrior{median, density.positive("log_sd")};
+    } else if (form == "uniform") {
+        const std::size_t problems_before = value.problem_count();
+        const double lower = density.number("lower");
+        const double upper = density.number("upper");
+        if (value.problem_count() == problems_before && !(lower < upper)) {
+            value.report(fmt::format("lower {} must be below upper {}", lower, upper));
+        }
+        prior = estimator::UniformPrior{lower, upper};
+    } else if (form == "half_normal") {
+        prior = estimator::HalfNormalPrior{density.positive("scale")};
+    } else if (form == "half_cauchy") {
+        prior = estimator::HalfCauchyPrior{density.positive("scale")};
+    } else if (form == "gamma") {
+        const double shape = density.positive("shape");
+        prior = estimator::GammaPrior{shape, density.positive("rate")};
+    } else {
+        const double dof = density.positive("dof");
+        const double location = density.number("location");
+        prior = estimator::StudentPrior{dof, location, density.positive("scale")};
+    }
+    density.finish();
+    return prior;
+}
+
+/// Reads { "names", "mean", "covariance" }; what is wrong with single names is reported at them.
+std::optional<estimator::JointNormalPrior> read_joint_normal(const ValueReader& value, const Job& job,
+                                                             const EstimateJob& estimate,
+                                                             std::vector<std::string>& taken) {
     ObjectReader object(value);
-    const auto read = [&](std::string_view key, bool positive, double& target) {
-        const auto entry = object.require(key, positive ? "a number > 0" : "a number");
-        if (!entry) return;
-        const auto number = positive ? entry->positive() : entry->number();
-        if (number) target = *number;
-    };
-    read(first, first_positive, pair.first);
-    read(second, second_positive, pair.second);
+    const std::size_t problems_before = value.problem_count();
+    const auto names = object.require("names", "a list of estimated parameters");
+    const auto mean = object.require("mean", "a list of numbers, one per name");
+    const auto covariance = object.require("covariance", "a symmetric matrix [[..], ..]");
     object.finish();
-    return pair;
+    if (!names || !mean || !covariance) return std::nullopt;
+    estimator::JointNormalPrior prior;
+    const auto known = estimated_parameter_names(job, estimate);
+    for (const ValueReader& item : names->items()) {
+        const auto name = item.text();
+        if (!name) continue;
+        prior.names.push_back(*name);
+        if (job.model.system && std::find(known.begin(), known.end(), *name) == known.end()) {
+            item.report(fmt::format("\"{}\" is no estimated parameter{}", *name, suggestion(*name, known)));
+        } else if (std::find(taken.begin(), taken.end(), *name) != taken.end()) {
+            item.report(fmt::format("\"{}\" stands in a joint prior already", *name));
+        }
+        taken.push_back(*name);
+        for (const FreeParameterJob& free : estimate.parameters) {
+            if (free.value.name != name->substr(0, name->find('@'))) continue;
+            if (!free.value.tied_to.empty()) {
+                item.report(fmt::format("{} is tied to {}: name that one", *name, free.value.tied_to));
+            } else if (!std::holds_alternative<estimator::FlatPrior>(free.value.prior)) {
+                item.report(fmt::format("{} has a prior of its own in \"parameters\"", *name));
+            }
+        }
+    }
+    const auto count = static_cast<Eigen::Index>(prior.names.size());
+    const auto means = mean->items();
+    if (mean->is(JsonValue::Kind::array) && means.size() != prior.names.size()) {
+        mean->report(fmt::format("must hold one number per name: {}, not {}", count, means.size()));
+    }
+    prior.mean.resize(static_cast<Eigen::Index>(means.size()));
+    for (std::size_t i = 0; i < means.size(); ++i)
+        prior.mean[static_cast<Eigen::Index>(i)] = means[i].number().value_or(0.0);
+    if (const auto matrix = read_matrix(*covariance, count)) prior.covariance = *matrix;
+    // What is wrong already would only be reported a second time in other words.
+    if (value.problem_count() != problems_before) return std::nullopt;
+    try {
+        estimator::validate(prior);
+    } catch (const std::invalid_argument& error) {
+        value.report(error.what());
+        return std::nullopt;
+    }
+    return prior;
 }
 
 }  // namespace
@@ -39,62 +125,53 @@ std::optional<estimator::Prior> read_prior(const ValueReader& value) {
         if (!value.choice({"flat"})) return std::nullopt;
         return estimator::FlatPrior{};
     }
-    if (!value.is(JsonValue::Kind::object) || value.value().members.size() > 1) {
+    if (!value.is(JsonValue::Kind::object) || value.value().members.size() != 1) {
         value.report(fmt::format("must be {}", prior_forms));
         return std::nullopt;
     }
     ObjectReader object(value);
     std::optional<estimator::Prior> prior;
-    if (const auto normal = object.find("normal")) {
-        const Pair pair = read_pair(*normal, "mean", "sd", false, true);
-        prior = estimator::NormalPrior{pair.first, pair.second};
-    }
-    if (const auto lognormal = object.find("lognormal")) {
-        const Pair pair = read_pair(*lognormal, "median", "log_sd", true, true);
-        prior = estimator::LogNormalPrior{pair.first, pair.second};
-    }
-    if (const auto uniform = object.find("uniform")) {
-        const Pair pair = read_pair(*uniform, "lower", "upper", false, false);
-        if (!(pair.first < pair.second)) {
-            uniform->report(fmt::format("lower {} must be below upper {}", pair.first, pair.second));
-        }
-        prior = estimator::UniformPrior{pair.first, pair.second};
+    for (const char* form : {"normal", "lognormal", "uniform", "half_normal", "half_cauchy", "gamma", "student_t"}) {
+        if (const auto density = object.find(form)) prior = read_density(form, *density);
     }
     object.finish();
-    if (value.value().members.empty()) value.report(fmt::format("must be {}", prior_forms));
     return prior;
 }
 
-std::optional<estimator::ErrorScale> read_error_scale(const ValueReader& value) {
-    estimator::ErrorScale scale;
-    scale.value = 0.0;  // estimated without a start: from the residuals
-    if (value.is(JsonValue::Kind::number)) {
-        const auto sd = value.positive();
-        if (!sd) return std::nullopt;
-        scale.estimate = false;
-        scale.value = *sd;
-        return scale;
+std::optional<estimator::Scale> read_scale(const ValueReader& value) {
+    using estimator::Scale;
+    const auto choice = value.choice({"linear", "log", "log10", "logit"});
+    if (!choice) return std::nullopt;
+    constexpr std::array scales{Scale::linear, Scale::log, Scale::log10, Scale::logit};
+    return scales[*choice];
+}
+
+std::vector<std::string> estimated_parameter_names(const Job& job, const EstimateJob& estimate) {
+    std::vector<std::string> names;
+    for (const FreeParameterJob& free : estimate.parameters) {
+        const auto has_own = [&](const DataJob& data) {
+            return std::find(data.free.begin(), data.free.end(), free.parameter) != data.free.end();
+        };
+        for (const DataJob& data : job.data) {
+            if (has_own(data)) names.push_back(free.value.name + "@" + data.name);
+        }
+        const bool shared = job.data.empty() || !std::all_of(job.data.begin(), job.data.end(), has_own);
+        if (shared) names.push_back(free.value.name);
     }
-    if (value.is(JsonValue::Kind::string)) {
-        if (!value.choice({"estimate"})) return std::nullopt;
-        return scale;
+    return names;
+}
+
+void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& estimate) {
+    std::vector<std::string> taken;
+    for (const ValueReader& item : value.items()) {
+        ObjectReader object(item);
+        if (const auto normal = object.require("normal", "{ \"names\": .., \"mean\": .., \"covariance\": .. }")) {
+            if (auto prior = read_joint_normal(*normal, job, estimate, taken)) {
+                estimate.joint_priors.push_back(std::move(*prior));
+            }
+        }
+        object.finish();
     }
-    if (!value.is(JsonValue::Kind::object)) {
-        value.report_kind("a number > 0, \"estimate\" or { \"estimate\": { \"start\": ..., \"prior\": ... } }");
-        return std::nullopt;
-    }
-    ObjectReader object(value);
-    object.reserve({"column", "factor"});
-    if (const auto estimate = object.find("estimate")) {
-        ObjectReader inner(*estimate);
-        if (const auto start = inner.find("start")) scale.value = start->positive().value_or(1.0);
-        if (const auto prior = inner.find("prior")) scale.prior = read_prior(*prior).value_or(estimator::Prior{});
-        inner.finish();
-    } else if (value.value().members.empty()) {
-        value.report("needs \"estimate\": { ... }");
-    }
-    object.finish();
-    return scale;
 }
 
 }  // namespace orbid::apps

@@ -10,9 +10,6 @@ namespace orbid::apps {
 
 namespace {
 
-// Largest whole number up to which every whole number is a double: what a JSON number holds exactly.
-constexpr std::uint64_t largest_exact = std::uint64_t{1} << 53U;
-
 void read_output(ObjectReader& root, Job& job) {
     const auto value = root.find("output");
     if (!value) return;
@@ -38,7 +35,7 @@ void read_root(const ValueReader& value, Job& job) {
     read_origin(root);
     if (const auto title = root.find("title")) job.title = title->text().value_or("");
     read_model(root, job);
-    if (const auto seed = root.find("seed")) job.seed = seed->whole(0, largest_exact).value_or(job.seed);
+    if (const auto seed = root.find("seed")) job.seed = seed->whole(0, largest_exact_whole).value_or(job.seed);
     read_section(root, job);
     read_data(root, job);
     read_orbits(root, job);

@@ -8,51 +8,6 @@ namespace {
 
 using Sampling = orbits::Series::Sampling;
 
-/// "normal" with a standard deviation; other distributions are reserved.
-estimator::ErrorScale read_error(const ValueReader& value) {
-    estimator::ErrorScale scale;
-    scale.value = 0.0;
-    ObjectReader object(value);
-    object.reserve({"dof"});
-    if (const auto distribution = object.find("distribution")) {
-        (void)distribution->choice({"normal"}, {"student_t", "laplace", "lognormal", "relative", "ar1"});
-    }
-    if (const auto sd = object.find("sd")) scale = read_error_scale(*sd).value_or(scale);
-    object.finish();
-    return scale;
-}
-
-/// One entry per coordinate in `coordinates`; those not named have normal errors with estimated sd.
-std::vector<ErrorJob> read_errors(const std::optional<ValueReader>& value, const std::vector<Eigen::Index>& coordinates,
-                                  const Job& job) {
-    std::vector<ErrorJob> errors;
-    for (const Eigen::Index coordinate : coordinates) {
-        errors.push_back({coordinate, {.estimate = true, .value = 0.0, .prior = estimator::FlatPrior{}}});
-    }
-    if (!value) return errors;
-    for (const auto& [name, member] : value->members()) {
-        if (name == "covariance") {
-            member.report_later("a covariance between responses");
-            continue;
-        }
-        if (name == "ln_multiplier") {
-            member.report_later("errors of multipliers");
-            continue;
-        }
-        const estimator::ErrorScale scale = read_error(member);
-        const auto index = coordinate_named(name, member, job);
-        if (!index) continue;
-        bool used = false;
-        for (ErrorJob& error : errors) {
-            if (error.coordinate != *index) continue;
-            error.scale = scale;
-            used = true;
-        }
-        if (!used) member.report(fmt::format("\"{}\" is not observed: it has no errors", name));
-    }
-    return errors;
-}
-
 void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     CyclesResidualJob cycles;
     const bool searched = job.orbits && !job.orbits->file;
@@ -80,10 +35,11 @@ void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     if (const auto multipliers = object.find("multipliers")) {
         if (multipliers->boolean() == true) multipliers->report_later();
     }
-    std::vector<Eigen::Index> coordinates;
+    ErrorUse use;
+    use.records = cycles.covariance ? ErrorUse::Records::cycles_with_covariance : ErrorUse::Records::cycles;
     for (std::size_t i = 0; i < coordinate_names(job).size(); ++i)
-        coordinates.push_back(static_cast<Eigen::Index>(i));
-    cycles.errors = read_errors(object.find("errors"), coordinates, job);
+        use.coordinates.push_back(static_cast<Eigen::Index>(i));
+    read_errors(object, use, job, cycles.errors, cycles.covariances);
     if (estimate.cycles) object.self().report(fmt::format("a second residual of type cycles: {}", not_in_this_version));
     estimate.cycles = std::move(cycles);
 }
@@ -135,14 +91,16 @@ void read_series(ObjectReader& object, const Job& job, EstimateJob& estimate) {
             (void)interval->choice({"auto", "segment"});
         }
     }
-    std::vector<Eigen::Index> coordinates;
+    ErrorUse use;
+    use.records = ErrorUse::Records::series;
+    use.data = series.data;
     for (const std::size_t index : series.data) {
         for (const Eigen::Index coordinate : job.data[index].observe)
-            coordinates.push_back(coordinate);
+            use.coordinates.push_back(coordinate);
     }
-    std::sort(coordinates.begin(), coordinates.end());
-    coordinates.erase(std::unique(coordinates.begin(), coordinates.end()), coordinates.end());
-    series.errors = read_errors(object.find("errors"), coordinates, job);
+    std::sort(use.coordinates.begin(), use.coordinates.end());
+    use.coordinates.erase(std::unique(use.coordinates.begin(), use.coordinates.end()), use.coordinates.end());
+    read_errors(object, use, job, series.errors, series.covariances);
     if (estimate.series) object.self().report(fmt::format("a second residual of type series: {}", not_in_this_version));
     estimate.series = std::move(series);
 }

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -30,7 +31,16 @@ namespace detail {
 [[nodiscard]] nlohmann::ordered_json data_document(const Job& job, const DataJob& data,
                                                    const std::filesystem::path& folder);
 [[nodiscard]] nlohmann::ordered_json estimate_document(const Job& job);
+/// "errors" and "covariance" of a residual.
+void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::vector<CovarianceJob>& covariances,
+                nlohmann::ordered_json& residual);
 [[nodiscard]] nlohmann::ordered_json prior_document(const estimator::Prior& prior);
+[[nodiscard]] nlohmann::ordered_json joint_priors_document(const std::vector<estimator::JointNormalPrior>& priors);
+/// A tied parameter has nothing but its tie.
+[[nodiscard]] nlohmann::ordered_json tie_document(const estimator::FreeParameter& parameter);
+[[nodiscard]] std::string_view scale_name(estimator::Scale scale);
+/// [lower, upper], null where infinite.
+[[nodiscard]] nlohmann::ordered_json bounds_document(double lower, double upper);
 [[nodiscard]] std::string path_text(const std::filesystem::path& path, const std::filesystem::path& folder);
 [[nodiscard]] std::string parameter_name(const Job& job, Eigen::Index index);
 [[nodiscard]] std::string coordinate_name(const Job& job, Eigen::Index index);

@@ -63,6 +63,9 @@ Json initial_value_document(const InitialValueJob& initial) {
     Json object = Json::object();
     if (initial.value) object["start"] = *initial.value;
     object["prior"] = prior_document(initial.prior);
+    if (!initial.is_parameter()) return object;
+    object["scale"] = scale_name(initial.scale);
+    object["bounds"] = bounds_document(initial.lower, initial.upper);
     return object;
 }
 

@@ -1,6 +1,4 @@
 #include <cmath>
-#include <type_traits>
-#include <variant>
 
 #include "apps/job_writer.hpp"
 
@@ -14,26 +12,28 @@ Json bound_document(double bound) {
     return std::isfinite(bound) ? Json(bound) : Json(nullptr);
 }
 
-Json free_document(const estimator::FreeParameter& free) {
-    return {{"start", free.start},
-            {"scale", free.scale == estimator::Scale::log ? "log" : "linear"},
-            {"bounds", Json::array({bound_document(free.lower), bound_document(free.upper)})},
-            {"prior", prior_document(free.prior)}};
+std::string_view variance_name(estimator::Variance variance) {
+    switch (variance) {
+        case estimator::Variance::ml:
+            return "ml";
+        case estimator::Variance::integrated:
+            return "integrated";
+        case estimator::Variance::restricted:
+            break;
+    }
+    return "restricted";
 }
 
-Json errors_document(const Job& job, const std::vector<ErrorJob>& errors) {
-    Json object = Json::object();
-    for (const ErrorJob& error : errors) {
-        Json sd = error.scale.value;
-        if (error.scale.estimate) {
-            Json options = Json::object();
-            if (error.scale.value > 0) options["start"] = error.scale.value;
-            options["prior"] = prior_document(error.scale.prior);
-            sd = {{"estimate", std::move(options)}};
-        }
-        object[coordinate_name(job, error.coordinate)] = {{"distribution", "normal"}, {"sd", std::move(sd)}};
-    }
-    return object;
+Json choice_document(const ParameterChoice& choice) {
+    return choice.names.empty() ? Json(choice.all) : Json(choice.names);
+}
+
+Json free_document(const estimator::FreeParameter& free) {
+    if (!free.tied_to.empty()) return tie_document(free);
+    return {{"start", free.start},
+            {"scale", scale_name(free.scale)},
+            {"bounds", bounds_document(free.lower, free.upper)},
+            {"prior", prior_document(free.prior)}};
 }
 
 Json residuals_document(const Job& job, const EstimateJob& estimate) {
@@ -45,7 +45,7 @@ Json residuals_document(const Job& job, const EstimateJob& estimate) {
         cycles["weights"] = estimate.cycles->covariance ? "covariance" : "equal";
         cycles["positions"] = true;
         cycles["multipliers"] = false;
-        cycles["errors"] = errors_document(job, estimate.cycles->errors);
+        add_errors(job, estimate.cycles->errors, estimate.cycles->covariances, cycles);
         residuals.push_back(std::move(cycles));
     }
     if (estimate.series) {
@@ -55,7 +55,7 @@ Json residuals_document(const Job& job, const EstimateJob& estimate) {
         series["matching"] = "exact";
         // What "auto" means in this version: a later one may choose otherwise, this job may not.
         series["interval"] = "segment";
-        series["errors"] = errors_document(job, estimate.series->errors);
+        add_errors(job, estimate.series->errors, estimate.series->covariances, series);
         residuals.push_back(std::move(series));
     }
     return residuals;
@@ -63,21 +63,8 @@ Json residuals_document(const Job& job, const EstimateJob& estimate) {
 
 }  // namespace
 
-Json prior_document(const estimator::Prior& prior) {
-    return std::visit(
-        [](const auto& density) -> Json {
-            using Density = std::decay_t<decltype(density)>;
-            if constexpr (std::is_same_v<Density, estimator::NormalPrior>) {
-                return {{"normal", {{"mean", density.mean}, {"sd", density.sd}}}};
-            } else if constexpr (std::is_same_v<Density, estimator::LogNormalPrior>) {
-                return {{"lognormal", {{"median", density.median}, {"log_sd", density.log_sd}}}};
-            } else if constexpr (std::is_same_v<Density, estimator::UniformPrior>) {
-                return {{"uniform", {{"lower", density.lower}, {"upper", density.upper}}}};
-            } else {
-                return "flat";
-            }
-        },
-        prior);
+Json bounds_document(double lower, double upper) {
+    return Json::array({bound_document(lower), bound_document(upper)});
 }
 
 Json estimate_document(const Job& job) {
@@ -86,16 +73,20 @@ Json estimate_document(const Job& job) {
     for (const FreeParameterJob& free : estimate.parameters) {
         object["parameters"][free.value.name] = free_document(free.value);
     }
+    object["joint_priors"] = joint_priors_document(estimate.joint_priors);
     for (const DerivedJob& derived : estimate.derived)
         object["derived"][derived.name] = derived.expression.text();
     object["residuals"] = residuals_document(job, estimate);
-    object["variance"] = estimate.variance == estimator::Variance::ml ? "ml" : "restricted";
+    object["variance"] = variance_name(estimate.variance);
     object["strategy"] = Json::array();
     for (const ResidualType type : estimate.strategy) {
         object["strategy"].push_back(type == ResidualType::cycles ? "cycles" : "series");
     }
-    object["multi_start"] = {{"starts", 1}};
-    object["posterior"] = {{"sample", 0}};
+    object["multi_start"] = {{"starts", estimate.multi_start.starts}, {"seed", estimate.multi_start.seed}};
+    const SampleJob& sample = estimate.sample;
+    object["posterior"]["sample"] = {{"draws", sample.draws}, {"chains", sample.chains}, {"warm_up", sample.warm_up}};
+    object["profile"] = choice_document(estimate.profile);
+    object["marginals"] = choice_document(estimate.marginals);
     return object;
 }
 

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <unordered_set>
@@ -24,11 +25,13 @@ struct Reading {
     double factor = 1.0;
     double sign = 1.0;
     double offset = 0.0;
+    std::optional<std::size_t> sd;  ///< column of the readings' sds
 };
 
 /// Points of the segment that is being read, row after row, and the lines they came from.
 struct Rows {
     std::vector<double> values;
+    std::vector<double> deviations;  ///< like values; empty when no column of sds is read
     std::vector<double> times;
     std::vector<std::size_t> lines;
 };
@@ -80,6 +83,16 @@ double value_of(const TextTable& table, std::string_view cell, const Reading& re
     return reading.sign * (number * reading.factor - reading.offset);
 }
 
+/// The sd of a reading; nan where the reading is missing, whatever stands there.
+double deviation_of(const TextTable& table, std::string_view cell, const Reading& reading, double value) {
+    if (!reading.sd || std::isnan(value)) return std::numeric_limits<double>::quiet_NaN();
+    const double number = cell.empty() ? 0.0 : table.number(cell, *reading.sd) * std::abs(reading.factor);
+    if (number > 0.0 && std::isfinite(number)) return number;
+    throw DataError(
+        table.place(table.line(), *reading.sd,
+                    fmt::format("\"{}\" is the sd of a reading that is there: must be a number > 0", cell)));
+}
+
 /// Times of a segment ascend in equal steps. The median step is the measure: it stays right when rows are missing.
 void check_times(const TextTable& table, std::size_t column, const Rows& rows, double tolerance) {
     std::vector<double> steps;
@@ -115,8 +128,12 @@ void close_segment(Series& series, const std::string& label, Rows& rows) {
     segment.label = label;
     segment.values = Eigen::Map<const Eigen::MatrixXd>(rows.values.data(), n, points);
     segment.times = Eigen::Map<const Eigen::VectorXd>(rows.times.data(), static_cast<Eigen::Index>(rows.times.size()));
+    if (!rows.deviations.empty()) {
+        segment.deviations = Eigen::Map<const Eigen::MatrixXd>(rows.deviations.data(), n, points);
+    }
     series.segments.push_back(std::move(segment));
     rows.values.clear();
+    rows.deviations.clear();
     rows.times.clear();
     rows.lines.clear();
 }
@@ -140,8 +157,11 @@ Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
     for (std::size_t i = 0; i < layout.coordinates.size(); ++i) {
         const CoordinateColumn& column = layout.coordinates[i];
         series.coordinates.push_back(column.coordinate);
-        readings.push_back({table.column(column.column), factors[i], column.sign, column.offset});
+        readings.push_back({table.column(column.column), factors[i], column.sign, column.offset, std::nullopt});
+        if (!column.sd.empty()) readings.back().sd = table.column(column.sd);
     }
+    const bool with_sds =
+        std::any_of(readings.begin(), readings.end(), [](const Reading& reading) { return reading.sd.has_value(); });
     const bool labelled = !layout.segment.empty();
     const std::size_t label_column = labelled ? table.column(layout.segment) : 0;
     const std::size_t time_column = sampled ? table.column(layout.time) : 0;
@@ -172,6 +192,9 @@ Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
         }
         for (const Reading& reading : readings) {
             rows.values.push_back(value_of(table, cells[reading.column], reading, layout.nan_is_missing));
+            if (!with_sds) continue;
+            const std::string_view sd = reading.sd ? cells[*reading.sd] : std::string_view();
+            rows.deviations.push_back(deviation_of(table, sd, reading, rows.values.back()));
         }
         if (sampled) {
             const double time = table.number(cells[time_column], time_column) * time_factor;
@@ -212,7 +235,7 @@ TableLayout table_layout(const Series& series) {
     layout.segment = "segment";
     if (series.sampling == Series::Sampling::samples) layout.time = std::string("t");
     for (const SeriesCoordinate& coordinate : series.coordinates) {
-        layout.coordinates.push_back({coordinate, coordinate.name, coordinate.unit, 1.0, 0.0});
+        layout.coordinates.push_back({coordinate, coordinate.name, coordinate.unit, 1.0, 0.0, {}});
     }
     return layout;
 }

@@ -45,6 +45,9 @@ public:
     [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
     [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
     [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
+    [[nodiscard]] std::vector<estimator::JointCovariance> covariances() const override {
+        return options_.targets.covariances;
+    }
     [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
     [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,

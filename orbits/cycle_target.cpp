@@ -5,6 +5,7 @@
 #include <numbers>
 #include <span>
 #include <stdexcept>
+#include <variant>
 
 #include <Eigen/Cholesky>
 
@@ -25,11 +26,33 @@ constexpr double nearness = 0.05;
 /// moves by rounding only. Orbits that carry information move by 1e-3 and more.
 constexpr double standstill = 1e-9;
 
+/// Errors of points are positions on a circle or about an origin: they are not relative to a size, and the points of a
+/// cycle are no course in time.
+void check_forms(Index n, const CycleTargetOptions& options) {
+    if (!options.forms.empty() && static_cast<Index>(options.forms.size()) != n)
+        throw std::invalid_argument("cycle residual: " + std::to_string(options.forms.size()) +
+                                    " error distributions, the model has " + std::to_string(n) + " coordinates");
+    const bool linked = options.weights == CycleWeights::covariance;
+    for (const ErrorForm& form : options.forms) {
+        const bool normal = std::holds_alternative<estimator::NormalErrors>(form.distribution);
+        const bool heavy = std::holds_alternative<estimator::StudentErrors>(form.distribution) ||
+                           std::holds_alternative<estimator::LaplaceErrors>(form.distribution);
+        if (!normal && !heavy)
+            throw std::invalid_argument("cycle residual: errors must be normal, Student's t or Laplace");
+        if (!normal && linked)
+            throw std::invalid_argument(R"(cycle residual: with weights "covariance" errors must be normal)");
+        if (form.known_sds) throw std::invalid_argument("cycle residual: a column of sds belongs to a series");
+    }
+    if (!options.covariances.empty() && linked)
+        throw std::invalid_argument(R"(cycle residual: a full covariance of coordinates needs weights "equal")");
+}
+
 void check(const models::System& system, const std::vector<Cycle>& cycles, const CycleTargetOptions& options) {
     const Index n = system.dimension();
     if (!options.errors.empty() && static_cast<Index>(options.errors.size()) != n)
         throw std::invalid_argument("cycle residual: " + std::to_string(options.errors.size()) +
                                     " error scales, the model has " + std::to_string(n) + " coordinates");
+    check_forms(n, options);
     for (std::size_t c = 0; c < cycles.size(); ++c) {
         const Cycle& cycle = cycles[c];
         const std::string who = "cycle " + std::to_string(c) + ": ";
@@ -132,6 +155,10 @@ std::vector<estimator::Group> target_groups(const models::System& system, const 
         // <= 0: the estimator takes the start from the residuals.
         group.scale =
             options.errors.empty() ? estimator::ErrorScale{true, 0.0, estimator::FlatPrior{}} : options.errors[i];
+        if (!options.forms.empty()) {
+            group.distribution = options.forms[i].distribution;
+            group.floor = options.forms[i].floor;
+        }
         groups.push_back(std::move(group));
     }
     return groups;

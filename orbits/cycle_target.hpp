@@ -9,6 +9,7 @@
 #include "estimator/residual.hpp"
 #include "models/system.hpp"
 #include "orbits/cycle.hpp"
+#include "orbits/error_form.hpp"
 #include "orbits/section_map.hpp"
 
 namespace orbid::orbits {
@@ -24,6 +25,11 @@ struct CycleTargetOptions {
     std::vector<int> periods;  ///< prime periods that take part; empty: all
     CycleWeights weights = CycleWeights::covariance;
     std::vector<estimator::ErrorScale> errors;  ///< one per coordinate; empty: estimated, started from the residuals
+    /// One per coordinate; empty: normal. With weights "covariance" normal only, for the analysis' covariance links the
+    /// coordinates; normal, Student's t and Laplace with "equal".
+    std::vector<ErrorForm> forms;
+    /// Coordinates (as groups) with one full covariance; weights "equal" only.
+    std::vector<estimator::JointCovariance> covariances;
 };
 
 /// A measured cycle as the target of a residual.
@@ -54,7 +60,8 @@ struct CycleTargets {
 /// @param theta  full parameter vector of the system (start of the estimate).
 /// @param free   free parameters.
 /// @throws std::invalid_argument naming the cycle and the rule: wrong shapes, not finite, a covariance that is missing
-///         or not symmetric positive definite (weights "covariance"), wrong number of errors.
+///         or not symmetric positive definite (weights "covariance"), wrong number of errors, a distribution or a full
+///         covariance that does not go with the weights.
 [[nodiscard]] CycleTargets select_targets(const SectionMap& map, const Eigen::VectorXd& theta,
                                           std::span<const Eigen::Index> free, const std::vector<Cycle>& cycles,
                                           const CycleTargetOptions& options);

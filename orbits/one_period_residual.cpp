@@ -22,6 +22,8 @@ OnePeriodResidual::OnePeriodResidual(std::shared_ptr<const models::System> syste
     CycleTargetOptions target_options = options.targets;
     target_options.weights = CycleWeights::equal;  // sds in the coordinate's unit; no covariance is needed
     target_options.errors.clear();
+    target_options.forms.clear();
+    target_options.covariances.clear();
     const VectorXd theta = binding_.values(start);
     targets_ = select_targets(map_, theta, binding_.parameter, cycles, target_options);
     groups_ = target_groups(*system_, "one_period", target_options);

@@ -22,6 +22,8 @@ struct Segment {
     std::string label;       ///< as in the file, or the index
     Eigen::MatrixXd values;  ///< shape (n, m); nan = missing sample; angles as read (not wrapped by the series)
     Eigen::VectorXd times;   ///< shape (m) [s] for samples; empty for sections
+    /// Known sd of every value, in its unit, shape (n, m): > 0, nan where none is known. Empty: of no value.
+    Eigen::MatrixXd deviations = {};
 };
 
 /// A measured or simulated record.

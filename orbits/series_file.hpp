@@ -17,6 +17,7 @@ struct CoordinateColumn {
     std::string unit;             ///< of the numbers in the file; empty = the coordinate's own (see unit_factor)
     double sign = 1.0;            ///< +1 or -1
     double offset = 0.0;          ///< [unit of the coordinate], finite: what the instrument shows at the model's zero
+    std::string sd = {};          ///< header of a column with the sd of every reading, in `unit`; empty = none
 };
 
 /// How a table of numbers becomes a Series.
@@ -43,13 +44,15 @@ struct TableLayout {
 ///
 /// @throws DataError naming file, line and column: file missing, a folder, unreadable or without rows; column missing
 ///         (with the nearest that exists) or named twice; wrong number of cells; a cell that is no number, nan or
-///         infinite; a segment label that comes back; times not ascending or not equidistant; too few points.
+///         infinite; a sd of a present reading that is empty or not > 0; a segment label that comes back; times not
+///         ascending or not equidistant; too few points.
 /// @throws std::invalid_argument for a layout that cannot be meant: no coordinate, one twice, sign other than +-1,
 ///         offset not finite, unknown unit, samples without time column.
 [[nodiscard]] Series read_csv(const std::filesystem::path& file, const TableLayout& layout);
 
 /// Writes "segment", for samples "t", and one column per coordinate; shortest decimals that read back to the same
-/// double, missing samples as empty cells. Read back by read_csv with table_layout(series), bit for bit.
+/// double, missing samples as empty cells; known sds are not stored, for a series that orbid makes has none. Read back
+/// by read_csv with table_layout(series), bit for bit.
 ///
 /// Writes into `file` directly: whoever needs it whole or not at all passes a temporary name and renames.
 /// @throws DataError when the file cannot be written; std::invalid_argument for infinite values, labels or names with

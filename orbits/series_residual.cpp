@@ -40,7 +40,8 @@ Eigen::VectorXd SeriesResidual::omega_slopes(const Eigen::VectorXd& all) const {
     return slopes;
 }
 
-Eigen::VectorXd SeriesResidual::state(const Eigen::VectorXd& latents) const {
+Eigen::VectorXd SeriesResidual::state(std::size_t block, const Eigen::VectorXd& theta,
+                                      const Eigen::VectorXd& latents) const {
     assert(latents.size() == std::ssize(free_));
     Eigen::VectorXd x = Eigen::VectorXd::Zero(system_->dimension());
     for (std::size_t i = 0; i < options_.initial.size(); ++i) {
@@ -48,6 +49,8 @@ Eigen::VectorXd SeriesResidual::state(const Eigen::VectorXd& latents) const {
     }
     for (std::size_t i = 0; i < free_.size(); ++i)
         x[free_[i]] = latents[static_cast<Eigen::Index>(i)];
+    for (const Eigen::Index i : given_)
+        x[i] = theta[options_.initial[static_cast<std::size_t>(i)].parameters[block]];
     return x;
 }
 
@@ -55,7 +58,7 @@ Eigen::VectorXd SeriesResidual::guess(std::size_t segment, const Eigen::VectorXd
     const Segment& data = series_.segments[segment];
     // All columns that the model knows help to start, also those that do not count as data. Their rows are put
     // together anew, for the series may hold columns that are no coordinates.
-    Segment known{data.label, Eigen::MatrixXd(0, data.values.cols()), data.times};
+    Segment known{data.label, Eigen::MatrixXd(0, data.values.cols()), data.times, {}};
     std::vector<Eigen::Index> coordinates;
     for (Eigen::Index row = 0; row < series_.dimension(); ++row) {
         const Eigen::Index index = system_->coordinate_index(series_.coordinates[static_cast<std::size_t>(row)].name);
@@ -65,21 +68,26 @@ Eigen::VectorXd SeriesResidual::guess(std::size_t segment, const Eigen::VectorXd
         coordinates.push_back(index);
     }
     const double phase = series_.phase + omega(all) * data.times[0];
-    const Eigen::VectorXd x = initial_state(*system_, all, {known, coordinates, options_.sensor, phase});
-    Eigen::VectorXd latents(std::ssize(free_));
-    for (std::size_t i = 0; i < free_.size(); ++i) {
-        const auto coordinate = static_cast<std::size_t>(free_[i]);
-        const bool given = coordinate < options_.initial.size() && options_.initial[coordinate].start.has_value();
-        latents[static_cast<Eigen::Index>(i)] = given ? *options_.initial[coordinate].start : x[free_[i]];
+    Eigen::VectorXd x = initial_state(*system_, all, {known, coordinates, options_.sensor, phase});
+    for (std::size_t i = 0; i < options_.initial.size(); ++i) {
+        const InitialStateRule& rule = options_.initial[i];
+        if (rule.kind == InitialStateRule::Kind::fixed) {
+            x[static_cast<Eigen::Index>(i)] = rule.value;
+        } else if (rule.start) {
+            x[static_cast<Eigen::Index>(i)] = *rule.start;
+        }
     }
-    return latents;
+    return x;
+}
+
+Eigen::VectorXd SeriesResidual::guessed_state(std::size_t block) const {
+    return guess(blocks_[block].segment, options_.start.size() > 0 ? binding_.values(options_.start) : binding_.base);
 }
 
 std::vector<Eigen::VectorXd> SeriesResidual::initial_latents() const {
-    const Eigen::VectorXd all = options_.start.size() > 0 ? binding_.values(options_.start) : binding_.base;
     std::vector<Eigen::VectorXd> latents;
-    for (const Block& block : blocks_)
-        latents.push_back(guess(block.segment, all));
+    for (std::size_t b = 0; b < blocks_.size(); ++b)
+        latents.emplace_back(guessed_state(b)(free_));
     return latents;
 }
 
@@ -89,7 +97,14 @@ std::vector<BlockValue> SeriesResidual::evaluate(const Eigen::VectorXd& theta,
     std::vector<BlockValue> values(blocks_.size());
     const Eigen::VectorXd all = binding_.values(theta);
     oneapi::tbb::parallel_for(std::size_t{0}, blocks_.size(), [&](std::size_t b) {
-        if (layout_[b].active) values[b] = value(blocks_[b], all, latents[b], derivatives);
+        if (!layout_[b].active) return;
+        values[b] = value(blocks_[b], all, state(b, theta, latents[b]), derivatives);
+        if (!derivatives || values[b].status != BlockStatus::ok) return;
+        for (const Eigen::Index i : given_) {
+            const Eigen::Index parameter = options_.initial[static_cast<std::size_t>(i)].parameters[b];
+            values[b].e_theta.col(parameter) += values[b].e_z.col(i);
+        }
+        values[b].e_z = Eigen::MatrixXd(values[b].e_z(Eigen::all, free_));
     });
     return values;
 }
@@ -114,11 +129,10 @@ void SeriesResidual::add_phase_shift(const Eigen::VectorXd& all, double first_ti
     }
 }
 
-BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all, const Eigen::VectorXd& latents,
+BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all, const Eigen::VectorXd& x0,
                                  bool derivatives) const {
     BlockValue failed;
     failed.status = BlockStatus::failed;
-    const Eigen::VectorXd x0 = state(latents);
     if (!x0.allFinite()) return failed;
     for (Eigen::Index i = 0; i < all.size(); ++i) {
         if (!models::contains(system_->parameters()[static_cast<std::size_t>(i)].domain, all[i])) return failed;
@@ -150,19 +164,19 @@ BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all,
     BlockValue result;
     result.e.resize(records);
     Eigen::MatrixXd by_parameter = Eigen::MatrixXd::Zero(derivatives ? records : 0, parameters);
-    if (derivatives) result.e_z = Eigen::MatrixXd::Zero(records, std::ssize(free_));
+    if (derivatives) result.e_z = Eigen::MatrixXd::Zero(records, n);
     Eigen::RowVectorXd total(directions);
     for (Eigen::Index r = 0; r < records; ++r) {
         const auto [coordinate, k] = block.records[static_cast<std::size_t>(r)];
         if (k < 0) {  // the prior of an initial coordinate: its mean is the reading, the coordinate the prediction
-            result.e[r] = options_.initial[static_cast<std::size_t>(coordinate)].value - x0[coordinate];
+            result.e[r] = block.observed[r] - x0[coordinate];
             if (system_->coordinates()[static_cast<std::size_t>(coordinate)].angle) {
                 result.e[r] = models::wrapped(result.e[r]);
             }
             total.setZero();
             total[coordinate] = 1.0;
         } else {
-            result.e[r] = data.values(block.rows[static_cast<std::size_t>(r)], k) - read.readings(coordinate, k);
+            result.e[r] = block.observed[r] - read.readings(coordinate, k);
             if (system_->coordinates()[static_cast<std::size_t>(coordinate)].angle) {
                 result.e[r] = models::wrapped(result.e[r]);
             }
@@ -173,9 +187,7 @@ BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all,
         }
         if (!derivatives) continue;
         by_parameter.row(r) = -total.rightCols(parameters);
-        for (std::size_t i = 0; i < free_.size(); ++i) {
-            result.e_z(r, static_cast<Eigen::Index>(i)) = -total[free_[i]];
-        }
+        result.e_z.row(r) = -total.leftCols(n);
     }
     if (derivatives) result.e_theta = binding_.spread(by_parameter);
     if (!result.e.allFinite() || !result.e_theta.allFinite() || !result.e_z.allFinite()) return failed;

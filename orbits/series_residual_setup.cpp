@@ -2,6 +2,7 @@
 #include <cmath>
 #include <numeric>
 #include <stdexcept>
+#include <variant>
 
 #include <fmt/format.h>
 
@@ -17,8 +18,9 @@ void require(bool rule, const std::string& message) {
     if (!rule) throw std::invalid_argument("series residual: " + message);
 }
 
-bool is_free(const std::vector<InitialStateRule>& rules, Eigen::Index coordinate) {
-    return rules.empty() || rules[static_cast<std::size_t>(coordinate)].kind != InitialStateRule::Kind::fixed;
+bool is_sized(const estimator::ErrorDistribution& distribution) {
+    return std::holds_alternative<estimator::LogNormalErrors>(distribution) ||
+           std::holds_alternative<estimator::RelativeErrors>(distribution);
 }
 
 double median_interval(const Segment& segment) {
@@ -47,15 +49,13 @@ SeriesResidual::SeriesResidual(std::shared_ptr<const models::System> system, mod
     check_rules();
     choose_coordinates();
     choose_segments();
+    check_forms();
     make_groups();
     for (const std::size_t s : options_.segments) {
         blocks_.push_back(make_block(s));
-        estimator::BlockLayout layout;
-        layout.label = fmt::format("{}, segment {}", options_.name, series_.segments[s].label);
-        layout.group = blocks_.back().group;
-        layout.latents = std::ssize(free_);
-        layout_.push_back(std::move(layout));
+        layout_.push_back(make_layout(blocks_.back()));
     }
+    check_covariances();
 }
 
 void SeriesResidual::check_binding() const {
@@ -90,6 +90,49 @@ void SeriesResidual::check_rules() const {
                 fmt::format("initial {}: start must be a finite number", name));
         require(rules[i].kind != InitialStateRule::Kind::normal || (rules[i].sd > 0.0 && std::isfinite(rules[i].sd)),
                 fmt::format("initial {}: sd of the prior is {}, must be > 0", name, rules[i].sd));
+        for (const Eigen::Index parameter : rules[i].parameters) {
+            require(parameter >= 0 && parameter < binding_.estimated_count,
+                    fmt::format("initial {}: no such estimated parameter", name));
+        }
+    }
+}
+
+void SeriesResidual::check_forms() const {
+    require(options_.forms.empty() || options_.forms.size() == observed_.size(),
+            fmt::format("{} error distributions for {} observed coordinates", options_.forms.size(), observed_.size()));
+    for (std::size_t i = 0; i < options_.forms.size(); ++i) {
+        const models::Coordinate& coordinate = system_->coordinates()[static_cast<std::size_t>(observed_[i])];
+        const ErrorForm& form = options_.forms[i];
+        require(!is_sized(form.distribution) || !coordinate.angle,
+                fmt::format("errors of {}: an angle has no size that log-normal or relative errors could refer to",
+                            coordinate.name));
+        require(!form.known_sds || !is_sized(form.distribution),
+                fmt::format("errors of {}: known sds go with normal, Student's t, Laplace or autoregressive errors",
+                            coordinate.name));
+    }
+}
+
+void SeriesResidual::check_covariances() const {
+    for (const estimator::JointCovariance& covariance : options_.covariances) {
+        for (const int group : covariance.groups) {
+            require(group >= 0 && group < static_cast<int>(observed_.size()),
+                    fmt::format("full covariance: there is no observed coordinate {}", group));
+        }
+        for (const Block& block : blocks_) {
+            std::vector<std::vector<Eigen::Index>> samples(covariance.groups.size());
+            for (std::size_t r = 0; r < block.records.size(); ++r) {
+                for (std::size_t k = 0; k < covariance.groups.size(); ++k) {
+                    if (block.group[r] == covariance.groups[k]) samples[k].push_back(block.records[r].sample);
+                }
+            }
+            for (const auto& other : samples) {
+                require(
+                    other == samples.front(),
+                    fmt::format("segment {}: the coordinates of a full covariance must be read at the same samples; "
+                                "here some of them are missing alone",
+                                series_.segments[block.segment].label));
+            }
+        }
     }
 }
 
@@ -110,12 +153,13 @@ void SeriesResidual::choose_coordinates() {
         row_.push_back(found - series_.coordinates.begin());
         observed_.push_back(index);
     }
+    using Kind = InitialStateRule::Kind;
     for (Eigen::Index i = 0; i < system_->dimension(); ++i) {
-        if (is_free(options_.initial, i)) free_.push_back(i);
-        if (!options_.initial.empty() &&
-            options_.initial[static_cast<std::size_t>(i)].kind == InitialStateRule::Kind::normal) {
-            priors_.push_back(i);
-        }
+        const Kind kind =
+            options_.initial.empty() ? Kind::estimate : options_.initial[static_cast<std::size_t>(i)].kind;
+        if (kind == Kind::estimate || kind == Kind::normal) free_.push_back(i);
+        if (kind == Kind::normal) priors_.push_back(i);
+        if (kind == Kind::parameter) given_.push_back(i);
     }
 }
 
@@ -139,6 +183,13 @@ void SeriesResidual::choose_segments() {
                 fmt::format("segment {} is sampled every {} s, the first one every {} s; one interval is needed",
                             segment.label, interval, interval_));
     }
+    for (const Eigen::Index i : given_) {
+        const auto& parameters = options_.initial[static_cast<std::size_t>(i)].parameters;
+        require(
+            parameters.size() == chosen.size(),
+            fmt::format("initial {}: {} parameters for {} segments",
+                        system_->coordinates()[static_cast<std::size_t>(i)].name, parameters.size(), chosen.size()));
+    }
 }
 
 void SeriesResidual::make_groups() {
@@ -151,6 +202,14 @@ void SeriesResidual::make_groups() {
         group.unit = coordinate.unit;
         group.scale.value = 0.0;  // from the residuals
         if (!options_.errors.empty()) group.scale = options_.errors[i];
+        if (!options_.forms.empty()) {
+            const ErrorForm& form = options_.forms[i];
+            group.distribution = form.distribution;
+            group.floor = form.floor;
+            group.factor = form.known_sds;
+            const bool relative_sd = std::holds_alternative<estimator::LogNormalErrors>(form.distribution);
+            if (form.known_sds || relative_sd) group.unit = "1";
+        }
         group.ordered = true;
         group.interval = interval_;
         groups_.push_back(std::move(group));
@@ -170,12 +229,16 @@ SeriesResidual::Block SeriesResidual::make_block(std::size_t segment) const {
     const Segment& data = series_.segments[segment];
     Block block;
     block.segment = segment;
+    std::vector<double> observed;
+    std::vector<double> deviation;
     for (std::size_t i = 0; i < observed_.size(); ++i) {
         for (Eigen::Index k = 0; k < data.values.cols(); ++k) {
             if (!std::isfinite(data.values(row_[i], k))) continue;
             block.records.push_back({observed_[i], k});
             block.rows.push_back(row_[i]);
             block.group.push_back(static_cast<int>(i));
+            observed.push_back(data.values(row_[i], k));
+            deviation.push_back(known_sd(data, i, k));
         }
     }
     require(std::ssize(block.records) + std::ssize(priors_) >= std::max<std::ptrdiff_t>(std::ssize(free_), 1) &&
@@ -186,8 +249,42 @@ SeriesResidual::Block SeriesResidual::make_block(std::size_t segment) const {
         block.records.push_back({priors_[i], -1});
         block.rows.push_back(-1);
         block.group.push_back(static_cast<int>(observed_.size() + i));
+        observed.push_back(options_.initial[static_cast<std::size_t>(priors_[i])].value);
+        deviation.push_back(1.0);
     }
+    block.observed = Eigen::Map<const Eigen::VectorXd>(observed.data(), std::ssize(observed));
+    block.deviation = Eigen::Map<const Eigen::VectorXd>(deviation.data(), std::ssize(deviation));
     return block;
+}
+
+/// The sd of the k-th reading of an observed coordinate, 1 where the form does not ask for it.
+double SeriesResidual::known_sd(const Segment& data, std::size_t observed, Eigen::Index k) const {
+    if (options_.forms.empty()) return 1.0;
+    const ErrorForm& form = options_.forms[observed];
+    const double reading = data.values(row_[observed], k);
+    const auto name = system_->coordinates()[static_cast<std::size_t>(observed_[observed])].name;
+    if (std::holds_alternative<estimator::LogNormalErrors>(form.distribution)) {
+        require(reading > 0.0, fmt::format("segment {}: log-normal errors of {}: reading {} is {}, must be > 0",
+                                           data.label, name, k, reading));
+    }
+    if (!form.known_sds) return 1.0;
+    const bool there = data.deviations.rows() == data.values.rows() && data.deviations.cols() == data.values.cols();
+    const double sd = there ? data.deviations(row_[observed], k) : 0.0;
+    require(sd > 0.0 && std::isfinite(sd),
+            fmt::format("segment {}: reading {} of {} has no known sd > 0", data.label, k, name));
+    return sd;
+}
+
+estimator::BlockLayout SeriesResidual::make_layout(const Block& block) const {
+    estimator::BlockLayout layout;
+    layout.label = fmt::format("{}, segment {}", options_.name, series_.segments[block.segment].label);
+    layout.group = block.group;
+    layout.latents = std::ssize(free_);
+    for (const ErrorForm& form : options_.forms) {
+        if (form.known_sds) layout.deviation = block.deviation;
+        if (is_sized(form.distribution)) layout.observed = block.observed;
+    }
+    return layout;
 }
 
 }  // namespace orbid::orbits

@@ -264,7 +264,7 @@ VirtualExperiment simulate(const models::System& system, const Eigen::VectorXd& 
                                               s, models::description(read.status));
             continue;
         }
-        series.segments.push_back({std::to_string(s), std::move(read.readings), std::move(piece.times)});
+        series.segments.push_back({std::to_string(s), std::move(read.readings), std::move(piece.times), {}});
     }
     oneapi::tbb::parallel_for(std::size_t{0}, series.segments.size(), [&](std::size_t s) {
         add_reading_errors(series.segments[s].values, options.sensor, options.noise,

@@ -124,14 +124,10 @@ TEST_CASE("reserved names and values are refused by name", "[apps][job]") {
     const std::vector<std::pair<std::string, std::string>> later{
         {"\"local_maps\"", "\"closest_return\""},
         {"\"multipliers\": false", "\"multipliers\": true"},
-        {"\"starts\": 1", "\"starts\": 4"},
-        {"\"sample\": 0", "\"sample\": 100"},
         {"[\"cycles\"]", "\"auto\""},
-        {"\"restricted\"", "\"integrated\""},
         {"\"phase\": 0.0", "\"coordinate\": \"phi\""},
         {"\"variant\": \"crank\"", "\"equations\": {}"},
-        {"\"weights\": \"covariance\"", "\"errors\": { \"phi\": { \"distribution\": \"student_t\" } }"},
-        {"\"weights\": \"covariance\"", "\"errors\": { \"phi\": { \"sd\": { \"column\": \"s\" } } }"},
+        {"\"weights\": \"covariance\"", "\"errors\": { \"ln_multiplier\": { \"sd\": 0.1 } }"},
         {"\"type\": \"cycles\"", "\"type\": \"waveform\""},
         {"\"type\": \"state\"",
          "\"type\": \"angle_difference\", \"angle\": \"phi\", \"rate\": \"phi_dot\", \"delay\": 0.015"}};
