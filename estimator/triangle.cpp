@@ -18,7 +18,9 @@ constexpr double mixed_weights = 1e3;
 
 /// Heavy rows first, where the rows differ enough for it to matter.
 void sort_rows(Eigen::MatrixXd& a) {
-    const Eigen::VectorXd size = a.cwiseAbs().rowwise().maxCoeff();
+    Eigen::VectorXd size = Eigen::VectorXd::Zero(a.rows());
+    for (Eigen::Index j = 0; j < a.cols(); ++j)  // column by column: the matrix lies so in memory
+        size = size.cwiseMax(a.col(j).cwiseAbs());
     double largest = 0.0;
     double smallest = std::numeric_limits<double>::infinity();
     for (Eigen::Index i = 0; i < size.size(); ++i) {
