@@ -7,6 +7,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "estimator/plain_least_squares.hpp"
 #include "estimator/trust_region.hpp"
 
 namespace orbid::estimator {
@@ -110,8 +111,12 @@ private:
 };
 
 bool Minimisation::start() {
-    minimum_.evaluation = evaluate(problem_.residuals, set_, problem_.laws, state_.theta, state_.latents, true);
-    ++ledger_.evaluations;
+    if (is_plain_least_squares(problem_, set_)) {
+        minimum_.evaluation = solve_plain_least_squares(problem_, set_, state_, ledger_);
+    } else {
+        minimum_.evaluation = evaluate(problem_.residuals, set_, problem_.laws, state_.theta, state_.latents, true);
+        ++ledger_.evaluations;
+    }
     if (!minimum_.evaluation.failed.empty()) {
         minimum_.stopped = minimum_.evaluation.failed;
         minimum_.outcome = Outcome::start_failed;
