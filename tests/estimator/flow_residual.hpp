@@ -20,9 +20,11 @@ struct StateReadings {
     /// Ascending. One more than rows of `values` when nothing is read at the first, where the initial state belongs.
     std::vector<double> times;
     std::vector<Eigen::Index> coordinates;  ///< which are read, in the order of the columns of `values`
-    std::vector<estimator::Group> groups;   ///< one per coordinate read
+    std::vector<estimator::Group> groups;   ///< one per coordinate read, or one for all
     Eigen::MatrixXd values;                 ///< shape (times, coordinates)
     Eigen::MatrixXd deviation;              ///< known sds of the readings, same shape; empty = 1
+
+    [[nodiscard]] int group_of(Eigen::Index i) const { return groups.size() == 1 ? 0 : static_cast<int>(i); }
 };
 
 /// A number that is known, or an entry of theta.
@@ -54,7 +56,7 @@ public:
         if (data_.deviation.size() > 0) block.deviation.resize(data_.values.size());
         for (Eigen::Index k = 0; k < instants; ++k)
             for (Eigen::Index i = 0; i < observed; ++i) {
-                block.group.push_back(static_cast<int>(i));
+                block.group.push_back(data_.group_of(i));
                 block.observed[k * observed + i] = data_.values(k, i);
                 if (data_.deviation.size() > 0) block.deviation[k * observed + i] = data_.deviation(k, i);
             }

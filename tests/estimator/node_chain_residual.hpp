@@ -20,7 +20,7 @@ public:
             estimator::BlockLayout block;
             block.label = "node " + std::to_string(b);
             for (Eigen::Index i = 0; i < n; ++i)
-                block.group.push_back(static_cast<int>(i));
+                block.group.push_back(data_.group_of(i));
             block.observed = data_.values.row(b).transpose();
             if (data_.deviation.size() > 0) block.deviation = data_.deviation.row(b).transpose();
             block.latents = n;
