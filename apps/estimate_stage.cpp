@@ -10,6 +10,7 @@
 #include "apps/estimate_residuals.hpp"
 #include "apps/estimate_setup.hpp"
 #include "apps/orbits_stage.hpp"
+#include "apps/posterior_stage.hpp"
 #include "apps/segment_choice.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "orbits/cycle_residual.hpp"
@@ -88,8 +89,7 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
             job.model.system, cycle_binding, search.cycles, job.section_phase, start.theta, start.nodes, cycle_options);
     }
     check_enough_readings(job, setup, residuals);
-    const auto all = residuals.all();
-    if (all.empty()) {
+    if (residuals.all().empty()) {
         if (work.interruption.asked()) {
             outcome.estimate.status = estimator::EstimateStatus::interrupted;
             outcome.estimate.message = "interrupted before the estimate";
@@ -101,6 +101,24 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
         return outcome;
     }
 
+    PosteriorResults& posterior = outcome.context.posterior;
+    for (const auto& parameter : parameters)
+        posterior.parameters.push_back(parameter.name);
+    if (job.estimate->multi_start.starts > 1) {
+        search_starts(work, residuals, setup.derived, options, parameters, posterior);
+        if (residuals.cycles) {
+            // Its solutions are those around the first start.
+            orbits::CycleResidualOptions cycle_options;
+            cycle_options.targets = cycle_targets(*job.estimate->cycles);
+            Eigen::VectorXd best(static_cast<Eigen::Index>(parameters.size()));
+            for (std::size_t i = 0; i < parameters.size(); ++i)
+                best[static_cast<Eigen::Index>(i)] = parameters[i].start;
+            residuals.cycles = std::make_unique<orbits::CycleResidual>(
+                job.model.system, cycle_binding, search.cycles, job.section_phase, best, start.nodes, cycle_options);
+        }
+        work.progress.begin("estimate");
+    }
+    const auto all = residuals.all();
     estimator::Estimate& estimate = outcome.estimate;
     estimate = estimator::estimate(parameters, all, setup.derived, options);
     estimate.iterations += start.iterations;
@@ -135,7 +153,20 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
                            has_sds ? estimate.latent_sds[index] : std::vector<Eigen::VectorXd>{}, outcome.context);
         add_predictions(job, experiment, *residuals.series[i], estimate, theta, outcome.context);
     }
+    if (evaluated) {
+        posterior.diagnostics = diagnose_residuals(all, estimate);
+        outcome.context.evidence = evidence_of(job, parameters, all, options, estimate);
+    } else {
+        outcome.context.evidence.reason = "there is no estimate";
+    }
     work.folder.store("residuals.csv", residuals_text(rows));
+    // Stored before what may take long, and again with it.
+    work.folder.store("result.json", result_text(estimate, outcome.context));
+    explore_posterior(work, parameters, all, setup.derived, options, estimate, posterior);
+    if (work.interruption.asked() && estimate.status != estimator::EstimateStatus::interrupted) {
+        estimate.status = estimator::EstimateStatus::interrupted;
+        estimate.message = "interrupted after the estimate, which is complete";
+    }
     work.folder.store("result.json", result_text(estimate, outcome.context));
     return outcome;
 }

@@ -190,7 +190,7 @@ struct MultiStartJob {
 struct SampleJob {
     std::size_t draws = 0;   ///< per chain, after the warm-up
     std::size_t chains = 4;  ///< >= 2: their agreement is the test
-    std::size_t warm_up = 1000;
+    std::size_t warm_up = 500;
 };
 
 /// Which estimated parameters something is done for.

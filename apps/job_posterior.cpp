@@ -16,6 +16,7 @@ constexpr std::uint64_t most_chains = 1000;
 std::vector<std::string> estimated_names(const Job& job, const EstimateJob& estimate) {
     std::vector<std::string> names;
     for (const FreeParameterJob& free : estimate.parameters) {
+        if (!free.value.tied_to.empty()) continue;  // it follows another one
         const auto has_own = [&](const DataJob& data) {
             return std::find(data.free.begin(), data.free.end(), free.parameter) != data.free.end();
         };
@@ -36,6 +37,48 @@ std::vector<std::string> estimated_names(const Job& job, const EstimateJob& esti
     return names;
 }
 
+/// Names of the error parameters that are estimated: "series.u.scale", "series.run1.u.dof". Those of a full covariance
+/// belong together and have none.
+void add_error_names(const Job& job, const std::string& prefix, const std::vector<ErrorJob>& errors,
+                     const std::vector<CovarianceJob>& covariances, std::vector<std::string>& names) {
+    for (const ErrorJob& error : errors) {
+        const bool joint = std::any_of(covariances.begin(), covariances.end(), [&](const CovarianceJob& covariance) {
+            return std::count(covariance.coordinates.begin(), covariance.coordinates.end(), error.coordinate) > 0;
+        });
+        if (joint) continue;
+        const std::string group = prefix + "." + coordinate_names(job)[static_cast<std::size_t>(error.coordinate)];
+        if (error.scale.estimate) names.push_back(group + ".scale");
+        const auto add = [&](const estimator::ErrorParameter& parameter, std::string_view name) {
+            if (parameter.estimate) names.push_back(fmt::format("{}.{}", group, name));
+        };
+        if (const auto* student = std::get_if<estimator::StudentErrors>(&error.distribution)) add(student->dof, "dof");
+        if (const auto* relative = std::get_if<estimator::RelativeErrors>(&error.distribution)) {
+            add(relative->relative, "relative");
+        }
+        if (const auto* chain = std::get_if<estimator::AutoregressiveErrors>(&error.distribution)) {
+            add(chain->correlation, "correlation");
+        }
+    }
+}
+
+std::vector<std::string> error_names(const Job& job, const EstimateJob& estimate) {
+    std::vector<std::string> names;
+    if (estimate.cycles) {
+        add_error_names(job, "cycles", estimate.cycles->errors, estimate.cycles->covariances, names);
+    }
+    if (!estimate.series) return names;
+    for (const std::size_t index : estimate.series->data) {
+        const DataJob& data = job.data[index];
+        std::vector<ErrorJob> own;
+        for (const ErrorJob& error : estimate.series->errors) {
+            if (std::count(data.observe.begin(), data.observe.end(), error.coordinate) > 0) own.push_back(error);
+        }
+        const bool single = estimate.series->data.size() == 1;
+        add_error_names(job, single ? "series" : "series." + data.name, own, estimate.series->covariances, names);
+    }
+    return names;
+}
+
 /// true, false, or a list of estimated parameters.
 ParameterChoice read_choice(const ValueReader& value, const Job& job, const EstimateJob& estimate) {
     ParameterChoice choice;
@@ -43,16 +86,19 @@ ParameterChoice read_choice(const ValueReader& value, const Job& job, const Esti
         choice.all = value.value().boolean;
     } else if (value.is(JsonValue::Kind::array)) {
         choice.names = read_names(value);
-        const auto known = estimated_names(job, estimate);
+        auto known = estimated_names(job, estimate);
+        const auto errors = job.model.system ? error_names(job, estimate) : std::vector<std::string>{};
+        known.insert(known.end(), errors.begin(), errors.end());
         for (const std::string& name : choice.names) {
             if (!job.model.system || std::find(known.begin(), known.end(), name) != known.end()) continue;
-            value.report(fmt::format("\"{}\" is no estimated parameter{}", name, suggestion(name, known)));
+            value.report(fmt::format("\"{}\" is not estimated{}", name, suggestion(name, known)));
         }
     } else {
         value.report_kind("true, false or a list of estimated parameters");
     }
-    if (choice.any() && job.model.system && estimated_names(job, estimate).empty()) {
-        value.report("there is no estimated parameter");
+    if (choice.all && job.model.system && estimated_names(job, estimate).empty() &&
+        error_names(job, estimate).empty()) {
+        value.report("nothing is estimated");
     }
     return choice;
 }

@@ -47,6 +47,28 @@ Json estimated_list(const std::vector<estimator::Estimated>& list, const std::ma
     return out;
 }
 
+Json parameters_json(const estimator::Estimate& estimate, const std::map<std::string, double>& references) {
+    Json out = estimated_list(estimate.parameters, references);
+    for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+        const auto index = static_cast<Eigen::Index>(i);
+        const bool known = index < estimate.hessian_ratio.size();
+        // Not a number where unknown: null.
+        out[estimate.parameters[i].name]["hessian_ratio"] = known ? Json(estimate.hessian_ratio[index]) : Json(nullptr);
+    }
+    return out;
+}
+
+Json covariance_json(const estimator::EstimatedCovariance& covariance) {
+    return {{"groups", covariance.groups},
+            {"matrix", json_rows(covariance.value)},
+            {"uncertainty", json_rows(covariance.uncertainty)}};
+}
+
+Json evidence_json(const LogEvidence& evidence) {
+    return {{"value", evidence.value ? Json(*evidence.value) : Json(nullptr)},
+            {"reason", evidence.value ? Json(nullptr) : Json(evidence.reason)}};
+}
+
 /// `sd` is always a standard deviation in the data's unit: of a factor group it is the rms of the raw residuals.
 Json scale_json(const estimator::EstimatedScale& scale) {
     Json out;
@@ -57,6 +79,10 @@ Json scale_json(const estimator::EstimatedScale& scale) {
     out["count"] = scale.count;
     out["estimated"] = scale.estimated;
     out["rms"] = scale.rms;
+    out["distribution"] = scale.distribution;
+    for (const estimator::Estimated& parameter : scale.shape) {
+        out[parameter.name] = {{"value", parameter.value}, {"uncertainty", parameter.sd}, {"start", parameter.start}};
+    }
     out["lag1"] = scale.lag1;
     out["correlation_records"] = scale.correlation_records;
     out["effective_count"] = scale.effective_count;
@@ -102,6 +128,7 @@ Json identifiability_json(const estimator::Estimate& estimate) {
         out["null_directions"].push_back(std::move(named));
     }
     out["trust_normal"] = estimate.trust_normal;
+    out["distrust"] = estimate.distrust.empty() ? Json(nullptr) : Json(estimate.distrust);
     out["effective_count"] = estimate.effective_count;
     return out;
 }
@@ -144,7 +171,9 @@ Json data_json(const ResultContext& context) {
     return out;
 }
 
-std::string cell(const std::string& text) {
+}  // namespace
+
+std::string csv_cell(const std::string& text) {
     if (text.find_first_of(",\"\r\n") == std::string::npos) {
         return text;
     }
@@ -154,8 +183,6 @@ std::string cell(const std::string& text) {
     }
     return out + '"';
 }
-
-}  // namespace
 
 double relative_deviation(double value, const std::optional<double>& reference) {
     return reference && *reference != 0.0 ? (value - *reference) / *reference
@@ -188,11 +215,15 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["format"] = "orbid-result/1";
     out["status"] = estimator::name(estimate.status);
     out["message"] = estimate.message;
-    out["parameters"] = estimated_list(estimate.parameters, context.reference);
+    out["parameters"] = parameters_json(estimate, context.reference);
     out["derived"] = estimated_list(estimate.derived, context.reference);
     out["errors"] = Json::object();
     for (const auto& scale : estimate.scales) {
         out["errors"][scale.group] = scale_json(scale);
+    }
+    out["covariances"] = Json::array();
+    for (const auto& covariance : estimate.covariances) {
+        out["covariances"].push_back(covariance_json(covariance));
     }
     out["initial_states"] = Json::array();
     for (const auto& state : context.initial_states) {
@@ -219,10 +250,12 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     }
     out["objective"] = estimate.objective;
     out["log_likelihood"] = estimate.log_likelihood;
+    out["log_evidence"] = evidence_json(context.evidence);
     out["degrees_of_freedom"] = estimate.degrees_of_freedom;
     out["iterations"] = estimate.iterations;
     out["evaluations"] = estimate.evaluations;
     out["rounds"] = estimate.rounds;
+    add_posterior(context.posterior, out);
     out["orbits"] = orbits_json(context);
     out["data"] = data_json(context);
     out["history"] = history_json(estimate.history);
@@ -244,8 +277,8 @@ std::string residuals_text(const std::vector<ResidualRow>& rows) {
     fmt::format_to(std::back_inserter(out),
                    "experiment,segment_or_cycle,coordinate,time_or_phase,observed,predicted,sd\n");
     for (const ResidualRow& row : rows) {
-        fmt::format_to(std::back_inserter(out), "{},{},{},", cell(row.experiment), cell(row.block),
-                       cell(row.coordinate));
+        fmt::format_to(std::back_inserter(out), "{},{},{},", csv_cell(row.experiment), csv_cell(row.block),
+                       csv_cell(row.coordinate));
         number(row.at, ',');
         number(row.observed, ',');
         number(row.predicted, ',');

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "apps/fingerprint.hpp"
+#include "apps/posterior_results.hpp"
 #include "estimator/estimate.hpp"
 
 namespace orbid::apps {
@@ -52,6 +53,8 @@ struct ResultContext {
     std::size_t data_points = 0;
     std::size_t data_segments = 0;
     std::vector<Capture> captured;
+    PosteriorResults posterior;
+    LogEvidence evidence;
     Fingerprint fingerprint;  ///< left out of the file when its hash is empty
 };
 
@@ -65,12 +68,16 @@ struct ResultContext {
 
 /// Content of result.json, format orbid-result/1. Undefined numbers are null.
 ///
-/// Beside the keys of the contract: per parameter `laplace_sd`, `data_share`; per error scale `rms`, `lag1`,
-/// `correlation_records`, `effective_count`, `estimated`; `covariance`, `rounds`, `history`.
-/// An interval is null as a whole when one of its ends is undefined.
+/// Beside the keys of the contract: per parameter `laplace_sd`, `data_share`, `hessian_ratio`; per error scale
+/// `distribution` and its parameters, `rms`, `lag1`, `correlation_records`, `effective_count`, `estimated`;
+/// `covariance`, `covariances`, `log_evidence`, `diagnostics`, `posterior`, `profile`, `marginals`, `optima`, `rounds`,
+/// `history`. An interval is null as a whole when one of its ends is undefined.
 [[nodiscard]] std::string result_text(const estimator::Estimate& estimate, const ResultContext& context);
 
-/// One line of residuals.csv.
+/// A cell of a table in text: quoted when it holds a comma, a quote or a line end (RFC 4180).
+[[nodiscard]] std::string csv_cell(const std::string& text);
+
+/// One line of residuals.csv. `sd`: of the error of this record; of Student's t and Laplace errors the scale.
 struct ResidualRow {
     std::string experiment;
     std::string block;  ///< segment or cycle

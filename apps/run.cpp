@@ -109,6 +109,13 @@ int run_stages(const Workspace& work) {
         const EstimateOutcome outcome = run_estimate(work, data, search);
         print(estimate_summary(outcome.estimate, outcome.context, job.title));
         code = std::max(code, exit_code(outcome.estimate.status));
+        // What was asked for and could not be done.
+        for (const auto& [block, reason] : outcome.context.posterior.refused) {
+            fmt::print(stderr, "{}: {}\n", block, reason);
+            code = std::max(code, no_valid_answer);
+        }
+        const auto& sample = outcome.context.posterior.sample;
+        if (sample && sample->status == estimator::SampleStatus::failed) code = std::max(code, no_valid_answer);
     } else if (work.interruption.asked()) {
         code = interrupted;
     }

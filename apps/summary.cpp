@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/posterior_results.hpp"
 #include "apps/summary_table.hpp"
 
 namespace orbid::apps {
@@ -59,11 +60,23 @@ std::string reference_table(const estimator::Estimate& estimate, const ResultCon
     return table.text();
 }
 
+/// "student_t, dof 3.1 ± 0.4"; nothing for the usual normal errors.
+std::string errors_text(const estimator::EstimatedScale& scale) {
+    if (scale.distribution == "normal" && scale.shape.empty()) return {};
+    std::string out = scale.distribution;
+    for (const estimator::Estimated& parameter : scale.shape) {
+        out += fmt::format(", {} {}", parameter.name, with_digits_of(parameter.value, parameter.sd));
+        if (std::isfinite(parameter.sd)) out += fmt::format(" ± {}", significant(parameter.sd, 2));
+    }
+    return out;
+}
+
 std::string scale_table(const std::vector<estimator::EstimatedScale>& scales) {
     SummaryTable table({{"group", Align::left},
                         {"records"},
                         {"rms"},
                         {"unit", Align::left},
+                        {"errors", Align::left},
                         {"sd"},
                         {"factor"},
                         {"±"},
@@ -72,10 +85,28 @@ std::string scale_table(const std::vector<estimator::EstimatedScale>& scales) {
     for (const auto& scale : scales) {
         const bool ordered = std::isfinite(scale.lag1);
         table.add({scale.group, fmt::format("{}", scale.count), significant(scale.rms, 4), scale.unit,
-                   scale.factor ? "" : significant(scale.value, 4), scale.factor ? significant(scale.value, 4) : "",
+                   errors_text(scale), scale.factor ? "" : significant(scale.value, 4),
+                   scale.factor ? significant(scale.value, 4) : "",
                    scale.estimated ? significant(scale.uncertainty, 2) : "fixed",
                    ordered ? fmt::format("{:.3f}", scale.lag1) : "",
                    ordered ? fmt::format("{:.0f} values", scale.effective_count) : ""});
+    }
+    return table.text();
+}
+
+std::string covariance_table(const std::vector<estimator::EstimatedCovariance>& covariances) {
+    SummaryTable table({{"groups", Align::left}, {"covariance"}, {"±"}, {"correlation"}});
+    for (const auto& covariance : covariances) {
+        const Eigen::MatrixXd& v = covariance.value;
+        for (Eigen::Index j = 0; j < v.cols(); ++j) {
+            for (Eigen::Index i = j; i < v.rows(); ++i) {
+                const auto& row = covariance.groups[static_cast<std::size_t>(i)];
+                const auto& column = covariance.groups[static_cast<std::size_t>(j)];
+                table.add({i == j ? row : fmt::format("{}, {}", column, row), significant(v(i, j), 5),
+                           significant(covariance.uncertainty(i, j), 2),
+                           i == j ? "" : fmt::format("{:+.3f}", v(i, j) / std::sqrt(v(i, i) * v(j, j)))});
+            }
+        }
     }
     return table.text();
 }
@@ -110,7 +141,10 @@ std::string remarks(const estimator::Estimate& estimate) {
         out += "  Intervals are from a sandwich over blocks longer than the correlation time.\n";
     }
     if (!estimate.trust_normal) {
-        out += "  The normal approximation of the posterior is doubtful: take sds and intervals as orders of size.\n";
+        out += fmt::format(
+            "  The normal approximation of the posterior is doubtful{}{}:\n"
+            "  take sds and intervals as orders of size; \"profile\", \"marginals\" or \"posterior\" say more.\n",
+            estimate.distrust.empty() ? "" : ": ", estimate.distrust);
     }
     return out;
 }
@@ -201,12 +235,13 @@ std::string estimate_summary(const estimator::Estimate& estimate, const ResultCo
     out += section("Derived", estimated_table(estimate.derived));
     out += section("Against known values", reference_table(estimate, context));
     out += section("Errors", scale_table(estimate.scales));
+    out += section("Covariances of errors", covariance_table(estimate.covariances));
     out += section("Not determined by the data", null_directions(estimate));
     out += section("Remarks", remarks(estimate));
     out += section("Cycles in the data", orbits_line(context));
     out += section("Used", counts_table(estimate.counts));
     out += section("Prediction", prediction_table(context.predictions));
-    return out;
+    return out + posterior_summary(context.posterior);
 }
 
 std::string cycles_summary(const orbits::CycleSearch& search) {

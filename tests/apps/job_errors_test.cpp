@@ -226,7 +226,7 @@ TEST_CASE("several starts, samples, profiles and marginals are read and written"
     const Job job =
         read(series_job("\"errors\": {}", R"("variance": "integrated", "multi_start": { "starts": 8, "seed": 3 },
       "posterior": { "sample": { "draws": 100, "chains": 2, "warm_up": 50 } }, "profile": true,
-      "marginals": ["u_0@run1"])"));
+      "marginals": ["u_0@run1", "series.u.scale"])"));
     CHECK(job.estimate->variance == estimator::Variance::integrated);
     CHECK(job.estimate->multi_start.starts == 8);
     CHECK(job.estimate->multi_start.seed == 3);
@@ -253,7 +253,7 @@ TEST_CASE("several starts, samples, profiles and marginals are read and written"
     refused("\"posterior\": { \"sample\": { \"draws\": 10, \"chains\": 1 } }",
             "/estimate/posterior/sample/chains: must be a whole number from 2");
     refused("\"profile\": 1", "/estimate/profile: must be true, false or a list of estimated parameters");
-    refused("\"profile\": [\"beta\"]", "/estimate/profile: \"beta\" is no estimated parameter; known: \"alpha\"");
+    refused("\"profile\": [\"beta\"]", "/estimate/profile: \"beta\" is not estimated; known: \"alpha\"");
     refused("\"marginals\": [\"alpha\", \"alpha\"]", "/estimate/marginals/1: \"alpha\" is listed twice");
 }
 
