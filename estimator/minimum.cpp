@@ -37,7 +37,8 @@ void stretched(TrialStep& step, double factor) {
     step.length *= std::abs(factor);
 }
 
-/// Steps below this many sds are rounding where the scale is held at its floor, the least change a residual can show.
+/// Steps below this many of the least changes that a residual can show (see error_limits()) are rounding; where the scale
+/// is held at its floor these are its sds.
 constexpr double floor_sds = 100.0;
 
 /// Violations of constraints fall by this factor from stage to stage, down to a share of their sizes that changes no
@@ -67,7 +68,7 @@ public:
 private:
     bool start();
     bool update_errors(bool profile);
-    Eigen::VectorXd error_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) const;
+    Eigen::VectorXd error_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling);
     template <class Change>
     void rescale(Change change);
     bool tighten(bool at_once);
@@ -103,6 +104,7 @@ private:
     std::vector<bool> cut_;      ///< blocks that failed at a trial of the present step
     double stretch_ = 1.0;       ///< length of the best step over the full Gauss-Newton step, from the last full step
     double radius_ = 0.0;
+    double rounding_ = 0.0;  ///< least change that residuals can show, in sds of the errors: the largest of all scales
     bool derivatives_at_trial_ = true;
     double last_decrease_ = 0.0;   ///< of the last accepted step
     double last_objective_ = 0.0;  ///< sum of squares before it, for the stages of constraints
@@ -147,7 +149,7 @@ bool Minimisation::start() {
 /// Floor of scales: what rounding of theta and z alone does to the residuals. Ceiling: a thousand times their size.
 /// Other error parameters have limits of their own.
 /// @return ln of the root mean square of the residuals for scales, the present value for others
-Eigen::VectorXd Minimisation::error_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) const {
+Eigen::VectorXd Minimisation::error_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) {
     const auto channels = static_cast<Eigen::Index>(problem_.channels.size());
     const Eigen::VectorXd size = sizes(problem_, state_.theta);
     Eigen::VectorXd rounding = Eigen::VectorXd::Zero(channels);
@@ -178,6 +180,7 @@ Eigen::VectorXd Minimisation::error_limits(Eigen::VectorXd& floor, Eigen::Vector
     floor.resize(state_.psi.size());
     ceiling.resize(state_.psi.size());
     Eigen::VectorXd present = state_.psi;
+    rounding_ = 0.0;
     for (const ErrorLaw& law : problem_.laws) {
         Eigen::Index response = 0;
         for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
@@ -193,6 +196,7 @@ Eigen::VectorXd Minimisation::error_limits(Eigen::VectorXd& floor, Eigen::Vector
             const double least = std::log(std::max(epsilon * std::sqrt(rounding[c] / count), 1e-290));
             present[k] = 0.5 * std::log(std::max(square[c] / count, 1e-290));
             floor[k] = std::max(floor[k], least);
+            rounding_ = std::max(rounding_, std::exp(least - state_.psi[k]));
             if (!is_proper(coordinate.prior) && !(law.inverse_wishart_dof > 0.0))
                 ceiling[k] = std::min(ceiling[k], std::log(1e3) + std::max(floor[k], present[k]));
         }
@@ -448,7 +452,8 @@ Minimum Minimisation::run() {
         // With a scale at its floor a sd is itself the rounding of the residuals.
         const bool at_floor = std::any_of(minimum_.error_at_floor.begin(), minimum_.error_at_floor.end(),
                                           [](bool floor) { return floor; });
-        const bool small = minimum_.remaining < (at_floor ? floor_sds : rounding_sds);
+        const bool small =
+            minimum_.remaining < std::max(rounding_sds, floor_sds * (at_floor ? 1.0 : std::min(rounding_, 1.0)));
         if ((hopeless || (rejected >= 4 && small)) && tighten(true)) {
             rejected = 0;
             continue;
