@@ -13,7 +13,6 @@ namespace orbid::estimator {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 
 const Estimated* find(const std::vector<Estimated>& list, const std::string& name) {

@@ -18,7 +18,6 @@ namespace orbid::estimator {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 
 /// Bisections towards a point that fails before the side is given up: the end is then known to 1/64 of a step.

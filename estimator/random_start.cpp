@@ -135,6 +135,10 @@ Eigen::VectorXd random_start(const std::vector<FreeParameter>& parameters,
         double& value = theta[static_cast<Eigen::Index>(i)];
         value = inside(parameters[i], value);
     }
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        for (std::size_t k = 0; k < parameters.size(); ++k)
+            if (!parameters[i].tied_to.empty() && parameters[k].name == parameters[i].tied_to)
+                theta[static_cast<Eigen::Index>(i)] = parameters[i].tie_factor * theta[static_cast<Eigen::Index>(k)];
     return theta;
 }
 

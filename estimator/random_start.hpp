@@ -16,7 +16,7 @@ namespace orbid::estimator {
 ///     two finite bounds: uniform in its coordinate (log-uniform on a log scale with a positive lower bound)
 ///     the normal distribution around its start in its coordinate, with `width` times its size as sd (size = 1 for log:
 ///     a factor e; max(|start|, typical size) for linear), cut off at the bounds
-/// Members of a joint prior are drawn together and then moved into their bounds.
+/// Members of a joint prior are drawn together and then moved into their bounds; tied parameters follow.
 ///
 /// @param width  > 0.
 [[nodiscard]] Eigen::VectorXd random_start(const std::vector<FreeParameter>& parameters,
