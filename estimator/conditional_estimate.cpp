@@ -285,6 +285,15 @@ ConditionalEstimate Conditional::run(const Unknown* unknown, double u, const Con
     }
     result.at.latents = found.latents;
     result.at.errors = errors_of(found);
+    result.degrees_of_freedom = found.degrees_of_freedom;
+    result.covariance = Eigen::MatrixXd::Zero(from.theta.size(), from.theta.size());
+    const auto place = [pinned](Eigen::Index i) { return pinned >= 0 && i > pinned ? i - 1 : i; };
+    for (Eigen::Index i = 0; i < from.theta.size(); ++i)
+        for (Eigen::Index j = 0; j < from.theta.size(); ++j) {
+            if (i == pinned || j == pinned) continue;
+            const double c = found.covariance(place(i), place(j));
+            if (std::isfinite(c)) result.covariance(i, j) = c;
+        }
     if (!std::isfinite(result.objective) || !std::isfinite(result.log_integral)) result.status = EstimateStatus::failed;
     return result;
 }

@@ -47,6 +47,9 @@ struct ConditionalEstimate {
     double objective = 0.0;     ///< as Estimate
     double log_integral = 0.0;  ///< as Estimate: the unknown itself is not integrated over, its prior not included
     ConditionalStart at;
+    /// Of all parameters that are not tied, natural units; rows of what is held or undetermined are zero.
+    Eigen::MatrixXd covariance;
+    double degrees_of_freedom = 0.0;  ///< as Estimate
     int evaluations = 0;
 
     /// Comparable with its neighbours: at a minimum, all blocks of the estimate took part.
@@ -93,6 +96,10 @@ public:
     [[nodiscard]] const std::vector<FreeParameter>& parameters() const { return tied_.parameters; }
     /// Full theta (tied ones included) from the parameters that are not tied.
     [[nodiscard]] Eigen::VectorXd expand(const Eigen::VectorXd& theta) const { return tied_.map.expand(theta); }
+    [[nodiscard]] Eigen::MatrixXd expand_covariance(const Eigen::MatrixXd& covariance) const {
+        const Eigen::MatrixXd jacobian = tied_.map.jacobian();
+        return jacobian * covariance * jacobian.transpose();
+    }
 
 private:
     [[nodiscard]] ConditionalEstimate run(const Unknown* unknown, double u, const ConditionalStart& from,

@@ -37,6 +37,8 @@ struct Node {
     double u = 0.0;
     double log_density = 0.0;
     ConditionalStart at;
+    Eigen::MatrixXd covariance;
+    double degrees_of_freedom = 0.0;
 };
 
 /// The grid of one unknown on one side of the estimate.
@@ -75,7 +77,7 @@ std::optional<Node> Grid::at(double u, const ConditionalStart& from, int& evalua
         const ConditionalEstimate found = conditional_.at(unknown_, u, start, estimate_.variance, full_hessian_);
         evaluations += found.evaluations;
         if (!found.good()) return std::nullopt;
-        return Node{u, found.log_integral + prior, found.at};
+        return Node{u, found.log_integral + prior, found.at, found.covariance, found.degrees_of_freedom};
     };
     if (auto node = attempt(conditional_.moved(from, unknown_, u))) return node;
     return attempt(conditional_.moved(conditional_.start(), unknown_, u));
@@ -213,8 +215,9 @@ Marginal marginal_of(const Conditional& conditional, const Unknown& unknown, con
     nodes.push_back(*centre);
     nodes.insert(nodes.end(), upper.nodes.begin(), upper.nodes.end());
     for (const Node& node : nodes)
-        result.points.push_back(
-            {node.u, conditional.natural(unknown, node.u), node.log_density, conditional.expand(node.at.theta)});
+        result.points.push_back({node.u, conditional.natural(unknown, node.u), node.log_density,
+                                 conditional.expand(node.at.theta), conditional.expand_covariance(node.covariance),
+                                 node.degrees_of_freedom});
     result.message = words("lower", lower.end) + words("upper", upper.end);
     if (nodes.size() < 4) {
         result.message += "too few points can be evaluated";
