@@ -472,6 +472,31 @@ TEST_CASE("improper posteriors and wrong calls are refused by name", "[estimator
         }
         refused({free_parameter("a", 0.0)}, residual, "\"reading\"");
     }
+    SECTION("equality constraints, records that say nothing about a latent state, a scale without records") {
+        const auto with_latent = [&](Eigen::Index constraints, const Eigen::MatrixXd& z) {
+            auto residual = std::make_unique<FunctionResidual>();
+            residual->add_group(group("y", 0.1, false));
+            estimator::BlockLayout block = layout("held", 14);
+            block.latents = 1;
+            block.constraints = constraints;
+            residual->add_block(block, linear(data.y, data.x, z), Eigen::VectorXd::Zero(1));
+            return residual;
+        };
+        const std::vector<FreeParameter> parameters{free_parameter("a", 0.0), free_parameter("b", 0.0)};
+        const auto good = with_latent(0, data.x.col(1).cwiseAbs2());
+        const Estimate estimate = estimator::estimate(parameters, {good.get()});
+        REQUIRE(estimate.status == EstimateStatus::converged);
+        const auto held = with_latent(1, data.x.col(1).cwiseAbs2());
+        CHECK_THROWS_WITH(estimator::sample_posterior(parameters, {held.get()}, {}, {}, estimate),
+                          ContainsSubstring("\"held\" has equality constraints") && ContainsSubstring("small sd"));
+        const auto blind = with_latent(0, Eigen::MatrixXd::Zero(14, 1));
+        CHECK_THROWS_WITH(estimator::sample_posterior(parameters, {blind.get()}, {}, {}, estimate),
+                          ContainsSubstring("\"held\" do not determine its latent states"));
+
+        const auto residual = regression(data.x);
+        residual->add_group(group("idle", 0.5));
+        refused(parameters, *residual, "\"idle\"");
+    }
     SECTION("not converged") {
         const auto residual = regression(data.x);
         const std::vector<FreeParameter> parameters{free_parameter("a", 0.0), free_parameter("b", 0.0)};
