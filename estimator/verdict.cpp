@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <numbers>
 
 #include <Eigen/Cholesky>
 
@@ -14,9 +15,15 @@ namespace {
 constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 /// Where the objective is looked at, in posterior sds: a 95 % interval ends there.
 constexpr double reach = 2.0;
-/// Root of twice the rise over `reach`: outside of these the ends of an interval move by more than a quarter.
-constexpr double least_root = 0.8;
-constexpr double most_root = 1.25;
+/// Probability outside of `reach` sds to both sides, 4.55 % when all is normal: with the signed root of twice the rise
+/// as the normal variable. Intervals from the normal approximation that claim 95 % then hold 92.5 to 99 %. Measured:
+/// 4.5 to 4.7 % for Bock's problem and hare and lynx, at most 5.6 % for NIST's Thurber (its profile is lopsided, roots
+/// of 1.6 and 2.9), 10 % for the heavy tail of a Michaelis-Menten constant even on a log scale.
+constexpr double least_outside = 0.01;
+constexpr double most_outside = 0.075;
+/// The others moved linearly leave the objective higher than it is at their best (by 0.15 for that tail): only this
+/// close to 1 is that good enough.
+constexpr double linear_margin = 0.1;
 /// sd from the full Hessian over the Gauss-Newton one that is still called the same.
 constexpr double most_ratio = 2.0;
 
@@ -65,8 +72,9 @@ Problem held(const Problem& problem, Eigen::Index parameter, double u) {
     return result;
 }
 
-bool straight(double root) {
-    return root >= least_root && root <= most_root;
+/// Probability of a standard normal variable above x.
+double beyond(double x) {
+    return 0.5 * std::erfc(x / std::numbers::sqrt2);
 }
 
 }  // namespace
@@ -157,8 +165,10 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
             distrust(i, "its sd from the full Hessian is " + two_figures(ratio) + " times the Gauss-Newton one");
         const double sd = std::sqrt(posterior.laplace()(i, i));
         if (!(sd > 0.0)) continue;
+        double outside = 0.0;
+        std::string roots;
         for (const double sign : {-1.0, 1.0}) {
-            const std::string where = std::string(sign < 0.0 ? "below" : "above") + " the estimate";
+            const std::string where = sign < 0.0 ? "below the estimate" : "above the estimate";
             const double u = state.u[i] + sign * reach * sd;
             if (!(u > problem.lower[i]) || !(u < problem.upper[i])) {
                 distrust(i, "a bound lies within two sds " + where);
@@ -173,7 +183,10 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
                 if (evaluation.failed.empty())
                     rise = deviance(problem, set, state, minimum, trial.u, evaluation.values);
             }
-            if (straight(std::sqrt(rise) / reach)) continue;
+            if (std::abs(std::sqrt(rise) / reach - 1.0) <= linear_margin) {
+                outside += beyond(std::sqrt(rise));
+                continue;
+            }
             const Problem pinned = held(problem, i, u);
             trial.u[i] = u;
             trial.theta[i] = problem.coordinates[static_cast<std::size_t>(i)].natural(u);
@@ -186,10 +199,12 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
                 continue;
             }
             rise = deviance(problem, set, state, minimum, trial.u, beside.evaluation.values);
-            const double root = std::sqrt(std::max(rise, 0.0)) / reach;
-            if (!straight(root))
-                distrust(i, "two sds " + where + " the objective says " + two_figures(reach * root) + " sds");
+            const double root = std::sqrt(std::max(rise, 0.0));
+            outside += beyond(root);
+            roots += (roots.empty() ? "two sds " : ", ") + where + " the objective says " + two_figures(root) + " sds";
         }
+        // Without roots both sides were as expected, or named already.
+        if (!roots.empty() && !(outside >= least_outside && outside <= most_outside)) distrust(i, roots);
     }
     return verdict;
 }

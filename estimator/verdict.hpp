@@ -30,8 +30,9 @@ struct Verdict {
 };
 
 /// The objective two sds to both sides of each parameter, the others at their best (at fixed error parameters): the
-/// signed root of its rise must be 2 within a quarter. The others are first moved linearly and only brought to their
-/// minimum when that is not good enough: 2 evaluations per parameter in the usual case.
+/// signed roots of its rise, taken as normal, must leave between 1 and 7.5 % outside (4.55 % when all is normal). The
+/// others are first moved linearly and only brought to their minimum when that is not good enough: 2 evaluations per
+/// parameter in the usual case.
 [[nodiscard]] Verdict judge(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
                             const Posterior& posterior, const FullHessian& hessian, int& evaluations);
 
