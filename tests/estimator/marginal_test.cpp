@@ -345,6 +345,36 @@ TEST_CASE("marginals end at bounds, report flat directions, and follow names and
     }
 }
 
+TEST_CASE("a tied parameter has no marginal of its own, the one it follows has that of both", "[estimator]") {
+    // y = a + b t with b = -2 a: one column, 1 - 2 t.
+    const Regression data = made_regression(12);
+    std::vector<estimator::FreeParameter> parameters{free_parameter("b", 0.0), free_parameter("a", 0.0)};
+    parameters[0].tied_to = "a";
+    parameters[0].tie_factor = -2.0;
+    FunctionResidual residual;
+    residual.add_group(group("y"));
+    residual.add_block(layout("data", 12), linear(data.y, data.x.rowwise().reverse()));
+    const auto estimate = estimator::estimate(parameters, {&residual});
+    REQUIRE(estimate.status == estimator::EstimateStatus::converged);
+    const auto result = estimator::marginals(parameters, {&residual}, {}, estimate);
+    REQUIRE(result.size() == 2);
+    CHECK(result[0].name == "a");
+    const Eigen::VectorXd x = data.x * Eigen::Vector2d(1.0, -2.0);
+    const double a = x.dot(data.y) / x.squaredNorm();
+    const double dof = 11.0;
+    const double scale = std::sqrt((data.y - a * x).squaredNorm() / dof / x.squaredNorm());
+    const double q = boost::math::quantile(boost::math::students_t_distribution<double>(dof), 0.975);
+    check(result[0], {a, scale * std::sqrt(dof / (dof - 2.0)), a - q * scale, a, a + q * scale}, 2e-3);
+    for (const estimator::MarginalPoint& point : result[0].points) {
+        REQUIRE(point.theta.size() == 2);
+        CHECK(point.theta[0] == -2.0 * point.theta[1]);
+        CHECK(point.theta[1] == point.value);
+    }
+    estimator::MarginalOptions options;
+    options.names = {"b"};
+    CHECK_THROWS_AS(estimator::marginals(parameters, {&residual}, {}, estimate, options), std::invalid_argument);
+}
+
 TEST_CASE("the marginal of something the data say nothing about does not end", "[estimator]") {
     // Only a + b is measured.
     const Eigen::VectorXd y = Eigen::VectorXd::LinSpaced(6, 1.0, 2.0);

@@ -240,6 +240,20 @@ TEST_CASE("random starts follow priors and bounds", "[estimator]") {
     CHECK(random_start(parameters, {}, 0.5, stream)[0] >= 80.0);
 }
 
+TEST_CASE("tied parameters follow the starts that are drawn", "[estimator]") {
+    std::vector<estimator::FreeParameter> parameters{bounded("x", 0.5, -6.0, 6.0), free_parameter("y", 0.0)};
+    parameters[1].tied_to = "x";
+    parameters[1].tie_factor = -1.0;
+    estimator::MultiStartOptions options;
+    options.starts = 6;
+    const auto result = multi_start(parameters, factory(2, himmelblau), {}, options);
+    REQUIRE(result.best_start >= 0);
+    for (const estimator::StartedRun& run : result.runs) {
+        if (run.start > 0) CHECK(run.from[1] == -run.from[0]);
+        CHECK(run.theta[1] == -run.theta[0]);
+    }
+}
+
 TEST_CASE("multi-start refuses what makes no sense", "[estimator]") {
     const std::vector<estimator::FreeParameter> parameters{bounded("theta", -0.9, -3.0, 3.0)};
     const auto residuals = factory(2, two_wells);
