@@ -33,6 +33,14 @@ struct StartValue {
     Eigen::Index estimated = -1;
 };
 
+/// Flows of the reference problems take some hundred steps: where ten times that is not enough, parameters are far from
+/// anything that could be an estimate.
+inline models::FlowOptions flow_options() {
+    models::FlowOptions options;
+    options.maximum_steps = 3000;
+    return options;
+}
+
 /// Whether the system can be asked at these parameters: values outside their domains are no wrong call of the
 /// estimator, only a place where nothing can be simulated.
 inline bool in_domain(const models::System& system, const Eigen::VectorXd& all) {
@@ -94,9 +102,9 @@ public:
              ++k)
             durations.push_back(data_.times[k] - data_.times.front());
         const models::FlowResult flow =
-            derivatives
-                ? system_->flow_with_sensitivities(x0, 0.0, durations, all, binding_.parameter, models::Clock::time)
-                : system_->flow(x0, 0.0, durations, all, models::Clock::time);
+            derivatives ? system_->flow_with_sensitivities(x0, 0.0, durations, all, binding_.parameter,
+                                                           models::Clock::time, flow_options())
+                        : system_->flow(x0, 0.0, durations, all, models::Clock::time, flow_options());
         if (flow.status != models::FlowStatus::ok) return values;
         value.status = estimator::BlockStatus::ok;
         const Eigen::Index observed = data_.values.cols();

@@ -84,9 +84,9 @@ private:
         if (constraints == 0) return value;
         const std::array<double, 1> duration{data_.times[b + 1] - data_.times[b]};
         const models::FlowResult flow =
-            derivatives
-                ? system_->flow_with_sensitivities(z, 0.0, duration, all, binding_.parameter, models::Clock::time)
-                : system_->flow(z, 0.0, duration, all, models::Clock::time);
+            derivatives ? system_->flow_with_sensitivities(z, 0.0, duration, all, binding_.parameter,
+                                                           models::Clock::time, flow_options())
+                        : system_->flow(z, 0.0, duration, all, models::Clock::time, flow_options());
         if (flow.status != models::FlowStatus::ok) {
             value.status = estimator::BlockStatus::failed;
             return value;
