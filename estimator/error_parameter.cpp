@@ -55,11 +55,17 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
 
     Eigen::VectorXd y;
     std::vector<Eigen::VectorXd> d_z;
-    if (problem.profile) {
+    const bool all = problem.follow == Follow::all && rank > 0;
+    const bool moving = all || problem.set->latents > 0;
+    if (moving) {
         y = problem.prior_gradient;
-        point.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(y);
-        y = -(y + factor.topRightCorner(rank, 1));
-        point.triangle.triangularView<Eigen::Upper>().solveInPlace(y);
+        if (all) {
+            point.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(y);
+            y = -(y + factor.topRightCorner(rank, 1));
+            point.triangle.triangularView<Eigen::Upper>().solveInPlace(y);
+        } else {
+            y.setZero();
+        }
         d_z = latent_steps(point.standard.arrow, point.condensed, y);
         const ModelChange change = model_change(point.standard.arrow, y, d_z);
         point.value += change.linear + 0.5 * change.quadratic + problem.prior_gradient.dot(y) +
@@ -85,7 +91,7 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
             if (through[b].size() > 0)
                 trace = derivative.rows.leftCols(through[b].cols()).cwiseProduct(through[b]).sum();
             double fit = derivative.value;
-            if (problem.profile) {
+            if (moving) {
                 const Eigen::Index last = at.rows.cols() - 1;
                 const Eigen::VectorXd w = at.rows.col(last) + at.rows.leftCols(block.latents) * d_z[b] +
                                           at.rows.middleCols(block.latents, rank) * y;
@@ -249,7 +255,8 @@ Eigen::MatrixXd first_hessian(const ErrorProblem& problem, const ErrorPoint& poi
         diagonal[i] = 2.0 * point.fit[free[static_cast<std::size_t>(i)]];
         plain = plain && diagonal[i] > 0.0;
     }
-    if (plain) return diagonal.asDiagonal();
+    // Latent states share the residuals out between scales: their curvature is far from that of separate ones.
+    if (plain && problem.set->latents == 0) return diagonal.asDiagonal();
     return made_definite(error_hessian(problem, psi, free));
 }
 
@@ -342,6 +349,20 @@ ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd&
             }
         }
         if (!(best_change < 0.0)) return minimum;
+        // A long step past the minimum along its direction may end where a scale no longer matters and the objective is
+        // flat: go back by halves while that gains.
+        constexpr int halvings = 8;
+        for (int halving = 0; halving < halvings; ++halving) {
+            const Eigen::VectorXd moved = best - minimum.psi;
+            if (moved.lpNorm<Eigen::Infinity>() < 0.5 || !(best_point.gradient.dot(moved) > 0.0)) break;
+            Eigen::VectorXd half = minimum.psi + 0.5 * moved;
+            ErrorPoint next = evaluate_errors(problem, half);
+            const double change = change_to(half, next);
+            if (!(change < best_change)) break;
+            best_change = change;
+            best = std::move(half);
+            best_point = std::move(next);
+        }
         const Eigen::VectorXd s = picked(best - minimum.psi, free);
         const Eigen::VectorXd y = picked(best_point.gradient - point.gradient, free);
         minimum.psi = std::move(best);

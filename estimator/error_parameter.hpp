@@ -15,9 +15,13 @@ namespace orbid::estimator {
 ///     Phi_psi = sum_g -ln p_g - ln p(psi) + 1/2 ln|H|
 ///
 /// H over the latent states (ml, integrated) or over latent states and decided parameters (restricted), with the
-/// expected information of the errors. With `profile`, errors and the parameter prior are taken at the minimum of the
-/// quadratic model over (theta, z) for each psi: the min in (M9). Without, at the present point: far from the minimum
-/// the model promises too much.
+/// expected information of the errors. Errors are taken at the minimum of the quadratic model over z for each psi,
+/// and with Follow::all errors and the parameter prior at that over (theta, z): the min in (M9). Far from the minimum
+/// the model promises too much of theta; latent states must always follow, or those that start at the data send a scale
+/// to zero.
+enum class Follow { latents, all };
+
+/// See above.
 struct ErrorProblem {
     const BlockSet* set = nullptr;
     const std::vector<ErrorLaw>* laws = nullptr;
@@ -27,7 +31,7 @@ struct ErrorProblem {
     std::vector<bool> free;          ///< error parameters that are estimated and have data
     double matching = 1.0;           ///< see standard_arrow()
     bool restricted = true;
-    bool profile = false;
+    Follow follow = Follow::latents;
 };
 
 /// Value and gradient of Phi_psi; shape (error parameters).

@@ -10,6 +10,7 @@
 #include "estimator/joint_covariance.hpp"
 #include "estimator/posterior.hpp"
 #include "estimator/problem_setup.hpp"
+#include "estimator/tie.hpp"
 #include "estimator/verdict.hpp"
 
 namespace orbid::estimator {
@@ -410,6 +411,12 @@ std::string_view name(EstimateStatus status) {
 
 Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
                   const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {
+    if (any_tied(parameters)) {
+        const TiedProblem tied = resolve_ties(parameters, residuals, options.joint_priors);
+        Estimate result = estimate(tied.parameters, tied.residuals, tied.derived(derived), options);
+        tied.expand(result);
+        return result;
+    }
     const Problem problem = set_up(parameters, residuals, derived, options);
     State state = initial_state(problem);
     Rounds rounds(problem, state);

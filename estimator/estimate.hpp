@@ -136,8 +136,9 @@ struct NullDirection {
 
 /// A product of powers of parameters that the data know within a factor e or worse, while they know others well.
 struct SloppyDirection {
-    Eigen::VectorXd components;  ///< exponents, simple fractions where the data cannot tell; largest 1, shape (parameters)
-    double sd = 0.0;             ///< of the product's logarithm, from the data alone, >= 1 or so
+    Eigen::VectorXd
+        components;   ///< exponents, simple fractions where the data cannot tell; largest 1, shape (parameters)
+    double sd = 0.0;  ///< of the product's logarithm, from the data alone, >= 1 or so
 };
 
 struct Estimate {
@@ -163,8 +164,8 @@ struct Estimate {
     std::vector<ResidualCount> counts;
     double objective = 0.0;       ///< Phi_psi at the estimate
     double log_likelihood = 0.0;  ///< ln p(y | theta, z, psi)
-    /// Laplace's value of ln of the integral of p(y | theta, z, psi) p(theta) p(psi) over all coordinates (theta, z, psi),
-    /// flat priors counting as 1: the log evidence up to what flat priors leave open.
+    /// Laplace's value of ln of the integral of p(y | theta, z, psi) p(theta) p(psi) over all coordinates (theta, z,
+    /// psi), flat priors counting as 1: the log evidence up to what flat priors leave open.
     double log_integral = 0.0;
     double degrees_of_freedom = 0;
     int iterations = 0;

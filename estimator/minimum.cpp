@@ -7,6 +7,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "estimator/joint_covariance.hpp"
 #include "estimator/plain_least_squares.hpp"
 #include "estimator/trust_region.hpp"
 
@@ -37,8 +38,8 @@ void stretched(TrialStep& step, double factor) {
     step.length *= std::abs(factor);
 }
 
-/// Steps below this many of the least changes that a residual can show (see error_limits()) are rounding; where the scale
-/// is held at its floor these are its sds.
+/// Steps below this many of the least changes that a residual can show (see error_limits()) are rounding; where the
+/// scale is held at its floor these are its sds.
 constexpr double floor_sds = 100.0;
 
 /// Violations of constraints fall by this factor from stage to stage, down to a share of their sizes that changes no
@@ -69,9 +70,11 @@ private:
     bool start();
     bool update_errors(bool profile);
     Eigen::VectorXd error_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling);
+    [[nodiscard]] Eigen::VectorXd latent_fit_sizes() const;
     template <class Change>
     void rescale(Change change);
     bool tighten(bool at_once);
+    bool degenerate();
     [[nodiscard]] double initial_radius() const;
     void build_model();
     bool try_step(const TrialStep& step);
@@ -104,6 +107,7 @@ private:
     std::vector<bool> cut_;      ///< blocks that failed at a trial of the present step
     double stretch_ = 1.0;       ///< length of the best step over the full Gauss-Newton step, from the last full step
     double radius_ = 0.0;
+    Eigen::VectorXd latent_fit_;  ///< see latent_fit_sizes(), at the start
     double rounding_ = 0.0;  ///< least change that residuals can show, in sds of the errors: the largest of all scales
     bool derivatives_at_trial_ = true;
     double last_decrease_ = 0.0;   ///< of the last accepted step
@@ -128,6 +132,9 @@ bool Minimisation::start() {
     minimum_.prior = prior_at(problem_, state_.u);
     minimum_.error_at_floor.assign(problem_.errors.size(), false);
     minimum_.error_at_ceiling = minimum_.error_at_floor;
+    // The first constraints are as loose as they are violated.
+    minimum_.matching = std::clamp(violation(set_, minimum_.evaluation.values).rms, exact_matching, 1e6);
+    latent_fit_ = latent_fit_sizes();
     if (!state_.errors_known) {
         Eigen::VectorXd floor;
         Eigen::VectorXd ceiling;
@@ -137,13 +144,46 @@ bool Minimisation::start() {
                 const ErrorCoordinate& coordinate = law.coordinates[j];
                 const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
                 if (coordinate.kind == ErrorCoordinate::Kind::log && !(coordinate.start > 0.0))
-                    state_.psi[k] = std::max(size[k], floor[k]);
+                    state_.psi[k] = std::max({size[k], floor[k], latent_fit_[k]});
             }
         state_.errors_known = true;
     }
-    // The first constraints are as loose as they are violated.
-    minimum_.matching = std::clamp(violation(set_, minimum_.evaluation.values).rms, exact_matching, 1.0);
     return true;
+}
+
+/// ln of the root mean square of the residuals of each law after an unweighted fit of the latent states; -infinity
+/// without. Latent states may start exactly at the data: their residuals then say nothing about a scale.
+Eigen::VectorXd Minimisation::latent_fit_sizes() const {
+    Eigen::VectorXd size = Eigen::VectorXd::Constant(state_.psi.size(), -infinity);
+    if (set_.latents == 0) return size;
+    Eigen::VectorXd psi = state_.psi;
+    for (std::size_t k = 0; k < problem_.errors.size(); ++k)
+        if (problem_.errors[k].kind == ErrorCoordinate::Kind::log && !(problem_.errors[k].start > 0.0))
+            psi[static_cast<Eigen::Index>(k)] = 0.0;
+    const StandardArrow standard =
+        standard_arrow(minimum_.rows, problem_.laws, psi, minimum_.matching, Curvature::expected, true);
+    const std::vector<Eigen::VectorXd> d_z =
+        latent_steps(standard.arrow, condense(standard.arrow, 0.0), Eigen::VectorXd::Zero(state_.u.size()));
+    Eigen::VectorXd square = Eigen::VectorXd::Zero(state_.psi.size());
+    Eigen::VectorXd count = square;
+    for (std::size_t b = 0; b < minimum_.rows.size(); ++b) {
+        const Eigen::MatrixXd& rows = standard.rows[b].rows;
+        const Eigen::VectorXd left = rows.rightCols(1) + rows.leftCols(d_z[b].size()) * d_z[b];
+        Eigen::Index row = 0;
+        for (const PartRows& part : minimum_.rows[b].parts) {
+            const ErrorLaw& law = problem_.laws[part.law];
+            const Eigen::Index rows_of_part = part.records.rows.rows() * rows_per_record(law);
+            square[law.first] += left.segment(row, rows_of_part).squaredNorm();
+            count[law.first] += static_cast<double>(part.records.count);
+            row += rows_of_part;
+        }
+    }
+    for (const ErrorLaw& law : problem_.laws) {
+        if (!(count[law.first] > 0.0) || !(square[law.first] > 0.0)) continue;
+        const double relative = 0.5 * std::log(square[law.first] / count[law.first]);
+        size[law.first] = psi[law.first] + relative;
+    }
+    return size;
 }
 
 /// Floor of scales: what rounding of theta and z alone does to the residuals. Ceiling: a thousand times their size.
@@ -198,7 +238,7 @@ Eigen::VectorXd Minimisation::error_limits(Eigen::VectorXd& floor, Eigen::Vector
             floor[k] = std::max(floor[k], least);
             rounding_ = std::max(rounding_, std::exp(least - state_.psi[k]));
             if (!is_proper(coordinate.prior) && !(law.inverse_wishart_dof > 0.0))
-                ceiling[k] = std::min(ceiling[k], std::log(1e3) + std::max(floor[k], present[k]));
+                ceiling[k] = std::min(ceiling[k], std::log(1e3) + std::max({floor[k], present[k], latent_fit_[k]}));
         }
     }
     return present;
@@ -243,9 +283,19 @@ bool Minimisation::update_errors(bool profile) {
                            " parameters and latent states and an error scale as well";
         return false;
     }
+    for (const ErrorLaw& law : problem_.laws) {
+        const auto m = static_cast<double>(law.channels.size());
+        const double least = m + static_cast<double>(minimum_.step.space.data.cols()) / m + 5.0;
+        if (!law.joint() || law.inverse_wishart_dof > 0.0 || !(set_.count[law.channels.front()] < least)) continue;
+        minimum_.outcome = Outcome::no_freedom;
+        minimum_.message = "a full covariance of " + std::to_string(law.channels.size()) +
+                           " responses needs at least " + figures("%.0f", std::ceil(least)) +
+                           " records of each, or an inverse-Wishart prior";
+        return false;
+    }
     for (std::size_t i = 0; i < minimum_.step.active.size(); ++i)
         if (minimum_.step.active[i] != 0 && minimum_.step.d[static_cast<Eigen::Index>(i)] != 0.0) profile = false;
-    const ErrorProblem errors = error_problem(problem_, set_, minimum_, profile);
+    const ErrorProblem errors = error_problem(problem_, set_, minimum_, profile ? Follow::all : Follow::latents);
     Eigen::VectorXd floor;
     Eigen::VectorXd ceiling;
     error_limits(floor, ceiling);
@@ -256,7 +306,33 @@ bool Minimisation::update_errors(bool profile) {
     const Eigen::VectorXd psi =
         problem_.options.variance == Variance::integrated ? integrated_scales(errors, found) : found.psi;
     rescale([&] { state_.psi = psi; });
-    return true;
+    return !degenerate();
+}
+
+/// Whether a full covariance is about to become singular: then the responses can be fitted exactly together, the
+/// likelihood has no bound, and nothing can be said.
+bool Minimisation::degenerate() {
+    // A response whose sd given the others is below this share of its own: correlation 1 - 5e-13.
+    constexpr double least_share = 1e-6;
+    for (const ErrorLaw& law : problem_.laws) {
+        if (!law.joint()) continue;
+        const Eigen::MatrixXd lower = covariance_root(law, state_.psi);
+        for (Eigen::Index i = 0; i < lower.rows(); ++i) {
+            if (lower(i, i) > least_share * lower.row(i).norm()) continue;
+            std::string names;
+            for (const int c : law.channels) {
+                const Channel& channel = problem_.channels[static_cast<std::size_t>(c)];
+                names += (names.empty() ? "" : ", ") +
+                         problem_.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)].name;
+            }
+            minimum_.outcome = Outcome::no_freedom;
+            minimum_.message = "the responses " + names +
+                               " can be fitted exactly together: their full covariance becomes singular and the "
+                               "likelihood has no maximum; estimate a scale for each, or give an inverse-Wishart prior";
+            return true;
+        }
+    }
+    return false;
 }
 
 /// Damping and radius are kept in units of the standardised problem, which `change` changes.
@@ -283,15 +359,18 @@ void Minimisation::rescale(Change change) {
 /// @return whether there was one
 bool Minimisation::tighten(bool at_once) {
     if (set_.constraints == 0 || !(minimum_.matching > exact_matching)) return false;
-    if (!at_once && !(last_decrease_ < 0.3 * last_objective_)) return false;
+    // Short steps say nothing about how much this stage has left.
+    if (!at_once && (!last_step_full_ || !(last_decrease_ < 0.05 * last_objective_))) return false;
     rescale([this] { minimum_.matching = std::max(exact_matching, tightening * minimum_.matching); });
     radius_ = std::max(radius_, initial_radius());
     return true;
 }
 
-/// The first step may change every parameter by about its own size (a factor e in log coordinates).
+/// The first step may change every parameter by about its own size (a factor e in log coordinates); latent states have
+/// no say: with many of them a parameter could go anywhere. Without parameters they do the same.
 double Minimisation::initial_radius() const {
-    double radius = model_.damping.cwiseProduct(sizes(problem_, state_.theta)).norm();
+    if (model_.damping.size() > 0) return model_.damping.cwiseProduct(sizes(problem_, state_.theta)).norm();
+    double radius = 0.0;
     for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
         const Eigen::VectorXd& norm = arrow_.blocks[b].norm;
         const Eigen::VectorXd& z = state_.latents[set_.blocks[b].residual][set_.blocks[b].block];
@@ -563,7 +642,7 @@ std::vector<bool> free_errors(const Problem& problem, const BlockSet& set) {
     return free;
 }
 
-ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum, bool profile) {
+ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum, Follow follow) {
     ErrorProblem errors;
     errors.set = &set;
     errors.laws = &problem.laws;
@@ -573,7 +652,7 @@ ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Mi
     errors.free = free_errors(problem, set);
     errors.matching = minimum.matching;
     errors.restricted = problem.options.variance == Variance::restricted;
-    errors.profile = profile;
+    errors.follow = follow;
     return errors;
 }
 

@@ -80,7 +80,7 @@ struct Ledger {
 
 /// Problem of the error parameters at a linearisation.
 [[nodiscard]] ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum,
-                                         bool profile);
+                                         Follow follow);
 
 /// Minimises (M8)/(M9) over theta, latent states and scales with the given blocks; (M11) with a trust region.
 ///

@@ -27,7 +27,7 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
     : problem_(problem), set_(set), state_(state), minimum_(minimum) {
     const Eigen::Index q = state.u.size();
     const BoundedStep& step = minimum.step;
-    errors_ = error_problem(problem, set, minimum, false);
+    errors_ = error_problem(problem, set, minimum, Follow::latents);
     point_ = evaluate_errors(errors_, state.psi);
 
     Eigen::MatrixXd half = step.decided.transpose();
@@ -82,7 +82,7 @@ void Posterior::error_parameters() {
                  });
     if (free_errors_.empty()) return;
     ErrorProblem profiled = errors_;
-    profiled.profile = true;
+    profiled.follow = Follow::all;
     const Eigen::MatrixXd hessian = error_hessian(profiled, state_.psi, free_errors_);
     const auto count = hessian.rows();
     const Eigen::LDLT<Eigen::MatrixXd> factor(hessian);
