@@ -243,9 +243,9 @@ TEST_CASE("maximised jointly with the scales the states of a walk would collapse
     const auto phi = [&](double reading) { return points * (std::log(reading) + std::log(matching)) + 0.5 * points; };
     for (int k = 1; k < 12; ++k)
         CHECK_THAT(phi(std::pow(10.0, -k)) - phi(std::pow(10.0, -k - 1)), WithinRel(points * std::log(10.0), 1e-12));
-    for (const auto variance :
-         {estimator::Variance::ml, estimator::Variance::restricted, estimator::Variance::integrated}) {
-        const auto result = walk_estimate(residual, variance);
+    ConstrainedWalk chain(y);
+    for (const auto variance : {estimator::Variance::restricted}) {  // ml: the test above
+        const auto result = walk_estimate(chain, variance);
         CAPTURE(result.message);
         REQUIRE(result.status == estimator::EstimateStatus::converged);
         // The walk was made with 0.3 and 0.1; 200 points tell them to about 6 % and 15 %.
