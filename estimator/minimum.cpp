@@ -47,6 +47,11 @@ constexpr double floor_sds = 100.0;
 constexpr double tightening = 0.1;
 constexpr double exact_matching = 1e-9;
 
+/// Stages of loose constraints settle within a dozen steps, or parameters run along a valley to infinity. Then the
+/// minimisation begins again with parameters kept within their own size of the start until violations are this small.
+constexpr int stage_limit = 20;
+constexpr double tight_matching = 1e-3;
+
 std::string figures(const char* format, double value) {
     char text[96];
     std::snprintf(text, sizeof text, format, value);
@@ -56,15 +61,26 @@ std::string figures(const char* format, double value) {
 /// One minimisation: the state and everything derived from it at the present point.
 class Minimisation {
 public:
-    Minimisation(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger)
+    /// @param limited  parameters keep within their own size of the start until the constraints are tight
+    Minimisation(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger, bool limited)
         : problem_(problem),
           set_(set),
           state_(state),
           ledger_(ledger),
           failures_(set.blocks.size(), 0),
-          cut_(set.blocks.size(), false) {}
+          cut_(set.blocks.size(), false),
+          limited_(limited),
+          lower_(problem.lower),
+          upper_(problem.upper) {
+        if (!limited) return;
+        const Eigen::VectorXd size = sizes(problem, state.theta);
+        lower_ = lower_.cwiseMax(state.u - size);
+        upper_ = upper_.cwiseMin(state.u + size);
+    }
 
     Minimum run();
+    /// Whether run() gave up in a stage of loose constraints that did not settle.
+    [[nodiscard]] bool unsettled() const { return !limited_ && stage_trials_ > stage_limit; }
 
 private:
     bool start();
@@ -105,7 +121,11 @@ private:
     StepModel model_;
     std::vector<int> failures_;  ///< steps in a row that had to be shortened because of each block
     std::vector<bool> cut_;      ///< blocks that failed at a trial of the present step
-    double stretch_ = 1.0;       ///< length of the best step over the full Gauss-Newton step, from the last full step
+    bool limited_;
+    Eigen::VectorXd lower_;  ///< of u, move limits included
+    Eigen::VectorXd upper_;
+    int stage_trials_ = 0;  ///< in the present stage of loose constraints
+    double stretch_ = 1.0;  ///< length of the best step over the full Gauss-Newton step, from the last full step
     double radius_ = 0.0;
     Eigen::VectorXd latent_fit_;  ///< see latent_fit_sizes(), at the start
     double rounding_ = 0.0;  ///< least change that residuals can show, in sds of the errors: the largest of all scales
@@ -264,7 +284,7 @@ void Minimisation::build_model() {
     model_.damping = model_.damping.size() == norm.size() ? Eigen::VectorXd(model_.damping.cwiseMax(norm)) : norm;
     model_.arrow = &arrow_;
     model_.prior = &minimum_.prior;
-    model_.bounds = {problem_.lower - state_.u, problem_.upper - state_.u};
+    model_.bounds = {lower_ - state_.u, upper_ - state_.u};
     model_.fallback = fallback;
     model_.rank_tolerance = problem_.options.relative_singular_value;
     minimum_.step = step_at(model_, 0.0).parameters;
@@ -362,6 +382,12 @@ bool Minimisation::tighten(bool at_once) {
     // Short steps say nothing about how much this stage has left.
     if (!at_once && (!last_step_full_ || !(last_decrease_ < 0.05 * last_objective_))) return false;
     rescale([this] { minimum_.matching = std::max(exact_matching, tightening * minimum_.matching); });
+    stage_trials_ = 0;
+    if (minimum_.matching < tight_matching) {
+        lower_ = problem_.lower;
+        upper_ = problem_.upper;
+    }
+    build_model();
     radius_ = std::max(radius_, initial_radius());
     return true;
 }
@@ -403,9 +429,9 @@ bool Minimisation::try_step(const TrialStep& step) {
     State trial = state_;
     for (Eigen::Index i = 0; i < trial.u.size(); ++i) {
         const auto index = static_cast<std::size_t>(i);
-        trial.u[i] = std::clamp(state_.u[i] + step.parameters.d[i], problem_.lower[i], problem_.upper[i]);
-        if (step.parameters.active[index] < 0) trial.u[i] = problem_.lower[i];
-        if (step.parameters.active[index] > 0) trial.u[i] = problem_.upper[i];
+        trial.u[i] = std::clamp(state_.u[i] + step.parameters.d[i], lower_[i], upper_[i]);
+        if (step.parameters.active[index] < 0) trial.u[i] = lower_[i];
+        if (step.parameters.active[index] > 0) trial.u[i] = upper_[i];
         trial.theta[i] = std::clamp(problem_.coordinates[index].natural(trial.u[i]), problem_.parameters[index].lower,
                                     problem_.parameters[index].upper);
     }
@@ -477,7 +503,7 @@ bool Minimisation::try_step(const TrialStep& step) {
     }
     // Close to the minimum steps of Gauss-Newton keep their direction and are too long or too short by the same factor
     // each time (Hartley's interpolation, carried over to the next step).
-    stretch_ = step.mu == 0.0 && gain_ > 0.3 && true_curvature > 0.0
+    stretch_ = last_step_full_ && gain_ > 0.3 && true_curvature > 0.0
                    ? std::clamp(step.curvature / true_curvature, 0.4, 2.5)
                    : 1.0;
     ledger_.history.push_back(record);
@@ -555,6 +581,8 @@ Minimum Minimisation::run() {
         if (met) ++polish;
         last_remaining = minimum_.remaining;
         TrialStep step = full.length <= 1.1 * radius_ ? full : step_within(model_, radius_);
+        if (set_.constraints > 0 && minimum_.matching > exact_matching) ++stage_trials_;
+        if (unsettled()) break;
         last_step_full_ = step.mu == 0.0;
         if (last_step_full_ && rejected == 0 && minimum_.remaining < near_sds) stretched(step, stretch_);
         if (try_step(step)) {
@@ -657,7 +685,12 @@ ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Mi
 }
 
 Minimum minimise(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger) {
-    return Minimisation(problem, set, state, ledger).run();
+    const State start = state;
+    Minimisation unlimited(problem, set, state, ledger, false);
+    Minimum minimum = unlimited.run();
+    if (!unlimited.unsettled()) return minimum;
+    state = start;
+    return Minimisation(problem, set, state, ledger, true).run();
 }
 
 }  // namespace orbid::estimator

@@ -42,14 +42,6 @@ estimator::Estimate from(NodeChainResidual& residual, double start1, double star
     options.step_tolerance = 1e-8;
     options.maximum_iterations = 500;
     std::vector<estimator::FreeParameter> parameters{free_parameter("p1", start1), free_parameter("p2", start2)};
-    // Where predators are won at five times their rate of decline, steps without bounds leave for p of thousands and
-    // come back to another minimum of the matching conditions, (0.705, 0.267). That rates are between 0 and 10 is
-    // known.
-    if (start1 > 1.0)
-        for (estimator::FreeParameter& parameter : parameters) {
-            parameter.lower = 0.0;
-            parameter.upper = 10.0;
-        }
     return estimator::estimate(parameters, {&residual}, {}, options);
 }
 
