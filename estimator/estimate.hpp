@@ -92,12 +92,15 @@ struct EstimatedScale {
     bool factor = false;
     bool estimated = true;
     double value = 0.0;
-    double uncertainty = 0.0;        ///< sd of value (Laplace in ln s); 0 when fixed
-    std::size_t count = 0;           ///< records
-    double rms = 0.0;                ///< root mean square of the raw residuals, in the group's data unit
-    double lag1 = 0.0;               ///< lag-1 autocorrelation (ordered groups; nan otherwise)
-    double correlation_records = 1;  ///< integrated autocorrelation time in records (ordered groups)
-    double effective_count = 0;      ///< how many independent values the records are worth
+    double uncertainty = 0.0;                                   ///< sd of value (Laplace in ln s); 0 when fixed
+    double lower95 = std::numeric_limits<double>::quiet_NaN();  ///< nan when fixed or held at a limit
+    double upper95 = std::numeric_limits<double>::quiet_NaN();
+    std::string interval_method = "none";  ///< "chi_squared" or "none"
+    std::size_t count = 0;                 ///< records
+    double rms = 0.0;                      ///< root mean square of the raw residuals, in the group's data unit
+    double lag1 = 0.0;                     ///< lag-1 autocorrelation (ordered groups; nan otherwise)
+    double correlation_records = 1;        ///< integrated autocorrelation time in records (ordered groups)
+    double effective_count = 0;            ///< how many independent values the records are worth
     std::string distribution = "normal";
     /// Further parameters of the distribution: "dof", "relative", "correlation".
     std::vector<Estimated> shape;

@@ -5,8 +5,7 @@
 #include <cstdio>
 #include <limits>
 
-#include <Eigen/Eigenvalues>
-
+#include "estimator/error_limits.hpp"
 #include "estimator/joint_covariance.hpp"
 #include "estimator/plain_least_squares.hpp"
 #include "estimator/trust_region.hpp"
@@ -85,8 +84,9 @@ public:
 private:
     bool start();
     bool update_errors(bool profile);
-    Eigen::VectorXd error_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling);
-    [[nodiscard]] Eigen::VectorXd latent_fit_sizes() const;
+    [[nodiscard]] ErrorLimits limits() const {
+        return error_limits(problem_, set_, state_, minimum_.rows, latent_fit_);
+    }
     template <class Change>
     void rescale(Change change);
     bool tighten(bool at_once);
@@ -154,114 +154,18 @@ bool Minimisation::start() {
     minimum_.error_at_ceiling = minimum_.error_at_floor;
     // The first constraints are as loose as they are violated.
     minimum_.matching = std::clamp(violation(set_, minimum_.evaluation.values).rms, exact_matching, 1e6);
-    latent_fit_ = latent_fit_sizes();
+    latent_fit_ = latent_fit_sizes(problem_, set_, state_, minimum_.rows, minimum_.matching);
     if (!state_.errors_known) {
-        Eigen::VectorXd floor;
-        Eigen::VectorXd ceiling;
-        const Eigen::VectorXd size = error_limits(floor, ceiling);
-        for (const ErrorLaw& law : problem_.laws)
-            for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
-                const ErrorCoordinate& coordinate = law.coordinates[j];
-                const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
-                if (coordinate.kind == ErrorCoordinate::Kind::log && !(coordinate.start > 0.0))
-                    state_.psi[k] = std::max({size[k], floor[k], latent_fit_[k]});
-            }
+        const ErrorLimits limit = limits();
+        for (std::size_t k = 0; k < problem_.errors.size(); ++k) {
+            const ErrorCoordinate& coordinate = problem_.errors[k];
+            const auto i = static_cast<Eigen::Index>(k);
+            if (coordinate.kind == ErrorCoordinate::Kind::log && !(coordinate.start > 0.0))
+                state_.psi[i] = std::max({limit.size[i], limit.floor[i], latent_fit_[i]});
+        }
         state_.errors_known = true;
     }
     return true;
-}
-
-/// ln of the root mean square of the residuals of each law after an unweighted fit of the latent states; -infinity
-/// without. Latent states may start exactly at the data: their residuals then say nothing about a scale.
-Eigen::VectorXd Minimisation::latent_fit_sizes() const {
-    Eigen::VectorXd size = Eigen::VectorXd::Constant(state_.psi.size(), -infinity);
-    if (set_.latents == 0) return size;
-    Eigen::VectorXd psi = state_.psi;
-    for (std::size_t k = 0; k < problem_.errors.size(); ++k)
-        if (problem_.errors[k].kind == ErrorCoordinate::Kind::log && !(problem_.errors[k].start > 0.0))
-            psi[static_cast<Eigen::Index>(k)] = 0.0;
-    const StandardArrow standard =
-        standard_arrow(minimum_.rows, problem_.laws, psi, minimum_.matching, Curvature::expected, true);
-    const std::vector<Eigen::VectorXd> d_z =
-        latent_steps(standard.arrow, condense(standard.arrow, 0.0), Eigen::VectorXd::Zero(state_.u.size()));
-    Eigen::VectorXd square = Eigen::VectorXd::Zero(state_.psi.size());
-    Eigen::VectorXd count = square;
-    for (std::size_t b = 0; b < minimum_.rows.size(); ++b) {
-        const Eigen::MatrixXd& rows = standard.rows[b].rows;
-        const Eigen::VectorXd left = rows.rightCols(1) + rows.leftCols(d_z[b].size()) * d_z[b];
-        Eigen::Index row = 0;
-        for (const PartRows& part : minimum_.rows[b].parts) {
-            const ErrorLaw& law = problem_.laws[part.law];
-            const Eigen::Index rows_of_part = part.records.rows.rows() * rows_per_record(law);
-            square[law.first] += left.segment(row, rows_of_part).squaredNorm();
-            count[law.first] += static_cast<double>(part.records.count);
-            row += rows_of_part;
-        }
-    }
-    for (const ErrorLaw& law : problem_.laws) {
-        if (!(count[law.first] > 0.0) || !(square[law.first] > 0.0)) continue;
-        const double relative = 0.5 * std::log(square[law.first] / count[law.first]);
-        size[law.first] = psi[law.first] + relative;
-    }
-    return size;
-}
-
-/// Floor of scales: what rounding of theta and z alone does to the residuals. Ceiling: a thousand times their size.
-/// Other error parameters have limits of their own.
-/// @return ln of the root mean square of the residuals for scales, the present value for others
-Eigen::VectorXd Minimisation::error_limits(Eigen::VectorXd& floor, Eigen::VectorXd& ceiling) {
-    const auto channels = static_cast<Eigen::Index>(problem_.channels.size());
-    const Eigen::VectorXd size = sizes(problem_, state_.theta);
-    Eigen::VectorXd rounding = Eigen::VectorXd::Zero(channels);
-    Eigen::VectorXd square = Eigen::VectorXd::Zero(channels);
-    for (std::size_t b = 0; b < minimum_.rows.size(); ++b) {
-        const BlockRows& block = minimum_.rows[b];
-        const Eigen::VectorXd z = state_.latents[set_.blocks[b].residual][set_.blocks[b].block];
-        const auto add = [&](const auto& row, Eigen::Index c) {
-            square[c] += row[row.size() - 1] * row[row.size() - 1];
-            rounding[c] += row.head(block.latents).transpose().cwiseProduct(z).squaredNorm() +
-                           row.segment(block.latents, size.size()).transpose().cwiseProduct(size).squaredNorm();
-        };
-        for (const PartRows& part : block.parts) {
-            const std::vector<int>& own = problem_.laws[part.law].channels;
-            const Eigen::Index each = part.records.rows.rows() / static_cast<Eigen::Index>(own.size());
-            for (Eigen::Index i = 0; i < part.records.rows.rows(); ++i)
-                add(part.records.rows.row(i), own[static_cast<std::size_t>(i / std::max<Eigen::Index>(each, 1))]);
-        }
-        if (block.rows.size() == 0) continue;
-        const Eigen::MatrixXd rows = [&] {
-            Eigen::MatrixXd whitened = block.rows;
-            whiten(block.channel, *block.cholesky, Eigen::VectorXd::Ones(channels), whitened);
-            return whitened;
-        }();
-        for (Eigen::Index i = 0; i < rows.rows(); ++i)
-            add(rows.row(i), block.channel[static_cast<std::size_t>(i)]);
-    }
-    floor.resize(state_.psi.size());
-    ceiling.resize(state_.psi.size());
-    Eigen::VectorXd present = state_.psi;
-    rounding_ = 0.0;
-    for (const ErrorLaw& law : problem_.laws) {
-        Eigen::Index response = 0;
-        for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
-            const ErrorCoordinate& coordinate = law.coordinates[j];
-            const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
-            floor[k] = coordinate.lower;
-            ceiling[k] = coordinate.upper;
-            // Scales: the first parameter of a law, and the diagonal of a full covariance.
-            const bool scale = law.joint() ? coordinate.kind == ErrorCoordinate::Kind::log : j == 0;
-            if (!scale) continue;
-            const int c = law.channels[static_cast<std::size_t>(law.joint() ? response++ : 0)];
-            const double count = std::max(set_.count[c], 1.0);
-            const double least = std::log(std::max(epsilon * std::sqrt(rounding[c] / count), 1e-290));
-            present[k] = 0.5 * std::log(std::max(square[c] / count, 1e-290));
-            floor[k] = std::max(floor[k], least);
-            rounding_ = std::max(rounding_, std::exp(least - state_.psi[k]));
-            if (!is_proper(coordinate.prior) && !(law.inverse_wishart_dof > 0.0))
-                ceiling[k] = std::min(ceiling[k], std::log(1e3) + std::max({floor[k], present[k], latent_fit_[k]}));
-        }
-    }
-    return present;
 }
 
 double Minimisation::objective() const {
@@ -316,10 +220,9 @@ bool Minimisation::update_errors(bool profile) {
     for (std::size_t i = 0; i < minimum_.step.active.size(); ++i)
         if (minimum_.step.active[i] != 0 && minimum_.step.d[static_cast<Eigen::Index>(i)] != 0.0) profile = false;
     const ErrorProblem errors = error_problem(problem_, set_, minimum_, profile ? Follow::all : Follow::latents);
-    Eigen::VectorXd floor;
-    Eigen::VectorXd ceiling;
-    error_limits(floor, ceiling);
-    const ErrorMinimum found = minimise_errors(errors, state_.psi, floor, ceiling);
+    const ErrorLimits limit = limits();
+    rounding_ = limit.rounding;
+    const ErrorMinimum found = minimise_errors(errors, state_.psi, limit.floor, limit.ceiling);
     if (found.steps > 0) ledger_.history.push_back({ledger_.round, "scales", true, found.before, found.after, 0.0, ""});
     minimum_.error_at_floor = found.at_floor;
     minimum_.error_at_ceiling = found.at_ceiling;
@@ -604,71 +507,6 @@ Minimum Minimisation::run() {
 }
 
 }  // namespace
-
-PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u) {
-    const Eigen::Index q = u.size();
-    PriorModel model{0.0, Eigen::VectorXd::Zero(q), {}, Eigen::MatrixXd::Zero(q, q)};
-    Eigen::VectorXd curvature(q);
-    for (Eigen::Index i = 0; i < q; ++i) {
-        const auto index = static_cast<std::size_t>(i);
-        const PriorTerm term = problem.coordinates[index].term(problem.parameters[index].prior, u[i]);
-        model.value += term.value;
-        model.gradient[i] = term.gradient;
-        model.second(i, i) = term.second;
-        curvature[i] = term.curvature;
-    }
-    const Eigen::Index curved = (curvature.array() > 0.0).count();
-    Eigen::Index row = 0;
-    model.rows = Eigen::MatrixXd::Zero(curved, q);
-    for (Eigen::Index i = 0; i < q; ++i)
-        if (curvature[i] > 0.0) model.rows(row++, i) = std::sqrt(curvature[i]);
-    for (const Problem::Joint& joint : problem.joint_priors) {
-        const auto count = static_cast<Eigen::Index>(joint.place.size());
-        std::vector<Coordinate> coordinates;
-        Eigen::VectorXd own(count);
-        for (Eigen::Index i = 0; i < count; ++i) {
-            const Eigen::Index place = joint.place[static_cast<std::size_t>(i)];
-            coordinates.push_back(problem.coordinates[static_cast<std::size_t>(place)]);
-            own[i] = u[place];
-        }
-        const JointPriorTerm term = joint_term(joint.prior, coordinates, own);
-        model.value += term.value;
-        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(term.curvature);
-        const Eigen::MatrixXd root =
-            eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose();
-        model.rows.conservativeResize(row + count, q);
-        model.rows.bottomRows(count).setZero();
-        for (Eigen::Index i = 0; i < count; ++i) {
-            const Eigen::Index place = joint.place[static_cast<std::size_t>(i)];
-            model.gradient[place] += term.gradient[i];
-            model.rows.col(place).tail(count) = root.col(i);
-            for (Eigen::Index j = 0; j < count; ++j)
-                model.second(place, joint.place[static_cast<std::size_t>(j)]) += term.second(i, j);
-        }
-        row += count;
-    }
-    return model;
-}
-
-Eigen::VectorXd sizes(const Problem& problem, const Eigen::VectorXd& theta) {
-    Eigen::VectorXd size(theta.size());
-    for (Eigen::Index i = 0; i < theta.size(); ++i) {
-        const auto index = static_cast<std::size_t>(i);
-        size[i] = problem.coordinates[index].size(theta[i], problem.parameters[index].typical_size);
-    }
-    return size;
-}
-
-std::vector<bool> free_errors(const Problem& problem, const BlockSet& set) {
-    std::vector<bool> free(problem.errors.size(), false);
-    for (const ErrorLaw& law : problem.laws) {
-        const bool data = std::all_of(law.channels.begin(), law.channels.end(),
-                                      [&set](int channel) { return set.count[channel] > 0.0; });
-        for (std::size_t j = 0; j < law.coordinates.size(); ++j)
-            free[static_cast<std::size_t>(law.first) + j] = data && law.coordinates[j].estimate;
-    }
-    return free;
-}
 
 ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum, Follow follow) {
     ErrorProblem errors;

@@ -5,42 +5,11 @@
 
 #include <Eigen/Core>
 
-#include "estimator/block_set.hpp"
-#include "estimator/bounded_step.hpp"
-#include "estimator/coordinate.hpp"
 #include "estimator/error_parameter.hpp"
-#include "estimator/estimate.hpp"
 #include "estimator/linearisation.hpp"
+#include "estimator/problem.hpp"
 
 namespace orbid::estimator {
-
-/// What does not change during an estimate.
-struct Problem {
-    std::vector<FreeParameter> parameters;
-    std::vector<Coordinate> coordinates;
-    Eigen::VectorXd lower;  ///< in coordinates u, the support of uniform priors included
-    Eigen::VectorXd upper;
-    std::vector<Residual*> residuals;
-    std::vector<Channel> channels;
-    std::vector<ErrorLaw> laws;
-    std::vector<ErrorCoordinate> errors;  ///< all error parameters, in the order of psi
-    /// Joint priors with the places of their parameters.
-    struct Joint {
-        JointNormalPrior prior;
-        std::vector<Eigen::Index> place;
-    };
-    std::vector<Joint> joint_priors;
-    EstimateOptions options;
-};
-
-/// Where the estimate stands.
-struct State {
-    Eigen::VectorXd theta;  ///< natural units
-    Eigen::VectorXd u;      ///< coordinates
-    Latents latents;
-    Eigen::VectorXd psi;        ///< error parameters in their coordinates
-    bool errors_known = false;  ///< false: scales without a start value are taken from the first residuals
-};
 
 enum class Outcome { converged, no_progress, iteration_limit, interrupted, blocks_stopped, start_failed, no_freedom };
 
@@ -68,15 +37,6 @@ struct Ledger {
     int evaluations = 0;
     std::vector<StepRecord> history;
 };
-
-/// The parameter prior at u to second order.
-[[nodiscard]] PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u);
-
-/// Size of each parameter in its coordinate: what a change by max(|value|, typical size) is there.
-[[nodiscard]] Eigen::VectorXd sizes(const Problem& problem, const Eigen::VectorXd& theta);
-
-/// Which error parameters are estimated and have data, shape (error parameters).
-[[nodiscard]] std::vector<bool> free_errors(const Problem& problem, const BlockSet& set);
 
 /// Problem of the error parameters at a linearisation.
 [[nodiscard]] ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum,
