@@ -14,9 +14,7 @@ void evaluate(const NegativeLogDensity& density, PhasePoint& point) {
 }
 
 void leapfrog(const NegativeLogDensity& density, const Eigen::MatrixXd& factor, double step, PhasePoint& point) {
-    const auto kick = [&] {
-        point.r.noalias() -= (0.5 * step) * (factor.transpose() * point.gradient);
-    };
+    const auto kick = [&] { point.r.noalias() -= (0.5 * step) * (factor.transpose() * point.gradient); };
     kick();
     point.x.noalias() += step * (factor * point.r);
     evaluate(density, point);

@@ -31,12 +31,12 @@ struct ErrorParameter {
 /// How the errors of a group are distributed; s is the group's ErrorScale. The density of one record is
 ///
 ///     normal          exp(-(e/s)^2 / 2) / (s sqrt(2 pi))
-///     student_t       Student's t with `dof` >= 1 and scale s (sd s sqrt(dof / (dof - 2)) for dof > 2)
-///     laplace         hyperbolic, exp(-sqrt(e^2 + d^2) / s), d = s / 100: Laplace's with its cusp rounded, mean |e| = s
+///     student_t       Student's t with `dof` >= 1 and scale s; sd s sqrt(dof / (dof - 2)) for dof > 2
+///     laplace         hyperbolic, exp(-sqrt(e^2 + d^2) / s), d = s / 100: Laplace's with its cusp rounded
 ///     lognormal       ln y - ln yhat normal with sd s (no unit); needs BlockLayout::observed
 ///     relative        normal with variance s^2 + (relative yhat)^2; needs BlockLayout::observed
-///     autoregressive  stationary first-order autoregression e_t = correlation e_{t-1} + innovation within each block,
-///                     sd s of e; the records of the group in a block are in the order of time
+///     autoregressive  stationary first-order autoregression of sd s within each block, in the order of the records:
+///                     e_t = correlation e_{t-1} + innovation
 struct NormalErrors {};
 struct StudentErrors {
     ErrorParameter dof{false, 4.0, FlatPrior{}};
@@ -92,9 +92,9 @@ struct BlockLayout {
     Eigen::Index latents = 0;
     /// Equality constraints c(theta, z, z_next) = 0 of this block (matching conditions): they hold at the estimate.
     Eigen::Index constraints = 0;
-    std::ptrdiff_t next = -1;        ///< block whose latent states are z_next; -1: c depends on theta and z alone
+    std::ptrdiff_t next = -1;         ///< block whose latent states are z_next; -1: c depends on theta and z alone
     Eigen::VectorXd constraint_size;  ///< a typical size of each component of z_next - z, > 0; empty = 1
-    bool active = true;  ///< false: lost, suspended or rejected; takes no part, is counted
+    bool active = true;               ///< false: lost, suspended or rejected; takes no part, is counted
 };
 
 enum class BlockStatus { ok, failed };
