@@ -149,7 +149,10 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
                     throw std::invalid_argument(who + "covariance shape must be " + std::to_string(records) + " x " +
                                                 std::to_string(records));
                 const Eigen::LLT<Eigen::MatrixXd> factor(from.shape);
-                if (factor.info() != Eigen::Success || !from.shape.allFinite())
+                // A computed covariance is symmetric up to rounding.
+                const double largest = from.shape.diagonal().cwiseAbs().maxCoeff();
+                const bool symmetric = (from.shape - from.shape.transpose()).cwiseAbs().maxCoeff() <= 1e-12 * largest;
+                if (factor.info() != Eigen::Success || !symmetric || !from.shape.allFinite())
                     throw std::invalid_argument(who + "covariance shape must be symmetric and positive definite");
                 block.cholesky = factor.matrixL();
                 set.ln_det_shapes += 2.0 * block.cholesky.diagonal().array().log().sum();

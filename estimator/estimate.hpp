@@ -45,6 +45,13 @@ struct DerivedQuantity {
 /// are integrated out under Jeffreys' prior or their own, others as with ml.
 enum class Variance { ml, restricted, integrated };
 
+/// Which records may depend on each other in a way that the error model does not say, for the sandwich covariance.
+///
+/// automatic: stretches of consecutive records of ordered groups whose residuals are autocorrelated, no others.
+/// blocks: all records of a block (panels, cycles, runs), blocks independent of each other. none: every interval from
+/// Laplace's covariance.
+enum class Clusters { automatic, blocks, none };
+
 /// Why a minimisation ended, and what the estimate is worth.
 enum class EstimateStatus { converged, no_progress, iteration_limit, singular, failed, interrupted };
 [[nodiscard]] std::string_view name(EstimateStatus status);
@@ -53,6 +60,9 @@ struct EstimateOptions {
     /// Priors that several parameters share.
     std::vector<JointNormalPrior> joint_priors;
     Variance variance = Variance::restricted;
+    /// With fewer than two blocks, or blocks linked by constraints, `blocks` is not possible: Laplace, and the message
+    /// says so.
+    Clusters clusters = Clusters::automatic;
     int maximum_iterations = 200;  ///< theta steps, over all rounds, > 0
     int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, > 0
     double step_tolerance = 1e-6;  ///< converged when every step is below this many posterior sds (see Minimum), > 0
@@ -95,7 +105,7 @@ struct EstimatedScale {
     double uncertainty = 0.0;                                   ///< sd of value (Laplace in ln s); 0 when fixed
     double lower95 = std::numeric_limits<double>::quiet_NaN();  ///< nan when fixed or held at a limit
     double upper95 = std::numeric_limits<double>::quiet_NaN();
-    std::string interval_method = "none";  ///< "chi_squared" or "none"
+    std::string interval_method = "none";  ///< "chi_squared", "normal" (in ln s) or "none"
     std::size_t count = 0;                 ///< records
     double rms = 0.0;                      ///< root mean square of the raw residuals, in the group's data unit
     double lag1 = 0.0;                     ///< lag-1 autocorrelation (ordered groups; nan otherwise)

@@ -116,21 +116,29 @@ void fill_law(const Problem& problem, const State& state, const Posterior& poste
             fill_interval(scale);
             return;
         }
-        scale.uncertainty = scale.value * std::sqrt(posterior.error_covariance()(law.first, law.first));
-        fill_interval(scale);
+        const double sd = std::sqrt(posterior.error_covariance()(law.first, law.first));
+        scale.uncertainty = scale.value * sd;
+        // The scale of heavy tails, of a part of the variance or of a correlated series is not a sum of squares.
+        if (law.compressible()) {
+            fill_interval(scale);
+        } else if (sd > 0.0) {
+            scale.lower95 = scale.value * std::exp(-normal_975 * sd);
+            scale.upper95 = scale.value * std::exp(normal_975 * sd);
+            scale.interval_method = "normal";
+        }
         for (std::size_t j = 1; j < law.coordinates.size(); ++j) {
             const ErrorCoordinate& coordinate = law.coordinates[j];
             const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
-            const double sd = std::sqrt(posterior.error_covariance()(k, k));
+            const double own_sd = std::sqrt(posterior.error_covariance()(k, k));
             Estimated shape;
             shape.name = coordinate.name;
             shape.value = coordinate.natural(state.psi[k]);
             shape.start = coordinate.start;
-            shape.sd = shape.laplace_sd = sd * coordinate.slope(state.psi[k]);
-            shape.interval_method = !coordinate.estimate ? "fixed" : sd > 0.0 ? "normal" : "none";
-            shape.lower95 = coordinate.natural(state.psi[k] - normal_975 * sd);
-            shape.upper95 = coordinate.natural(state.psi[k] + normal_975 * sd);
-            if (coordinate.estimate && !(sd > 0.0))
+            shape.sd = shape.laplace_sd = own_sd * coordinate.slope(state.psi[k]);
+            shape.interval_method = !coordinate.estimate ? "fixed" : own_sd > 0.0 ? "normal" : "none";
+            shape.lower95 = coordinate.natural(state.psi[k] - normal_975 * own_sd);
+            shape.upper95 = coordinate.natural(state.psi[k] + normal_975 * own_sd);
+            if (coordinate.estimate && !(own_sd > 0.0))
                 shape.at_bound = state.psi[k] <= 0.5 * (coordinate.lower + coordinate.upper) ? "lower" : "upper";
             scale.shape.push_back(std::move(shape));
         }
@@ -182,6 +190,7 @@ void fill_scales(const Problem& problem, const BlockSet& set, const State& state
                     square += e * e;
                     ++scale.count;
                 }
+        if (scale.count == 0) scale.estimated = false;
         scale.rms = scale.count > 0 ? std::sqrt(square / static_cast<double>(scale.count)) : 0.0;
         const Autocorrelation& correlation = posterior.autocorrelations()[c];
         scale.lag1 = group.ordered ? correlation.lag1 : nan_value;
@@ -248,9 +257,24 @@ void describe(const Problem& problem, const Minimum& minimum, const Posterior& p
             if (minimum.error_at_ceiling[k])
                 estimate.message += "; the " + law.coordinates[j].name + " of " + group + " is at its upper limit";
         }
-    if (posterior.has_sandwich())
-        estimate.message += "; residuals are autocorrelated: intervals from " + std::to_string(posterior.clusters()) +
-                            " clusters of consecutive records";
+    for (const ErrorLaw& law : problem.laws)
+        for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
+            const auto& negligible = posterior.negligible_errors();
+            if (std::find(negligible.begin(), negligible.end(), law.first + static_cast<Eigen::Index>(j)) ==
+                negligible.end())
+                continue;
+            const std::string& what = law.coordinates[j].name;
+            estimate.message += "; the " + what + " of " +
+                                estimate.scales[static_cast<std::size_t>(law.channels.front())].group +
+                                " cannot be told from " + (what == "dof" ? "infinity" : "zero");
+        }
+    for (std::size_t c = 0; c < problem.channels.size(); ++c) {
+        const Group& group = problem.residuals[problem.channels[c].residual]
+                                 ->groups()[static_cast<std::size_t>(problem.channels[c].group)];
+        if (group.scale.estimate && estimate.scales[c].count == 0)
+            estimate.message += "; " + group.name + " has no records: its errors are not estimated";
+    }
+    if (!posterior.sandwich_note().empty()) estimate.message += "; " + posterior.sandwich_note();
 }
 
 }  // namespace

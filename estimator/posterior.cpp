@@ -83,7 +83,26 @@ void Posterior::error_parameters() {
     if (free_errors_.empty()) return;
     ErrorProblem profiled = errors_;
     profiled.follow = Follow::all;
-    const Eigen::MatrixXd hessian = error_hessian(profiled, state_.psi, free_errors_);
+    Eigen::MatrixXd hessian = error_hessian(profiled, state_.psi, free_errors_);
+    // A logarithm whose sd would be thirty: the objective is flat there, nothing else depends on it, and neither its
+    // curvature nor its sd means anything.
+    constexpr double least_curvature = 1e-3;
+    std::vector<Eigen::Index> kept;
+    for (Eigen::Index i = 0; i < hessian.rows(); ++i) {
+        const Eigen::Index k = free_errors_[static_cast<std::size_t>(i)];
+        const bool logarithmic = problem_.errors[static_cast<std::size_t>(k)].kind == ErrorCoordinate::Kind::log;
+        if (logarithmic && !(hessian(i, i) > least_curvature))
+            negligible_errors_.push_back(k);
+        else
+            kept.push_back(i);
+    }
+    if (!negligible_errors_.empty()) {
+        hessian = hessian(kept, kept).eval();
+        for (Eigen::Index& i : kept)
+            i = free_errors_[static_cast<std::size_t>(i)];
+        free_errors_ = kept;
+        if (free_errors_.empty()) return;
+    }
     const auto count = hessian.rows();
     const Eigen::LDLT<Eigen::MatrixXd> factor(hessian);
     const bool definite = factor.info() == Eigen::Success && factor.isPositive() && factor.vectorD().minCoeff() > 0.0;
@@ -167,13 +186,46 @@ void Posterior::look_for_autocorrelation() {
 }
 
 void Posterior::make_sandwich() {
+    const Clusters choice = problem_.options.clusters;
+    if (choice == Clusters::none || point_.triangle.rows() == 0) return;
+    std::vector<std::vector<int>> clusters;
+    double inflation = 1.0;
+    if (choice == Clusters::blocks) {
+        std::size_t count = 0;
+        for (const ActiveBlock& block : set_.blocks) {
+            clusters.emplace_back(block.channel.size(), 0);
+            if (!block.channel.empty()) ++count;
+        }
+        if (set_.constraints > 0 || count < 2) {
+            sandwich_note_ =
+                (set_.constraints > 0 ? "constraints link the blocks" : "there are fewer than two blocks") +
+                std::string(": no clusters, intervals as if errors were independent");
+            return;
+        }
+        sandwich_note_ = "intervals from " + std::to_string(count) + " blocks as clusters";
+    } else {
+        inflation = correlated_clusters(clusters);
+        if (clusters.empty()) return;
+    }
+    const auto rows =
+        linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false);
+    sandwich_ = std::make_unique<Sandwich>(in_basis(rows, minimum_.step.from_data), set_, clusters, problem_.laws,
+                                           state_.psi, point_.triangle, inflation);
+    covariance_ = minimum_.step.decided * sandwich_->covariance() * minimum_.step.decided.transpose();
+    if (choice == Clusters::automatic)
+        sandwich_note_ = "residuals are autocorrelated: intervals from " + std::to_string(sandwich_->clusters()) +
+                         " clusters of consecutive records";
+}
+
+/// Clusters of consecutive records where residuals are autocorrelated; none otherwise.
+/// @return factor on the covariance for correlation across the borders of clusters.
+double Posterior::correlated_clusters(std::vector<std::vector<int>>& clusters) const {
     double longest = 0.0;
     for (const Autocorrelation& correlation : autocorrelations_)
         if (correlation.significant) longest = std::max(longest, correlation.records);
-    if (!(longest > 0.0) || point_.triangle.rows() == 0 || set_.constraints > 0) return;
+    if (!(longest > 0.0) || set_.constraints > 0) return 1.0;
     // Clusters of twice the integrated correlation time: about four times the decay time of an AR(1).
     const double length = 2.0 * longest;
-    std::vector<std::vector<int>> clusters;
     for (const ActiveBlock& block : set_.blocks) {
         double most = 0.0;
         for (std::size_t c = 0; c < problem_.channels.size(); ++c) {
@@ -188,12 +240,7 @@ void Posterior::make_sandwich() {
     // Correlation across the borders of clusters, AR(1) with the same integrated time tau = 2 decay times: a sum over
     // L records has the share 1 - (decay / L)(1 - exp(-L / decay)) of the variance it would have with all neighbours.
     const double decay = 0.5 * longest;
-    const double inflation = 1.0 / (1.0 - decay / length * -std::expm1(-length / decay));
-    const auto rows =
-        linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false);
-    sandwich_ = std::make_unique<Sandwich>(in_basis(rows, minimum_.step.from_data), set_, clusters, problem_.laws,
-                                           state_.psi, point_.triangle, inflation);
-    covariance_ = minimum_.step.decided * sandwich_->covariance() * minimum_.step.decided.transpose();
+    return 1.0 / (1.0 - decay / length * -std::expm1(-length / decay));
 }
 
 double Posterior::objective() const {
@@ -285,7 +332,12 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
         result.quantile = quantile_975(std::numeric_limits<double>::infinity());
     } else if (one_scale_) {
         result.method = "t";
-        result.quantile = quantile_975(degrees_of_freedom_);
+        // Only the restricted scale is the root of the sum of squares over the degrees of freedom; the others divide by
+        // what the parameters take as well. The interval is that of the t statistic all the same.
+        const double taken = problem_.options.variance == Variance::restricted
+                                 ? 0.0
+                                 : static_cast<double>(minimum_.step.space.data.cols());
+        result.quantile = quantile_975(degrees_of_freedom_) * std::sqrt(1.0 + taken / degrees_of_freedom_);
     } else {
         // Satterthwaite: 2 variance^2 / var(variance).
         const Eigen::VectorXd slopes = variance_slopes(y);

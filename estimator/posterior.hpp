@@ -38,6 +38,11 @@ public:
     [[nodiscard]] double degrees_of_freedom() const { return degrees_of_freedom_; }
     [[nodiscard]] bool has_sandwich() const { return sandwich_ != nullptr; }
     [[nodiscard]] std::size_t clusters() const { return sandwich_ ? sandwich_->clusters() : 0; }
+    /// What there is to say about the sandwich, or why there is none although it was asked for; may be empty.
+    [[nodiscard]] const std::string& sandwich_note() const { return sandwich_note_; }
+    /// Error parameters on a logarithmic scale that went to where they no longer matter (the absolute part of errors
+    /// that are relative, the dof of normal ones): held there, as at a limit.
+    [[nodiscard]] const std::vector<Eigen::Index>& negligible_errors() const { return negligible_errors_; }
     /// Covariance of the error parameters psi; zero rows where fixed or held at a limit.
     [[nodiscard]] const Eigen::MatrixXd& error_covariance() const { return error_covariance_; }
     /// Laplace's ln of the integral over all coordinates, see Estimate::log_integral.
@@ -54,6 +59,7 @@ private:
     [[nodiscard]] double constraint_term() const;
     void look_for_autocorrelation();
     void make_sandwich();
+    double correlated_clusters(std::vector<std::vector<int>>& clusters) const;
     [[nodiscard]] Eigen::VectorXd variance_slopes(const Eigen::VectorXd& y) const;
 
     const Problem& problem_;
@@ -70,11 +76,13 @@ private:
     Eigen::MatrixXd error_covariance_;
     double ln_error_determinant_ = 0.0;      ///< of the Hessian of Phi_psi over the free error parameters
     std::vector<Eigen::Index> free_errors_;  ///< estimated and not held at a limit
+    std::vector<Eigen::Index> negligible_errors_;
     Eigen::MatrixXd moved_by_errors_;  ///< d y / d psi over free_errors_ where it counts, see add_error_uncertainty
     bool one_scale_ = false;           ///< every record has the same, estimated normal scale
     double degrees_of_freedom_ = 0.0;
     std::vector<Autocorrelation> autocorrelations_;  ///< per channel
     std::unique_ptr<Sandwich> sandwich_;
+    std::string sandwich_note_;
     std::vector<Eigen::VectorXd> latent_sds_;
 };
 
