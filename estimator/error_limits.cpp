@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "estimator/joint_covariance.hpp"
+
 namespace orbid::estimator {
 
 namespace {
@@ -115,6 +117,34 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
         if (count[law.first] > 0.0 && square[law.first] > 0.0)
             size[law.first] = psi[law.first] + 0.5 * std::log(square[law.first] / count[law.first]);
     return size;
+}
+
+std::string why_no_covariance(const Problem& problem, const BlockSet& set, const Eigen::VectorXd& psi,
+                              Eigen::Index determined) {
+    // A response whose sd given the others is below this share of its own: correlation 1 - 5e-13.
+    constexpr double least_share = 1e-6;
+    for (const ErrorLaw& law : problem.laws) {
+        if (!law.joint()) continue;
+        const std::size_t m = law.channels.size();
+        const double least = static_cast<double>(m) + static_cast<double>(determined) / static_cast<double>(m) + 5.0;
+        if (!(law.inverse_wishart_dof > 0.0) && set.count[law.channels.front()] < least)
+            return "a full covariance of " + std::to_string(m) + " responses needs at least " +
+                   std::to_string(static_cast<int>(std::ceil(least))) + " records of each, or an inverse-Wishart prior";
+        const Eigen::MatrixXd lower = covariance_root(law, psi);
+        for (Eigen::Index i = 0; i < lower.rows(); ++i) {
+            if (lower(i, i) > least_share * lower.row(i).norm()) continue;
+            std::string names;
+            for (const int c : law.channels) {
+                const Channel& channel = problem.channels[static_cast<std::size_t>(c)];
+                names += (names.empty() ? "" : ", ") +
+                         problem.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)].name;
+            }
+            return "the responses " + names +
+                   " can be fitted exactly together: their full covariance becomes singular and the likelihood has no "
+                   "maximum; estimate a scale for each, or give an inverse-Wishart prior";
+        }
+    }
+    return {};
 }
 
 }  // namespace orbid::estimator

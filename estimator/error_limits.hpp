@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -27,5 +28,11 @@ struct ErrorLimits {
 /// residuals then say nothing about a scale.
 [[nodiscard]] Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, const State& state,
                                                const std::vector<BlockRows>& rows, double matching);
+
+/// Why a full covariance cannot be estimated without a prior; empty when it can: fewer records of each response than
+/// m + q / m + 5 (m responses, q = `determined` parameters), or a covariance about to become singular, because the
+/// responses can be fitted exactly together and the likelihood has no bound.
+[[nodiscard]] std::string why_no_covariance(const Problem& problem, const BlockSet& set, const Eigen::VectorXd& psi,
+                                            Eigen::Index determined);
 
 }  // namespace orbid::estimator

@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "estimator/error_limits.hpp"
-#include "estimator/joint_covariance.hpp"
 #include "estimator/plain_least_squares.hpp"
 #include "estimator/trust_region.hpp"
 
@@ -23,19 +22,6 @@ constexpr double polished = 1e-10;
 
 /// Steps are stretched by what the last one taught only this close to the minimum, in posterior sds.
 constexpr double near_sds = 1.0;
-
-/// The same step, `factor` times as long.
-void stretched(TrialStep& step, double factor) {
-    if (std::any_of(step.parameters.active.begin(), step.parameters.active.end(), [](int side) { return side != 0; }))
-        return;
-    step.parameters.d *= factor;
-    step.parameters.seen *= factor;
-    for (Eigen::VectorXd& d_z : step.latents)
-        d_z *= factor;
-    step.slope *= factor;
-    step.curvature *= factor * factor;
-    step.length *= std::abs(factor);
-}
 
 /// Steps below this many of the least changes that a residual can show (see error_limits()) are rounding; where the
 /// scale is held at its floor these are its sds.
@@ -90,7 +76,7 @@ private:
     template <class Change>
     void rescale(Change change);
     bool tighten(bool at_once);
-    bool degenerate();
+    bool without_covariance();
     [[nodiscard]] double initial_radius() const;
     void build_model();
     bool try_step(const TrialStep& step);
@@ -207,16 +193,7 @@ bool Minimisation::update_errors(bool profile) {
                            " parameters and latent states and an error scale as well";
         return false;
     }
-    for (const ErrorLaw& law : problem_.laws) {
-        const auto m = static_cast<double>(law.channels.size());
-        const double least = m + static_cast<double>(minimum_.step.space.data.cols()) / m + 5.0;
-        if (!law.joint() || law.inverse_wishart_dof > 0.0 || !(set_.count[law.channels.front()] < least)) continue;
-        minimum_.outcome = Outcome::no_freedom;
-        minimum_.message = "a full covariance of " + std::to_string(law.channels.size()) +
-                           " responses needs at least " + figures("%.0f", std::ceil(least)) +
-                           " records of each, or an inverse-Wishart prior";
-        return false;
-    }
+    if (without_covariance()) return false;
     for (std::size_t i = 0; i < minimum_.step.active.size(); ++i)
         if (minimum_.step.active[i] != 0 && minimum_.step.d[static_cast<Eigen::Index>(i)] != 0.0) profile = false;
     const ErrorProblem errors = error_problem(problem_, set_, minimum_, profile ? Follow::all : Follow::latents);
@@ -229,33 +206,16 @@ bool Minimisation::update_errors(bool profile) {
     const Eigen::VectorXd psi =
         problem_.options.variance == Variance::integrated ? integrated_scales(errors, found) : found.psi;
     rescale([&] { state_.psi = psi; });
-    return !degenerate();
+    return !without_covariance();
 }
 
-/// Whether a full covariance is about to become singular: then the responses can be fitted exactly together, the
-/// likelihood has no bound, and nothing can be said.
-bool Minimisation::degenerate() {
-    // A response whose sd given the others is below this share of its own: correlation 1 - 5e-13.
-    constexpr double least_share = 1e-6;
-    for (const ErrorLaw& law : problem_.laws) {
-        if (!law.joint()) continue;
-        const Eigen::MatrixXd lower = covariance_root(law, state_.psi);
-        for (Eigen::Index i = 0; i < lower.rows(); ++i) {
-            if (lower(i, i) > least_share * lower.row(i).norm()) continue;
-            std::string names;
-            for (const int c : law.channels) {
-                const Channel& channel = problem_.channels[static_cast<std::size_t>(c)];
-                names += (names.empty() ? "" : ", ") +
-                         problem_.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)].name;
-            }
-            minimum_.outcome = Outcome::no_freedom;
-            minimum_.message = "the responses " + names +
-                               " can be fitted exactly together: their full covariance becomes singular and the "
-                               "likelihood has no maximum; estimate a scale for each, or give an inverse-Wishart prior";
-            return true;
-        }
-    }
-    return false;
+/// Whether a full covariance cannot be estimated; the outcome then says why.
+bool Minimisation::without_covariance() {
+    const std::string reason = why_no_covariance(problem_, set_, state_.psi, minimum_.step.space.data.cols());
+    if (reason.empty()) return false;
+    minimum_.outcome = Outcome::no_freedom;
+    minimum_.message = reason;
+    return true;
 }
 
 /// Damping and radius are kept in units of the standardised problem, which `change` changes.
@@ -487,7 +447,7 @@ Minimum Minimisation::run() {
         if (set_.constraints > 0 && minimum_.matching > exact_matching) ++stage_trials_;
         if (unsettled()) break;
         last_step_full_ = step.mu == 0.0;
-        if (last_step_full_ && rejected == 0 && minimum_.remaining < near_sds) stretched(step, stretch_);
+        if (last_step_full_ && rejected == 0 && minimum_.remaining < near_sds) stretch(step, stretch_);
         if (try_step(step)) {
             rejected = 0;
             for (std::size_t b = 0; b < failures_.size(); ++b) {

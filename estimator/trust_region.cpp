@@ -6,6 +6,18 @@
 
 namespace orbid::estimator {
 
+void stretch(TrialStep& step, double factor) {
+    if (std::any_of(step.parameters.active.begin(), step.parameters.active.end(), [](int side) { return side != 0; }))
+        return;
+    step.parameters.d *= factor;
+    step.parameters.seen *= factor;
+    for (Eigen::VectorXd& d_z : step.latents)
+        d_z *= factor;
+    step.slope *= factor;
+    step.curvature *= factor * factor;
+    step.length *= std::abs(factor);
+}
+
 TrialStep step_at(const StepModel& model, double mu) {
     TrialStep step;
     step.mu = mu;

@@ -29,6 +29,9 @@ struct StepModel {
     double rank_tolerance = 0.0;
 };
 
+/// Makes the step `factor` times as long, unless it rests on a bound.
+void stretch(TrialStep& step, double factor);
+
 [[nodiscard]] TrialStep step_at(const StepModel& model, double mu);
 
 /// The step whose length is at most about `radius` (within a tenth), by the damping mu that makes it so; the full step
