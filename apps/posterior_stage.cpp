@@ -38,6 +38,15 @@ std::vector<std::string> chosen(const ParameterChoice& choice,
     return names;
 }
 
+/// Draws call an error parameter "group:scale", profiles and marginals "group.scale": one name in all files.
+void name_as_elsewhere(estimator::PosteriorSample& sample) {
+    const auto rename = [](std::string& name) { std::replace(name.begin(), name.end(), ':', '.'); };
+    for (auto& error : sample.errors)
+        rename(error.name);
+    for (auto& name : sample.names)
+        rename(name);
+}
+
 }  // namespace
 
 void search_starts(const Workspace& work, const JobResiduals& residuals,
@@ -119,6 +128,7 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
             const std::size_t iterations = job.sample.chains * (job.sample.draws + job.sample.warm_up);
             work.progress.begin("posterior", static_cast<double>(iterations), "iterations");
             results.sample = estimator::sample_posterior(parameters, residuals, derived, quiet, estimate, sample);
+            name_as_elsewhere(*results.sample);
             work.folder.store("posterior.csv", draws_text(*results.sample));
             work.progress.end(fmt::format("{} chains: {}{}", results.sample->chains.size(),
                                           name(results.sample->status),
