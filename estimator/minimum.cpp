@@ -14,7 +14,6 @@ namespace orbid::estimator {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double epsilon = std::numeric_limits<double>::epsilon();
 /// After the convergence test is met, steps go on while they gain digits: at most this many, and not below this length
 /// in posterior sds, where nothing that is ever shown changes.
 constexpr int polishing_steps = 12;
