@@ -18,7 +18,10 @@ public:
     }
     bool Evaluate(double const* const* x, double* e, double** jacobians) const override {
         double* jacobian = jacobians != nullptr ? jacobians[0] : nullptr;
-        problem_.function(x[0], e, jacobian);
+        if (jacobian == nullptr)
+            problem_.values(x[0], e);
+        else
+            problem_.row_by_row(x[0], e, jacobian);
         // Ceres rejects such a point in any case, and prints a page about it.
         const auto finite = [](double a) { return std::isfinite(a); };
         const std::ptrdiff_t entries =

@@ -24,7 +24,7 @@ struct Task {
 /// The peer: Ceres with its default trust region (Levenberg-Marquardt) and DENSE_QR.
 ///
 /// Each part of the problem (see LeastSquares) is one residual block: the cost function is the same function that the
-/// estimator calls, and writes straight into the arrays of Ceres, so that neither side pays for the other's
+/// estimator calls, and writes straight into the arrays of either, so that neither side pays for the other's
 /// derivatives. Tolerances: function 1e-16, gradient 1e-16, parameters 1e-14; with the defaults (1e-6, 1e-10, 1e-8)
 /// Ceres is faster and solves fewer of the NIST problems to four digits.
 [[nodiscard]] Solution solve_with_ceres(const std::vector<tests::LeastSquares>& parts, const Task& task, int threads);

@@ -6,6 +6,9 @@
 #include <numbers>
 #include <utility>
 #include <variant>
+#include <vector>
+
+#include <oneapi/tbb/parallel_for.h>
 
 #include "estimator/triangle.hpp"
 
@@ -30,6 +33,8 @@ constexpr double probe = 0.03;
 /// A correction longer than this share of the step says that the step leaves the region where two derivatives describe
 /// the residuals (Transtrum and Sethna's bound on 2 |correction| / |step|).
 constexpr double longest_correction = 0.75;
+/// A path that bent less than this, while the decrease was as promised, is taken for straight from there on.
+constexpr double least_bend = 0.1;
 /// Below this length in sds of the parameters corrections are not worth their evaluation, and decreases drown in
 /// rounding soon: plain Gauss-Newton steps, judged by the length of the step that is left.
 constexpr double near_sds = 1e-3;
@@ -38,7 +43,13 @@ constexpr double curved_sds = 0.05;
 constexpr double polished = 1e-10;
 /// Steps that leave more than this share of their length are not worth going on with.
 constexpr double least_contraction = 0.9;
-/// Columns below this share of the largest (per size of the parameter) are damped as if they had it.
+/// Rows worked on together (twenty columns of them fit the second cache), and how many make other threads worth waking.
+constexpr Eigen::Index piece_records = 1024;
+constexpr Eigen::Index parallel_records = 10000;
+/// Products of columns serve where each column keeps this share of its length beside the others: the triangle then has
+/// eight digits, and steps shrink by that much each time; what is left at the end is judged by minimise().
+constexpr double least_independence = 1e-4;
+/// A parameter is damped at least as if a change by its own size changed the residuals by this share of themselves.
 constexpr double least_column = 1e-6;
 
 class LeastSquares {
@@ -46,10 +57,14 @@ public:
     LeastSquares(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger)
         : problem_(problem), set_(set), state_(state), ledger_(ledger), parameters_(state.u.size()) {
         offset_.reserve(set.blocks.size());
-        for (const ActiveBlock& block : set.blocks) {
+        for (std::size_t b = 0; b < set.blocks.size(); ++b) {
+            const auto own = static_cast<Eigen::Index>(set.blocks[b].channel.size());
             offset_.push_back(records_);
-            records_ += static_cast<Eigen::Index>(block.channel.size());
+            records_ += own;
+            for (Eigen::Index first = 0; first < own; first += piece_records)
+                pieces_.push_back({b, first, std::min(piece_records, own - first)});
         }
+        slope_.resize(parameters_);
         estimated_ = problem.errors.front().estimate;
     }
 
@@ -60,11 +75,24 @@ private:
 
     bool move_to(const Eigen::VectorXd& u, bool derivatives);
     [[nodiscard]] Eigen::VectorXd errors(const Evaluation& evaluation) const;
+    /// Rows of a block that stay in the cache while they are worked on.
+    struct Piece {
+        std::size_t block = 0;
+        Eigen::Index first = 0;
+        Eigen::Index count = 0;
+    };
+
+    template <class Use>
+    void with_rows(const Piece& piece, Use use) const;
+    [[nodiscard]] Eigen::VectorXd moved_errors(const Eigen::VectorXd& step) const;
+    [[nodiscard]] Eigen::VectorXd gathered(const Eigen::VectorXd& along) const;
+    bool by_products();
     void factorise();
     void solve_damped();
     bool correct();
     Verdict try_step();
     Verdict polish();
+    void start_scale();
     void record(double square, bool accepted, double change, std::string_view reason);
     void adopt(Evaluation&& evaluation, Eigen::VectorXd&& e);
     [[nodiscard]] double square_of_scale() const {
@@ -82,14 +110,17 @@ private:
     bool estimated_ = true;
 
     Evaluation now_;
-    Eigen::VectorXd e_;     ///< errors divided by their known sds, shape (records)
-    double square_ = 0.0;   ///< e^T e
-    Eigen::MatrixXd rows_;  ///< [de/du | e], shape (records, parameters + 1)
+    Eigen::VectorXd e_;      ///< errors divided by their known sds, shape (records)
+    double square_ = 0.0;    ///< e^T e
+    Eigen::VectorXd slope_;  ///< d theta / d u
+    std::vector<Piece> pieces_;
     Eigen::MatrixXd triangle_;
     Eigen::VectorXd largest_;  ///< column norms, the largest so far
     double damping_ = first_damping;
     double raise_ = 2.0;
     double remaining_ = 0.0;  ///< length of the full step, in sds
+    double gain_ = 0.0;       ///< actual over predicted decrease of the last trial
+    double bend_ = 1.0;       ///< of the last correction, see longest_correction
     double stretch_ = 1.0;
 
     Eigen::MatrixXd damped_;  ///< triangle with damping, shape (parameters, parameters + 1)
@@ -127,24 +158,95 @@ Eigen::VectorXd LeastSquares::errors(const Evaluation& evaluation) const {
     return e;
 }
 
-void LeastSquares::factorise() {
-    rows_.resize(records_, parameters_ + 1);
-    Eigen::VectorXd slope(parameters_);
-    for (Eigen::Index i = 0; i < parameters_; ++i)
-        slope[i] = problem_.coordinates[static_cast<std::size_t>(i)].slope(state_.theta[i]);
-    for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
-        const Eigen::MatrixXd& own = now_.values[b].e_theta;
-        auto target = rows_.block(offset_[b], 0, own.rows(), parameters_);
-        target = own * slope.asDiagonal();
-        if (set_.blocks[b].deviation.size() > 0) target.array().colwise() /= set_.blocks[b].deviation.array();
+/// Rows [first, first + count) of a block's derivatives, divided by the known sds.
+template <class Use>
+void LeastSquares::with_rows(const Piece& piece, Use use) const {
+    const auto rows = now_.values[piece.block].e_theta.middleRows(piece.first, piece.count);
+    const Eigen::VectorXd& deviation = set_.blocks[piece.block].deviation;
+    if (deviation.size() == 0)
+        use(rows);
+    else
+        use(deviation.segment(piece.first, piece.count).cwiseInverse().asDiagonal() * rows);
+}
+
+/// The triangle by products of columns, at a fraction of the cost of reflections, where the columns are far enough from
+/// dependence: its relative error is the rounding divided by the square of the least diagonal.
+/// @return whether they are
+bool LeastSquares::by_products() {
+    const Eigen::Index q = parameters_;
+    // Columns ... q - 1 of the upper triangle: E^T E; column q: E^T e. Summed in the order of the pieces, whatever the
+    // number of threads.
+    Eigen::MatrixXd products = Eigen::MatrixXd::Zero(q, q + 1);
+    const auto add = [&](const Piece& piece, Eigen::MatrixXd& sum) {
+        with_rows(piece, [&](const auto& rows) {
+            const Eigen::Ref<const Eigen::MatrixXd> own(rows);
+            sum.leftCols(q).selfadjointView<Eigen::Upper>().rankUpdate(own.transpose());
+            sum.col(q).noalias() += own.transpose() * e_.segment(offset_[piece.block] + piece.first, piece.count);
+        });
+    };
+    if (records_ < parallel_records) {
+        for (const Piece& piece : pieces_)
+            add(piece, products);
+    } else {
+        std::vector<Eigen::MatrixXd> sums(pieces_.size(), products);
+        oneapi::tbb::parallel_for(std::size_t{0}, pieces_.size(), [&](std::size_t p) { add(pieces_[p], sums[p]); });
+        for (const Eigen::MatrixXd& sum : sums)
+            products += sum;
     }
-    rows_.col(parameters_) = e_;
-    triangle_ = upper_triangle(rows_);
+    const Eigen::VectorXd norm = products.diagonal().cwiseSqrt();
+    if (!(norm.minCoeff() > 0.0) || !norm.allFinite()) return false;
+    triangle_ = Eigen::MatrixXd::Zero(q + 1, q + 1);
+    for (Eigen::Index j = 0; j < q; ++j)
+        for (Eigen::Index i = 0; i <= j; ++i) {
+            const double rest =
+                products(i, j) / (norm[i] * norm[j]) - triangle_.col(i).head(i).dot(triangle_.col(j).head(i));
+            if (i == j && !(rest > least_independence * least_independence)) return false;
+            triangle_(i, j) = i == j ? std::sqrt(rest) : rest / triangle_(i, i);
+        }
+    Eigen::VectorXd rhs = products.col(q).cwiseQuotient(norm);
+    triangle_.topLeftCorner(q, q).transpose().triangularView<Eigen::Lower>().solveInPlace(rhs);
+    triangle_.topLeftCorner(q, q) *= norm.cwiseProduct(slope_).asDiagonal();
+    triangle_.col(q).head(q) = rhs;
+    return true;
+}
+
+/// de/du times a step, and its transpose times one number per record.
+Eigen::VectorXd LeastSquares::moved_errors(const Eigen::VectorXd& step) const {
+    Eigen::VectorXd result(records_);
+    const Eigen::VectorXd natural = slope_.cwiseProduct(step);
+    for (const Piece& piece : pieces_)
+        with_rows(piece, [&](const auto& rows) {
+            result.segment(offset_[piece.block] + piece.first, piece.count).noalias() = rows * natural;
+        });
+    return result;
+}
+
+Eigen::VectorXd LeastSquares::gathered(const Eigen::VectorXd& along) const {
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(parameters_);
+    for (const Piece& piece : pieces_)
+        with_rows(piece, [&](const auto& rows) {
+            result.noalias() += rows.transpose() * along.segment(offset_[piece.block] + piece.first, piece.count);
+        });
+    return slope_.cwiseProduct(result);
+}
+
+void LeastSquares::factorise() {
+    for (Eigen::Index i = 0; i < parameters_; ++i)
+        slope_[i] = problem_.coordinates[static_cast<std::size_t>(i)].slope(state_.theta[i]);
+    if (!by_products()) {
+        Eigen::MatrixXd rows(records_, parameters_ + 1);
+        for (const Piece& piece : pieces_)
+            with_rows(piece, [&](const auto& own) {
+                rows.block(offset_[piece.block] + piece.first, 0, piece.count, parameters_) = own * slope_.asDiagonal();
+            });
+        rows.col(parameters_) = e_;
+        triangle_ = upper_triangle(rows);
+    }
     const auto r = triangle_.topLeftCorner(parameters_, parameters_);
     const Eigen::VectorXd size = sizes(problem_, state_.theta);
     Eigen::VectorXd norm = r.colwise().norm().transpose();
-    const double most = norm.cwiseProduct(size).maxCoeff();
-    norm = norm.cwiseMax(least_column * (most > 0.0 ? most : 1.0) * size.cwiseInverse());
+    const double least = square_ > 0.0 ? least_column * std::sqrt(square_) : 1.0;
+    norm = norm.cwiseMax(least * size.cwiseInverse());
     largest_ = largest_.size() == 0 ? norm : Eigen::VectorXd(largest_.cwiseMax(norm));
     remaining_ = triangle_.col(parameters_).head(parameters_).norm() / std::sqrt(square_of_scale());
 }
@@ -180,14 +282,14 @@ void LeastSquares::solve_damped() {
 bool LeastSquares::correct() {
     if (!move_to(state_.u + probe * step_, false)) return false;
     const Eigen::VectorXd at_probe = errors(trial_values_);
-    const Eigen::VectorXd second = (2.0 / probe) * ((at_probe - e_) / probe - rows_.leftCols(parameters_) * step_);
+    const Eigen::VectorXd second = (2.0 / probe) * ((at_probe - e_) / probe - moved_errors(step_));
     if (!second.allFinite()) return false;
-    Eigen::VectorXd correction = -(rows_.leftCols(parameters_).transpose() * second);
+    Eigen::VectorXd correction = -gathered(second);
     const auto r = damped_.leftCols(parameters_).triangularView<Eigen::Upper>();
     damped_.leftCols(parameters_).transpose().triangularView<Eigen::Lower>().solveInPlace(correction);
     r.solveInPlace(correction);
-    const double share = 2.0 * largest_.cwiseProduct(correction).norm() / largest_.cwiseProduct(step_).norm();
-    if (!(share <= longest_correction)) return false;
+    bend_ = 2.0 * largest_.cwiseProduct(correction).norm() / largest_.cwiseProduct(step_).norm();
+    if (!(bend_ <= longest_correction)) return false;
     step_ += 0.5 * correction;
     return true;
 }
@@ -225,12 +327,13 @@ LeastSquares::Verdict LeastSquares::try_step() {
     ++ledger_.trials;
     double change = std::numeric_limits<double>::infinity();
     std::string_view reason = "no decrease";
-    const bool corrected = remaining_ < curved_sds || correct();
+    const bool straight = remaining_ < curved_sds || (gain_ > good_gain && bend_ < least_bend);
+    const bool corrected = straight || correct();
     if (corrected && !inside(problem_, state_.u + step_)) return Verdict::stop;
     if (corrected && move_to(state_.u + step_, derivatives_at_trial_)) {
         Eigen::VectorXd e = errors(trial_values_);
         change = (e - e_).dot(e + e_);
-        const double gain = -change / predicted;
+        const double gain = gain_ = -change / predicted;
         if (gain > least_gain && (derivatives_at_trial_ || move_to(trial_.u, true))) {
             record(square_, true, change, "");
             adopt(std::move(trial_values_), std::move(e));
@@ -291,6 +394,16 @@ LeastSquares::Verdict LeastSquares::polish() {
     return remaining_ < least_contraction * before ? Verdict::accepted : Verdict::stop;
 }
 
+/// (M10) with independent columns: a start from which the general search has nothing left to do.
+void LeastSquares::start_scale() {
+    const bool restricted = problem_.options.variance == Variance::restricted;
+    const Eigen::Index free = records_ - (restricted ? parameters_ : 0);
+    if (!estimated_ || state_.errors_known || free <= 0 || !(square_ > 0.0) || !std::isfinite(square_)) return;
+    if (problem_.errors.front().start > 0.0) return;
+    state_.psi[0] = 0.5 * std::log(square_ / static_cast<double>(free));
+    state_.errors_known = true;
+}
+
 Evaluation LeastSquares::run() {
     if (!move_to(state_.u, true)) return std::move(trial_values_);
     Eigen::VectorXd e = errors(trial_values_);
@@ -302,6 +415,7 @@ Evaluation LeastSquares::run() {
         if (problem_.options.interrupted && problem_.options.interrupted()) break;
         if ((remaining_ < near_sds ? polish() : try_step()) == Verdict::stop) break;
     }
+    start_scale();
     return std::move(now_);
 }
 

@@ -29,14 +29,19 @@ struct MghProblem {
     std::vector<double> upper;
     double bounded_minimum = 0.0;
     LeastSquares sum;
+    LeastSquares bounded_sum;  ///< the same, but for problem 11: its bounded minimum is that of fewer residuals
 
-    [[nodiscard]] double value(const std::vector<double>& x) const {
-        std::vector<double> e(static_cast<std::size_t>(sum.residuals));
-        sum.function(x.data(), e.data(), nullptr);
-        double square = 0.0;
+    [[nodiscard]] double value(const std::vector<double>& x) const { return square(sum, x); }
+    [[nodiscard]] double bounded_value(const std::vector<double>& x) const { return square(bounded_sum, x); }
+
+private:
+    static double square(const LeastSquares& problem, const std::vector<double>& x) {
+        std::vector<double> e(static_cast<std::size_t>(problem.residuals));
+        problem.values(x.data(), e.data());
+        double result = 0.0;
         for (const double own : e)
-            square += own * own;
-        return square;
+            result += own * own;
+        return result;
     }
 };
 
@@ -87,11 +92,11 @@ inline LeastSquares meyer() {
 }
 
 /// |y - x2|^x3 with y_i = 25 + (-50 ln t_i)^(2/3); the paper's printed m i in the place of the minus is a misprint.
-inline LeastSquares gulf() {
-    return sum<3>(100, [](auto* x, auto put) {
+inline LeastSquares gulf(std::size_t residuals) {
+    return sum<3>(static_cast<int>(residuals), [residuals](auto* x, auto put) {
         using std::exp;
         using std::pow;
-        for (std::size_t i = 0; i < 100; ++i) {
+        for (std::size_t i = 0; i < residuals; ++i) {
             const double t = static_cast<double>(i + 1) / 100.0;
             const double y = 25.0 + std::pow(-50.0 * std::log(t), 2.0 / 3.0);
             auto distance = y - x[1];
@@ -199,7 +204,7 @@ inline LeastSquares sum_of(int number) {
         case 10:
             return meyer();
         case 11:
-            return gulf();
+            return gulf(100);
         case 12:
             return sum<3>(3, [](auto* x, auto put) {
                 using std::exp;
@@ -278,6 +283,9 @@ inline std::vector<MghProblem> read_mgh_problems(const std::string& path) {
             problem.lower = entry["bounded"].at("lower").get<std::vector<double>>();
             problem.upper = entry["bounded"].at("upper").get<std::vector<double>>();
             problem.bounded_minimum = entry["bounded"].at("minimum");
+            problem.bounded_sum = problem.sum;
+            if (entry["bounded"].contains("residuals"))
+                problem.bounded_sum = mgh::gulf(entry["bounded"]["residuals"].get<std::size_t>());
         }
         problems.push_back(std::move(problem));
     }

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "estimator/estimate.hpp"
+#include "estimator/multi_start.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/mgh_problems.hpp"
 
@@ -16,9 +18,7 @@ std::vector<MghProblem> read() {
     return read_mgh_problems(std::string(ORBID_SOURCE_DIR) + "/tests/reference/mgh/mgh.json");
 }
 
-/// Sum of squares where one estimate from the start ends.
-double reached(const MghProblem& problem, double factor, bool within_bounds) {
-    FunctionResidual residual = residual_of(problem.sum, group("y", 1.0, false));
+std::vector<estimator::FreeParameter> parameters_of(const MghProblem& problem, double factor, bool within_bounds) {
     std::vector<estimator::FreeParameter> parameters;
     for (std::size_t i = 0; i < problem.start.size(); ++i) {
         double start = factor * problem.start[i];
@@ -29,14 +29,42 @@ double reached(const MghProblem& problem, double factor, bool within_bounds) {
         parameters.back().lower = problem.lower[i];
         parameters.back().upper = problem.upper[i];
     }
+    return parameters;
+}
+
+std::vector<double> values_of(const estimator::Estimate& estimate) {
+    std::vector<double> x;
+    for (const estimator::Estimated& parameter : estimate.parameters)
+        x.push_back(parameter.value);
+    return x;
+}
+
+/// Sum of squares where one estimate from the start ends.
+double reached(const MghProblem& problem, double factor, bool within_bounds) {
+    FunctionResidual residual = residual_of(within_bounds ? problem.bounded_sum : problem.sum, group("y", 1.0, false));
     estimator::EstimateOptions options;
     options.maximum_iterations = 5000;
     options.verdict = false;
-    const estimator::Estimate result = estimator::estimate(parameters, {&residual}, {}, options);
-    std::vector<double> x;
-    for (const estimator::Estimated& parameter : result.parameters)
-        x.push_back(parameter.value);
-    return problem.value(x);
+    const std::vector<double> x =
+        values_of(estimator::estimate(parameters_of(problem, factor, within_bounds), {&residual}, {}, options));
+    return within_bounds ? problem.bounded_value(x) : problem.value(x);
+}
+
+/// Sum of squares at the best of 100 starts. The error scale is known, and what is asked for is the highest density
+/// (ml), not the largest mass around it.
+double searched(const MghProblem& problem, double factor) {
+    estimator::MultiStartOptions options;
+    options.starts = 100;
+    options.estimate.maximum_iterations = 1000;
+    options.estimate.verdict = false;
+    options.estimate.variance = estimator::Variance::ml;
+    const auto residuals = [&problem] {
+        std::vector<std::unique_ptr<estimator::Residual>> result;
+        result.push_back(std::make_unique<FunctionResidual>(residual_of(problem.sum, group("y", 1.0, false))));
+        return result;
+    };
+    return problem.value(
+        values_of(estimator::multi_start(parameters_of(problem, factor, false), residuals, {}, options).best));
 }
 
 }  // namespace
@@ -52,7 +80,7 @@ TEST_CASE("More-Garbow-Hillstrom problems: derivatives", "[estimator]") {
             x[i] = 0.9 * x[i] + 0.1;
         std::vector<double> e(n);
         std::vector<double> jacobian(n * q);
-        problem.sum.function(x.data(), e.data(), jacobian.data());
+        problem.sum.row_by_row(x.data(), e.data(), jacobian.data());
         for (std::size_t k = 0; k < q; ++k) {
             const double h = 1e-5 * std::max(std::abs(x[k]), 0.1);
             std::vector<double> above = x;
@@ -61,8 +89,8 @@ TEST_CASE("More-Garbow-Hillstrom problems: derivatives", "[estimator]") {
             below[k] -= h;
             std::vector<double> e_above(n);
             std::vector<double> e_below(n);
-            problem.sum.function(above.data(), e_above.data(), nullptr);
-            problem.sum.function(below.data(), e_below.data(), nullptr);
+            problem.sum.values(above.data(), e_above.data());
+            problem.sum.values(below.data(), e_below.data());
             for (std::size_t i = 0; i < n; ++i) {
                 const double difference = (e_above[i] - e_below[i]) / (above[k] - below[k]);
                 const double rounding = 1e-15 * std::abs(e[i]) / h;
@@ -82,19 +110,26 @@ TEST_CASE("More-Garbow-Hillstrom problems within bounds", "[estimator][reference
         if (reaches(reached(problem, 1.0, true), problem.bounded_minimum)) ++successes;
     }
     CHECK(runs == 10);
-    CHECK(successes >= 9);
+    CHECK(successes == 10);
 }
 
 TEST_CASE("More-Garbow-Hillstrom problems from near and far", "[estimator][reference]") {
     int successes = 0;
+    int found = 0;
     int runs = 0;
     for (const MghProblem& problem : read())
         for (const double factor : {1.0, 10.0, 100.0}) {
             ++runs;
-            if (reaches(reached(problem, factor, false), problem.minimum)) ++successes;
+            const bool alone = reaches(reached(problem, factor, false), problem.minimum);
+            if (alone) ++successes;
+            if (alone || reaches(searched(problem, factor), problem.minimum)) ++found;
         }
     CHECK(runs == 57);
-    CHECK(successes >= 39);
+    // Measured 46. The others end in other minima (2), where parameters run to infinity (5, 19) or where nothing has
+    // an effect any more (6 overflows at its start, 11).
+    CHECK(successes >= 45);
+    // Not found: Osborne's second function from 10 and 100 times its start, eleven parameters all that far away.
+    CHECK(found >= 55);
 }
 
 }  // namespace orbid::tests

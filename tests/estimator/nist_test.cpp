@@ -22,7 +22,7 @@ TEST_CASE("NIST problems: the certified residual sd belongs to the certified par
         const NistProblem problem = read(name);
         CAPTURE(name);
         std::vector<double> e(static_cast<std::size_t>(problem.sum.residuals));
-        problem.sum.function(problem.value.data(), e.data(), nullptr);
+        problem.sum.values(problem.value.data(), e.data());
         double square = 0.0;
         for (const double own : e)
             square += own * own;
@@ -58,9 +58,9 @@ TEST_CASE("NIST regression problems from both starts", "[estimator][reference]")
                 sd.push_back(parameter.sd);
             }
             const double own = problem.log_relative_error(value);
-            // ENSO: of its certified value of b4 or b7 the last digits are not right (see the mean below, 10.3
-            // without).
-            CHECK(own >= (name == "ENSO" ? 6.5 : 9.5));
+            // Certified to 11 digits, of which the last ones of the worst parameter are not always reached: least
+            // measured 10.33 (Gauss2).
+            CHECK(own >= 9.5);
             // Lanczos1 has residuals of 1e-13, a few hundred rounding errors of its data: three digits are certified
             // work for double precision there.
             CHECK(problem.log_relative_error_of_sds(sd) >= (name == "Lanczos1" ? 3.0 : 6.0));
@@ -71,8 +71,8 @@ TEST_CASE("NIST regression problems from both starts", "[estimator][reference]")
         }
     }
     REQUIRE(runs == 54);
-    // Measured 10.28; certified digits, not the estimate, set the limit.
-    CHECK(digits / runs >= 10.2);
+    // Measured 10.7.
+    CHECK(digits / runs >= 10.3);
 }
 
 }  // namespace orbid::tests
