@@ -68,7 +68,8 @@ TEST_CASE("R-hat, effective sizes and standard errors agree with another program
     for (const auto& [name, one] : cases) {
         CAPTURE(name);
         const Eigen::MatrixXd& x = one.draws;
-        const auto expected = [&](const std::string& item, std::size_t i = 0) { return one.expected.at(item).at(i); };
+        const auto& values = one.expected;
+        const auto expected = [&values](const std::string& item, std::size_t i = 0) { return values.at(item).at(i); };
         // Rounding of sums of some hundred terms: worst measured between 3e-15 and 1e-14, the bound is ten times that.
         constexpr double rounding = 1e-13;
         CHECK_THAT(estimator::rank_normalised_rhat(x), WithinRel(expected("rhat"), rounding));
