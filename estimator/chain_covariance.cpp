@@ -15,9 +15,9 @@ Eigen::MatrixXd extended(const Elimination& step, const Eigen::MatrixXd& separat
     const Eigen::Index s = separator.rows();
     const auto r = step.rows.leftCols(step.rank).triangularView<Eigen::Upper>();
     Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(step.rank, step.rank);
-    r.solveInPlace(inverse);
+    if (step.rank > 0) r.solveInPlace(inverse);
     Eigen::MatrixXd gain = -step.rows.middleCols(step.rank, s);
-    r.solveInPlace(gain);
+    if (gain.size() > 0) r.solveInPlace(gain);  // Eigen binds a reference to the first element
     Eigen::MatrixXd scattered_inverse = Eigen::MatrixXd::Zero(l, step.rank);
     Eigen::MatrixXd scattered_gain = Eigen::MatrixXd::Zero(l, s);
     for (Eigen::Index k = 0; k < step.rank; ++k) {
