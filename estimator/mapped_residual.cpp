@@ -2,20 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <stdexcept>
 #include <variant>
+
+#include <fmt/format.h>
 
 namespace orbid::estimator {
 
 namespace {
-
-std::string shown(double value) {
-    std::ostringstream text;
-    text.precision(17);
-    text << value;
-    return text.str();
-}
 
 /// The error parameter of that name besides the scale; null when the distribution has none.
 ErrorParameter* shape_parameter(ErrorDistribution& distribution, const std::string& name) {
@@ -45,7 +39,7 @@ void apply(const ErrorOverride& change, std::vector<Group>& groups, const std::v
     const bool scale = change.parameter == "scale";
     const bool from_residuals = scale && change.estimate && change.value <= 0.0;
     if (!std::isfinite(change.value) || (!from_residuals && !in_domain(change.parameter, change.value)))
-        throw std::invalid_argument(who + change.parameter + " = " + shown(change.value) +
+        throw std::invalid_argument(who + change.parameter + " = " + fmt::to_string(change.value) +
                                     " must be finite and in its domain: scale > 0, dof >= 1, relative > 0, " +
                                     "|correlation| < 1");
     if (scale) {

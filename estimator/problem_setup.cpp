@@ -3,19 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
-#include <sstream>
 #include <stdexcept>
+
+#include <fmt/format.h>
 
 namespace orbid::estimator {
 
 namespace {
-
-std::string shown(double value) {
-    std::ostringstream text;
-    text.precision(17);
-    text << value;
-    return text.str();
-}
 
 [[noreturn]] void refuse(const std::string& what) {
     throw std::invalid_argument(what);
@@ -23,29 +17,30 @@ std::string shown(double value) {
 
 void check_parameter(const FreeParameter& parameter) {
     const std::string who = "parameter \"" + parameter.name + "\": ";
-    if (!std::isfinite(parameter.start)) refuse(who + "start = " + shown(parameter.start) + " must be finite");
+    if (!std::isfinite(parameter.start)) refuse(who + "start = " + fmt::to_string(parameter.start) + " must be finite");
     if (!(parameter.lower < parameter.upper))
-        refuse(who + "bounds [" + shown(parameter.lower) + ", " + shown(parameter.upper) +
+        refuse(who + "bounds [" + fmt::to_string(parameter.lower) + ", " + fmt::to_string(parameter.upper) +
                "]: the lower one must be below the upper one");
     if (!(parameter.start >= parameter.lower) || !(parameter.start <= parameter.upper))
-        refuse(who + "start = " + shown(parameter.start) + " lies outside its bounds [" + shown(parameter.lower) +
-               ", " + shown(parameter.upper) + "]");
+        refuse(who + "start = " + fmt::to_string(parameter.start) + " lies outside its bounds [" +
+               fmt::to_string(parameter.lower) + ", " + fmt::to_string(parameter.upper) + "]");
     if (!(parameter.typical_size > 0.0) || !std::isfinite(parameter.typical_size))
-        refuse(who + "typical_size = " + shown(parameter.typical_size) + " must be positive and finite");
+        refuse(who + "typical_size = " + fmt::to_string(parameter.typical_size) + " must be positive and finite");
     if ((parameter.scale == Scale::log || parameter.scale == Scale::log10) && !(parameter.start > 0.0))
-        refuse(who + "start = " + shown(parameter.start) +
+        refuse(who + "start = " + fmt::to_string(parameter.start) +
                " must be positive on the log scale; use the linear scale to start at zero or below");
     if (parameter.scale == Scale::logit &&
         (!std::isfinite(parameter.lower) || !std::isfinite(parameter.upper) || !(parameter.start > parameter.lower) ||
          !(parameter.start < parameter.upper)))
-        refuse(who + "the logit scale needs finite bounds and a start = " + shown(parameter.start) + " between them");
+        refuse(who + "the logit scale needs finite bounds and a start = " + fmt::to_string(parameter.start) +
+               " between them");
     try {
         validate(parameter.prior);
     } catch (const std::invalid_argument& error) {
         refuse(who + error.what());
     }
     if (!std::isfinite(negative_log_density(parameter.prior, parameter.start)))
-        refuse(who + "start = " + shown(parameter.start) + " lies outside the support of its prior");
+        refuse(who + "start = " + fmt::to_string(parameter.start) + " lies outside the support of its prior");
 }
 
 }  // namespace
@@ -57,9 +52,10 @@ Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<R
     if (options.maximum_rounds <= 0)
         refuse("maximum_rounds = " + std::to_string(options.maximum_rounds) + " must be positive");
     if (!(options.step_tolerance > 0.0))
-        refuse("step_tolerance = " + shown(options.step_tolerance) + " must be positive");
+        refuse("step_tolerance = " + fmt::to_string(options.step_tolerance) + " must be positive");
     if (!(options.relative_singular_value > 0.0) || !(options.relative_singular_value < 1.0))
-        refuse("relative_singular_value = " + shown(options.relative_singular_value) + " must lie between 0 and 1");
+        refuse("relative_singular_value = " + fmt::to_string(options.relative_singular_value) +
+               " must lie between 0 and 1");
     if (residuals.empty()) refuse("residuals: an estimate needs at least one");
     std::set<std::string> names;
     for (const FreeParameter& parameter : parameters) {

@@ -3,20 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <sstream>
 #include <stdexcept>
 #include <string>
+
+#include <fmt/format.h>
 
 namespace orbid::estimator {
 
 namespace {
-
-std::string shown(double value) {
-    std::ostringstream text;
-    text.precision(17);
-    text << value;
-    return text.str();
-}
 
 void check(const FreeParameter& parameter, const std::map<std::string, const FreeParameter*>& by_name) {
     const auto refuse = [&](const std::string& what) {
@@ -29,7 +23,7 @@ void check(const FreeParameter& parameter, const std::map<std::string, const Fre
         refuse("is tied to \"" + parameter.tied_to + "\", which itself is tied to \"" + target->second->tied_to +
                "\": tie both to the same parameter");
     if (!std::isfinite(parameter.tie_factor) || parameter.tie_factor == 0.0)
-        refuse("tie_factor = " + shown(parameter.tie_factor) + " must be finite and not 0");
+        refuse("tie_factor = " + fmt::to_string(parameter.tie_factor) + " must be finite and not 0");
     if (!std::holds_alternative<FlatPrior>(parameter.prior))
         refuse("has a prior of its own although it is tied to \"" + parameter.tied_to + "\"; give the prior there");
 }
