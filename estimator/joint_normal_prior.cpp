@@ -1,10 +1,10 @@
 #include <cmath>
 #include <numbers>
 #include <set>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 
+#include <fmt/format.h>
 #include <Eigen/Cholesky>
 
 #include "estimator/prior.hpp"
@@ -20,13 +20,6 @@ const double ln_two_pi = std::log(2.0 * std::numbers::pi);
 
 [[noreturn]] void refuse(const std::string& what) {
     throw std::invalid_argument("joint normal prior: " + what);
-}
-
-std::string shown(double value) {
-    std::ostringstream text;
-    text.precision(17);
-    text << value;
-    return text.str();
 }
 
 /// Cholesky factor of the correlation matrix: a covariance of parameters of very different sizes is well conditioned
@@ -78,18 +71,18 @@ void validate(const JointNormalPrior& prior) {
     for (Eigen::Index i = 0; i < count; ++i) {
         const std::string& name = prior.names[static_cast<std::size_t>(i)];
         if (!std::isfinite(prior.mean[i]))
-            refuse("mean of \"" + name + "\" = " + shown(prior.mean[i]) + " must be finite");
+            refuse("mean of \"" + name + "\" = " + fmt::to_string(prior.mean[i]) + " must be finite");
         const double variance = prior.covariance(i, i);
         if (!(variance > 0.0) || !std::isfinite(variance))
-            refuse("variance of \"" + name + "\" = " + shown(variance) + " must be positive and finite");
+            refuse("variance of \"" + name + "\" = " + fmt::to_string(variance) + " must be positive and finite");
     }
     for (Eigen::Index i = 0; i < count; ++i)
         for (Eigen::Index j = 0; j < i; ++j) {
             const double sds = std::sqrt(prior.covariance(i, i)) * std::sqrt(prior.covariance(j, j));
             if (!(std::abs(prior.covariance(i, j) - prior.covariance(j, i)) <= symmetry_tolerance * sds))
                 refuse("covariance[" + std::to_string(i) + "][" + std::to_string(j) +
-                       "] = " + shown(prior.covariance(i, j)) + " and covariance[" + std::to_string(j) + "][" +
-                       std::to_string(i) + "] = " + shown(prior.covariance(j, i)) + ": must be symmetric");
+                       "] = " + fmt::to_string(prior.covariance(i, j)) + " and covariance[" + std::to_string(j) + "][" +
+                       std::to_string(i) + "] = " + fmt::to_string(prior.covariance(j, i)) + ": must be symmetric");
         }
     const Factor factor = factorise(prior.covariance);
     // A pivot at the rounding of its sum is not positive.
