@@ -87,6 +87,20 @@ void check_sensor(const System& system, const Sensor& sensor) {
         refuse(system, fmt::format("sensor angle_difference: delay is {}, must be > 0", sensor.delay));
 }
 
+void check_section(const System& system, const Section& section, double longest) {
+    if (section.normal.size() != system.dimension())
+        refuse(system, fmt::format("normal of the section has {} entries, must have {}", section.normal.size(),
+                                   system.dimension()));
+    if (!(section.normal.allFinite() && section.normal.squaredNorm() > 0.0))
+        refuse(system, "normal of the section must be finite and not 0");
+    if (!std::isfinite(section.offset))
+        refuse(system, fmt::format("offset of the section is {}, must be a finite number", section.offset));
+    if (section.direction != 1 && section.direction != -1)
+        refuse(system, fmt::format("direction of the section is {}, must be 1 or -1", section.direction));
+    if (!(longest > 0.0 && std::isfinite(longest)))
+        refuse(system, fmt::format("longest return time is {}, must be > 0", longest));
+}
+
 void check_flow(const System& system, const Eigen::VectorXd& x0, double phase, std::span<const double> durations,
                 const Eigen::VectorXd& theta, std::span<const Eigen::Index> free, Clock clock,
                 const FlowOptions& options) {
@@ -102,6 +116,8 @@ void check_flow(const System& system, const Eigen::VectorXd& x0, double phase, s
         if (!(std::isfinite(durations[k]) && durations[k] >= before))
             refuse(system,
                    fmt::format("duration {} is {}, must be >= {}: durations ascend from 0", k, durations[k], before));
+        if (system.kind() == Kind::map && durations[k] != std::floor(durations[k]))
+            refuse(system, fmt::format("duration {} is {}, must be a whole number of iterations", k, durations[k]));
         before = durations[k];
     }
 }

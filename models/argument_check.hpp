@@ -13,6 +13,7 @@ void check_columns(const System& system, const Eigen::MatrixXd& states, std::spa
 void check_free(const System& system, std::span<const Eigen::Index> free);
 void check_options(const FlowOptions& options);
 void check_sensor(const System& system, const Sensor& sensor);
+void check_section(const System& system, const Section& section, double longest);
 void check_flow(const System& system, const Eigen::VectorXd& x0, double phase, std::span<const double> durations,
                 const Eigen::VectorXd& theta, std::span<const Eigen::Index> free, Clock clock,
                 const FlowOptions& options);

@@ -30,11 +30,22 @@ struct Duffing {
     static constexpr std::array<double, 2> symmetry_signs{-1.0, -1.0};
     static constexpr double symmetry_phase_shift = std::numbers::pi;
 
+    /// All that depends on the phase: the force.
+    template <class T>
+    static T forcing(const T& phase, const Values<T, 5>& p) {
+        using std::cos;
+        return p[3] * cos(phase);
+    }
+
+    template <class T>
+    static State<T, 2> rhs_forced(const T& force, const State<T, 2>& x, const Values<T, 5>& p, double /*side*/) {
+        const T& q = x[0];
+        return {x[1], force - p[0] * x[1] - q * (p[1] + p[2] * q * q)};
+    }
+
     template <class T>
     static State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, 5>& p) {
-        using std::cos;
-        const T& q = x[0];
-        return {x[1], p[3] * cos(phase) - p[0] * x[1] - q * (p[1] + p[2] * q * q)};
+        return rhs_forced<T>(forcing<T>(phase, p), x, p, 0.0);
     }
 };
 

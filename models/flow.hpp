@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstddef>
 #include <span>
-#include <vector>
 
+#include "models/kernel.hpp"
 #include "models/trajectory.hpp"
 
 namespace orbid::models {
@@ -17,58 +17,76 @@ template <Model M>
 inline constexpr std::size_t wide_chunk = dimension_of<M> + 6;
 
 template <class T, std::size_t n>
-std::array<T, n> array_from(const Eigen::VectorXd& x) {
+std::array<T, n> array_from(const double* x) {
     std::array<T, n> a;
     for (std::size_t i = 0; i < n; ++i)
-        a[i] = x[static_cast<Eigen::Index>(i)];
+        a[i] = x[i];
     return a;
 }
 
 /// Sets partials for the directions of the start and the free parameters [first, first + N - n).
 template <std::size_t N, std::size_t n, std::size_t q>
-void seed(State<Dual<N>, n>& x, Values<Dual<N>, q>& p, std::span<const Eigen::Index> free, std::size_t first) {
+void seed(State<Dual<N>, n>& x, Values<Dual<N>, q>& p, std::span<const std::ptrdiff_t> free, std::size_t first) {
     for (std::size_t i = 0; i < n; ++i)
         x[i].partial[i] = 1.0;
     for (std::size_t i = n; i < N && first + i - n < free.size(); ++i)
         p[static_cast<std::size_t>(free[first + i - n])].partial[i] = 1.0;
 }
 
-/// One solution at all durations; the columns of `result.sensitivities` for the start and the free parameters
-/// [first, first + N - n), unless it has no columns. `result` has its shapes already; everything else in it is
-/// overwritten with the same values at each pass.
+/// Copies the partials of a pass that began with the free parameter `first` into columns of a matrix of n rows: column
+/// j of the start's directions, column first + j of the others.
+template <std::size_t N, std::size_t n>
+void store_partials(const State<Dual<N>, n>& x, std::size_t first, std::size_t directions, double* columns) {
+    for (std::size_t j = 0; j < N && (j < n || first + j < directions); ++j)
+        for (std::size_t i = 0; i < n; ++i)
+            columns[(j < n ? j : first + j) * n + i] = x[i].partial[j];
+}
+
+/// Calls pass<N>(first) until all free parameters have had their turn.
+template <Model M, class Pass>
+void in_passes(std::size_t free, const Pass& pass) {
+    constexpr std::size_t n = dimension_of<M>;
+    std::size_t first = 0;
+    do {
+        if (free - first <= narrow_chunk<M> - n) {
+            pass.template operator()<narrow_chunk<M>>(first);
+            first += narrow_chunk<M> - n;
+        } else {
+            pass.template operator()<wide_chunk<M>>(first);
+            first += wide_chunk<M> - n;
+        }
+    } while (first < free);
+}
+
+/// One solution at all durations; the columns of the sensitivities for the start and the free parameters
+/// [first, first + N - n), where they are asked for. Everything else in the output is overwritten with the same values
+/// at each pass.
 template <Model M, std::size_t N>
-void flow_pass(const Eigen::VectorXd& x0, double phase, std::span<const double> durations, const Eigen::VectorXd& theta,
-               std::span<const Eigen::Index> free, std::size_t first, Clock clock, const FlowOptions& options,
-               FlowResult& result) {
+FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
+                  std::size_t first, const FlowOutput& output) {
     constexpr std::size_t n = dimension_of<M>;
     constexpr std::size_t q = parameter_count_of<M>;
-    auto x = array_from<Scalar<N>, n>(x0);
-    auto p = array_from<Scalar<N>, q>(theta);
+    auto x = array_from<Scalar<N>, n>(start.state);
+    auto p = array_from<Scalar<N>, q>(start.theta);
     seed<N, n, q>(x, p, free, first);
-    const std::size_t directions = result.sensitivities.cols() > 0 ? n + free.size() : 0;
-    Trajectory<M, N> trajectory(p, x, phase, clock, options);
-    result.status = FlowStatus::ok;
-    for (std::size_t k = 0; k < durations.size() && result.status == FlowStatus::ok; ++k) {
-        result.status = trajectory.advance(durations[k]);
-        if (result.status != FlowStatus::ok) break;
-        for (std::size_t i = 0; i < n; ++i) {
-            const auto row = static_cast<Eigen::Index>(i);
-            result.states(row, static_cast<Eigen::Index>(k)) = value_of(trajectory.state()[i]);
-            if (directions == 0) continue;
-            for (std::size_t j = 0; j < N && (j < n || first + j < directions); ++j) {
-                const std::size_t direction = j < n ? j : first + j;
-                result.sensitivities(row, static_cast<Eigen::Index>(k * directions + direction)) =
-                    trajectory.state()[i].partial[j];
-            }
-        }
+    const std::size_t directions = n + free.size();
+    Trajectory<M, N> trajectory(p, x, start.phase, start.clock, start.options);
+    FlowEnd end;
+    for (std::size_t k = 0; k < durations.size() && end.status == FlowStatus::ok; ++k) {
+        end.status = trajectory.advance(durations[k]);
+        if (end.status != FlowStatus::ok) break;
+        for (std::size_t i = 0; i < n; ++i)
+            output.states[k * n + i] = value_of(trajectory.state()[i]);
+        if (output.sensitivities != nullptr)
+            store_partials<N, n>(trajectory.state(), first, directions, output.sensitivities + k * directions * n);
     }
-    result.stopped_after = trajectory.s();
-    result.stopped_state.resize(n);
+    end.stopped_after = trajectory.s();
     for (std::size_t i = 0; i < n; ++i)
-        result.stopped_state[static_cast<Eigen::Index>(i)] = value_of(trajectory.state()[i]);
-    result.steps = trajectory.steps();
-    result.crossings = trajectory.crossings();
-    result.stickings = trajectory.stickings();
+        output.stopped_state[i] = value_of(trajectory.state()[i]);
+    end.steps = trajectory.steps();
+    end.crossings = trajectory.crossings();
+    end.stickings = trajectory.stickings();
+    return end;
 }
 
 }  // namespace orbid::models

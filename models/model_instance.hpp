@@ -4,20 +4,20 @@
 #include <string_view>
 #include <vector>
 
-#include "models/system.hpp"
+#include "models/kernel.hpp"
 
 namespace orbid::models {
 
-/// A model as the registry takes it: its texts and one system per variant, the default first.
+/// A model as the registry takes it: its texts and one kernel per variant, the default first.
 struct ModelInstance {
     std::string_view name;
     std::string_view summary;
     std::string_view equations;
-    std::vector<std::shared_ptr<const System>> systems;
+    std::vector<std::shared_ptr<const Kernel>> kernels;
 };
 
 /// The instance of model M, a struct that satisfies DescribedModel or lists such structs as its `variants`. Defined in
-/// model_system.hpp and compiled once per model, in a file that the build writes for each line of registry.cpp; so the
+/// model_kernel.hpp and compiled once per model, in a file that the build writes for each line of registry.cpp; so the
 /// registry needs no more than the name of the struct.
 template <class M>
 ModelInstance instance_of();

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "models/kernel_system.hpp"
 #include "models/model_instance.hpp"
 
 namespace orbid::models {
@@ -31,9 +32,11 @@ const std::vector<Registered>& registered() {
         std::vector<Registered> models;
         for (const auto& instance_of_model : listed_models) {
             const ModelInstance instance = instance_of_model();
-            Registered model{{instance.name, instance.summary, instance.equations, {}}, instance.systems};
-            for (const auto& system : instance.systems)
-                if (!system->variant().empty()) model.entry.variants.push_back(system->variant());
+            Registered model{{instance.name, instance.summary, instance.equations, {}}, {}};
+            for (const auto& kernel : instance.kernels) {
+                model.systems.push_back(std::make_shared<KernelSystem>(kernel));
+                if (!kernel->variant().empty()) model.entry.variants.push_back(kernel->variant());
+            }
             models.push_back(std::move(model));
         }
         std::sort(models.begin(), models.end(),

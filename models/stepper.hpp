@@ -11,8 +11,9 @@
 #include <boost/numeric/odeint/algebra/array_algebra.hpp>
 #include <boost/numeric/odeint/stepper/runge_kutta_fehlberg78.hpp>
 
+#include "models/input_signal.hpp"
 #include "models/model.hpp"
-#include "models/system.hpp"
+#include "models/simulation.hpp"
 
 namespace orbid::models {
 
@@ -31,14 +32,17 @@ struct Field {
     T omega;  ///< 0 for an autonomous model
     double phase;
     Clock clock;
-    double side = 1.0;
+    Side<M> side{};
+    const InputSignal* input = nullptr;  ///< of an InputModel; `phase` is then the time at s = 0
+    std::size_t piece = 0;               ///< of the input on which the present step lies
 
     Field(const Values<T, parameter_count_of<M>>& p, double phase_, Clock clock_)
         : constants(constants_from<M, T>(p)), omega(0.0), phase(phase_), clock(clock_) {
         if constexpr (ForcedModel<M>) omega = p[M::forcing_frequency];
+        if constexpr (SwitchingModel<M>) side = 1.0;
     }
 
-    [[nodiscard]] State<T, n> operator()(const State<T, n>& x, double s, double on_side) const {
+    [[nodiscard]] State<T, n> operator()(const State<T, n>& x, double s, const Side<M>& on_side) const {
         if constexpr (ForcedModel<M>) {
             if (clock == Clock::phase) {
                 State<T, n> f = rhs_of<M, T>(T(phase + s), x, constants, on_side);
@@ -47,6 +51,13 @@ struct Field {
                 return f;
             }
             return rhs_of<M, T>(omega * s + phase, x, constants, on_side);
+        } else if constexpr (InputModel<M>) {
+            std::array<double, input_count_of<M>> values;
+            input->evaluate(piece, phase + s, values.data());
+            std::array<T, input_count_of<M>> u;
+            for (std::size_t i = 0; i < u.size(); ++i)
+                u[i] = T(values[i]);
+            return rhs_of<M, T>(T(phase + s), x, constants, on_side, u);
         } else {
             return rhs_of<M, T>(T(s), x, constants, on_side);
         }

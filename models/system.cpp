@@ -16,9 +16,48 @@ std::string_view description(FlowStatus status) {
         case FlowStatus::not_finite:
             return "the state left the range of finite numbers";
         case FlowStatus::grazing:
-            return "the velocity touched zero without crossing: derivatives do not exist there";
+            return "a switching surface was touched without crossing it: derivatives do not exist there";
+        case FlowStatus::no_crossing:
+            return "the section was not reached within the longest return time";
+        case FlowStatus::no_input:
+            return "the measured input does not reach that far";
+        case FlowStatus::held_twice:
+            return "two switching surfaces hold the solution at once";
     }
     return "";
+}
+
+namespace {
+
+[[noreturn]] void not_offered(const System& system, std::string_view what) {
+    throw std::logic_error(fmt::format("model {} offers no {}", system.name(), what));
+}
+
+}  // namespace
+
+std::shared_ptr<const System> System::with_input(std::shared_ptr<const InputSignal> /*signal*/) const {
+    not_offered(*this, "measured inputs");
+}
+
+SecondOrderResult System::flow_with_second_derivatives(const Eigen::VectorXd& /*x0*/, double /*phase*/,
+                                                       std::span<const double> /*durations*/,
+                                                       const Eigen::VectorXd& /*theta*/,
+                                                       std::span<const Eigen::Index> /*free*/, Clock /*clock*/,
+                                                       const FlowOptions& /*options*/) const {
+    not_offered(*this, "second derivatives");
+}
+
+CrossingResult System::crossings(const Eigen::VectorXd& /*x0*/, const Section& /*section*/, std::size_t /*count*/,
+                                 double /*longest*/, const Eigen::VectorXd& /*theta*/,
+                                 std::optional<std::span<const Eigen::Index>> /*free*/,
+                                 const FlowOptions& /*options*/) const {
+    not_offered(*this, "sections by a plane");
+}
+
+EnsembleResult System::ensemble(const Eigen::MatrixXd& /*starts*/, const Section& /*section*/, std::size_t /*count*/,
+                                double /*longest*/, const Eigen::VectorXd& /*theta*/,
+                                const FlowOptions& /*options*/) const {
+    not_offered(*this, "sections by a plane");
 }
 
 Eigen::Index System::parameter_index(std::string_view wanted) const {

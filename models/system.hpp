@@ -10,30 +10,12 @@
 
 #include <Eigen/Core>
 
+#include "models/input_signal.hpp"
 #include "models/parameter.hpp"
 #include "models/sensor.hpp"
+#include "models/simulation.hpp"
 
 namespace orbid::models {
-
-enum class Kind { forced, autonomous, map };
-
-/// The variable in which durations of a flow are measured.
-///
-/// phase  tau = omega t [rad] (forced models only): the section stays where it is when omega changes,
-///        sensitivities to omega are complete.
-/// time   t [s].
-enum class Clock { phase, time };
-
-/// How a flow ended. Everything but ok means "cannot be simulated here": states after `stopped_after` are undefined.
-enum class FlowStatus { ok, step_budget, not_finite, grazing };
-
-[[nodiscard]] std::string_view description(FlowStatus status);
-
-struct FlowOptions {
-    double relative_tolerance = 1e-12;    ///< local error per step relative to the state, > 0
-    double absolute_tolerance = 1e-12;    ///< local error per step, in the coordinate's unit, > 0
-    std::size_t maximum_steps = 1000000;  ///< accepted and rejected steps of one call, > 0
-};
 
 /// x -> S x, S = diag(signs), maps solutions at phase tau to solutions at phase tau + phase_shift.
 struct Symmetry {
@@ -59,6 +41,31 @@ struct FlowResult {
     }
 };
 
+/// A flow with second derivatives: what FlowResult holds, and
+/// `second_derivatives`, shape (n, m * d * d): column (k d + i) d + j = d2 state_k / d direction i d direction j.
+struct SecondOrderResult : FlowResult {
+    Eigen::MatrixXd second_derivatives;
+};
+
+/// A hyperplane in the state space of an autonomous flow: normal . x = offset, crossed in one direction.
+struct Section {
+    Eigen::VectorXd normal;  ///< shape (n), not 0
+    double offset = 0.0;
+    int direction = 1;  ///< +1: crossings with normal . x' > 0, -1: with normal . x' < 0
+};
+
+/// Crossings of a section, one after the other, with derivatives when asked for (d = 0 columns otherwise).
+struct CrossingResult {
+    FlowStatus status = FlowStatus::ok;
+    Eigen::VectorXd times;               ///< shape (m): time of each crossing since the start [s]
+    Eigen::MatrixXd states;              ///< shape (n, m); fewer columns when not all were reached
+    Eigen::MatrixXd sensitivities;       ///< shape (n, m * d): of the crossing point, which moves along the plane
+    Eigen::MatrixXd time_sensitivities;  ///< shape (d, m): of `times`
+    double stopped_after = 0.0;
+    Eigen::VectorXd stopped_state;
+    std::size_t steps = 0;
+};
+
 /// What the sensor reads at given states. Shapes (n, m) and (n, m * d) as in FlowResult;
 /// derivatives with respect to the state AT THAT INSTANT and the free parameters.
 struct ReadingResult {
@@ -71,11 +78,13 @@ struct ReadingResult {
 /// trajectory could not be continued (status[i] says why).
 struct EnsembleResult {
     std::vector<Eigen::MatrixXd> sections;
+    std::vector<Eigen::VectorXd> times;  ///< autonomous flows: times[i] of the columns of sections[i] [s]; else empty
     std::vector<FlowStatus> status;
 };
 
 /// A model behind plain types: const, thread-safe, holds no parameter values. Everything above `models/` is compiled
-/// against this. theta always has the full length parameters().size(), in that order; values outside their domain are
+/// against this. The functions with a body here are refused with std::logic_error by systems that do not offer them.
+/// theta always has the full length parameters().size(), in that order; values outside their domain are
 /// a wrong call (std::invalid_argument).
 ///
 /// Directions of sensitivities: the n coordinates of the start, then the parameters listed in `free` (indices into
@@ -90,6 +99,14 @@ public:
     [[nodiscard]] virtual std::span<const Coordinate> coordinates() const = 0;
     [[nodiscard]] virtual std::span<const Parameter> parameters() const = 0;
     [[nodiscard]] virtual std::optional<Symmetry> symmetry() const = 0;
+    /// Slow and fast scales far apart: steps are taken by an implicit method.
+    [[nodiscard]] virtual bool stiff() const { return false; }
+    /// Measured inputs u(t) that the equations read; empty for most models.
+    [[nodiscard]] virtual std::span<const Coordinate> inputs() const { return {}; }
+    /// The same model reading this signal. A system with inputs that was given none cannot be simulated
+    /// (std::logic_error); its phase argument is the time [s] of the start on the clock of the signal.
+    /// @throws std::invalid_argument unless the signal has as many inputs as the model
+    [[nodiscard]] virtual std::shared_ptr<const System> with_input(std::shared_ptr<const InputSignal> signal) const;
     /// No jump in f or in the state at these parameters: finite differences and collocation apply.
     [[nodiscard]] virtual bool smooth(const Eigen::VectorXd& theta) const = 0;
     /// Period of the forcing in the given clock: 2 pi rad, or 2 pi / omega s. Throws std::logic_error unless forced.
@@ -115,6 +132,21 @@ public:
                                                              std::span<const Eigen::Index> free, Clock clock,
                                                              const FlowOptions& options = {}) const = 0;
 
+    /// The same with second derivatives as well, at d + 1 times the cost of flow_with_sensitivities(). The steps, and
+    /// so the last digits of the values, are its own.
+    [[nodiscard]] virtual SecondOrderResult flow_with_second_derivatives(
+        const Eigen::VectorXd& x0, double phase, std::span<const double> durations, const Eigen::VectorXd& theta,
+        std::span<const Eigen::Index> free, Clock clock, const FlowOptions& options = {}) const;
+
+    /// The next `count` crossings of a section by an autonomous flow, located to the accuracy of the flow; derivatives
+    /// of return map and return times when `free` is given. A start on the section is no crossing.
+    /// @param longest  [s], > 0: without a crossing for so long the status is no_crossing
+    /// @throws std::logic_error unless the model is autonomous
+    [[nodiscard]] virtual CrossingResult crossings(const Eigen::VectorXd& x0, const Section& section, std::size_t count,
+                                                   double longest, const Eigen::VectorXd& theta,
+                                                   std::optional<std::span<const Eigen::Index>> free = std::nullopt,
+                                                   const FlowOptions& options = {}) const;
+
     /// What the sensor reads at the columns of states (each at its phase), with derivatives when `free` is given.
     [[nodiscard]] virtual ReadingResult readings(const Sensor& sensor, const Eigen::MatrixXd& states,
                                                  std::span<const double> phases, const Eigen::VectorXd& theta,
@@ -126,6 +158,12 @@ public:
     [[nodiscard]] virtual EnsembleResult ensemble(const Eigen::MatrixXd& starts, double phase, std::size_t periods,
                                                   const Eigen::VectorXd& theta,
                                                   const FlowOptions& options = {}) const = 0;
+
+    /// The same for an autonomous flow: `count` crossings of a section by each trajectory. Column 0 is the start, which
+    /// need not lie on the section; times[i][0] = 0.
+    [[nodiscard]] virtual EnsembleResult ensemble(const Eigen::MatrixXd& starts, const Section& section,
+                                                  std::size_t count, double longest, const Eigen::VectorXd& theta,
+                                                  const FlowOptions& options = {}) const;
 
     [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(coordinates().size()); }
     /// Index of a parameter or coordinate by name; -1 when there is none.

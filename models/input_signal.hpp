@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace orbid::models {
+
+/// Measured inputs u(t) of a model: values at ascending instants, interpolated between them.
+///
+/// linear  straight lines; u' jumps at every instant
+/// cubic   the natural cubic spline through the values (u'' = 0 at both ends, u''' jumps at every instant)
+///
+/// Const and thread-safe. Nothing is extrapolated.
+class InputSignal {
+public:
+    enum class Interpolation { linear, cubic };
+
+    /// @param times   [s], at least two, strictly ascending, finite
+    /// @param values  count x times.size() finite numbers, the inputs of one instant beside each other
+    /// @param count   number of inputs, > 0
+    /// @throws std::invalid_argument naming the entry that breaks a rule
+    InputSignal(std::span<const double> times, std::span<const double> values, std::size_t count,
+                Interpolation interpolation);
+
+    [[nodiscard]] std::size_t count() const { return count_; }
+    [[nodiscard]] Interpolation interpolation() const { return interpolation_; }
+    [[nodiscard]] double first_time() const { return times_.front(); }
+    [[nodiscard]] double last_time() const { return times_.back(); }
+    [[nodiscard]] std::span<const double> times() const { return times_; }
+
+    /// Piece [times[i], times[i + 1]) that t lies in; clamped to the first and the last piece.
+    [[nodiscard]] std::size_t piece_at(double t) const;
+    /// Values at t of the polynomials of a piece (also a little outside of it), shape (count).
+    void evaluate(std::size_t piece, double t, double* values) const;
+
+private:
+    std::vector<double> times_;
+    std::vector<double> coefficients_;  ///< per piece and input: c0 + c1 d + c2 d^2 + c3 d^3, d = t - times[piece]
+    std::size_t count_;
+    Interpolation interpolation_;
+};
+
+}  // namespace orbid::models

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <span>
+
+#include "models/flow.hpp"
+
+namespace orbid::models {
+
+/// Iterates of a map with derivatives in N directions, as flow_pass() does for flows. Durations are whole numbers of
+/// iterations; each counts as a step.
+template <MapModel M, std::size_t N>
+FlowEnd map_pass(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
+                 std::size_t first, const FlowOutput& output) {
+    constexpr std::size_t n = dimension_of<M>;
+    constexpr std::size_t q = parameter_count_of<M>;
+    auto x = array_from<Scalar<N>, n>(start.state);
+    auto p = array_from<Scalar<N>, q>(start.theta);
+    seed<N, n, q>(x, p, free, first);
+    const std::size_t directions = n + free.size();
+    const auto c = constants_from<M, Scalar<N>>(p);
+    FlowEnd end;
+    const auto finite = [&x] {
+        for (const auto& component : x)
+            if (!std::isfinite(value_of(component))) return false;
+        return true;
+    };
+    for (std::size_t k = 0; k < durations.size() && end.status == FlowStatus::ok; ++k) {
+        while (end.stopped_after < durations[k] && end.status == FlowStatus::ok) {
+            if (end.steps >= start.options.maximum_steps) {
+                end.status = FlowStatus::step_budget;
+                break;
+            }
+            ++end.steps;
+            x = M::map(x, c);
+            if (!finite()) end.status = FlowStatus::not_finite;
+            end.stopped_after += 1.0;
+        }
+        if (end.status != FlowStatus::ok) break;
+        for (std::size_t i = 0; i < n; ++i)
+            output.states[k * n + i] = value_of(x[i]);
+        if (output.sensitivities != nullptr)
+            store_partials<N, n>(x, first, directions, output.sensitivities + k * directions * n);
+    }
+    for (std::size_t i = 0; i < n; ++i)
+        output.stopped_state[i] = value_of(x[i]);
+    return end;
+}
+
+}  // namespace orbid::models

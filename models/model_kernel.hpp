@@ -1,0 +1,172 @@
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <stdexcept>
+#include <tuple>
+#include <type_traits>
+
+#include "models/flow.hpp"
+#include "models/map_flow.hpp"
+#include "models/model_instance.hpp"
+#include "models/section_ensemble.hpp"
+#include "models/standstill.hpp"
+
+namespace orbid::models {
+
+/// The templates of a model M behind Kernel: the one place where they are instantiated.
+template <DescribedModel M>
+class ModelKernel final : public Kernel {
+public:
+    static constexpr std::size_t n = dimension_of<M>;
+    static constexpr std::size_t q = parameter_count_of<M>;
+
+    std::string_view name() const override { return M::name; }
+    std::string_view variant() const override {
+        if constexpr (VariantModel<M>)
+            return M::variant;
+        else
+            return {};
+    }
+    Kind kind() const override { return MapModel<M> ? Kind::map : ForcedModel<M> ? Kind::forced : Kind::autonomous; }
+    bool stiff() const override { return StiffModel<M>; }
+    std::span<const Coordinate> coordinates() const override { return M::coordinates; }
+    std::span<const Parameter> parameters() const override { return M::parameters; }
+    std::span<const Coordinate> inputs() const override {
+        if constexpr (InputModel<M>)
+            return M::inputs;
+        else
+            return {};
+    }
+    std::optional<std::size_t> forcing_frequency() const override {
+        if constexpr (ForcedModel<M>)
+            return M::forcing_frequency;
+        else
+            return std::nullopt;
+    }
+    std::span<const double> symmetry_signs() const override {
+        if constexpr (SymmetricModel<M>)
+            return M::symmetry_signs;
+        else
+            return {};
+    }
+    double symmetry_phase_shift() const override {
+        if constexpr (SymmetricModel<M>)
+            return M::symmetry_phase_shift;
+        else
+            return 0.0;
+    }
+
+    bool smooth([[maybe_unused]] const double* theta) const override {
+        if constexpr (SwitchingModel<M> || SurfaceModel<M>)
+            return M::smooth(array_from<double, q>(theta));
+        else
+            return true;
+    }
+
+    bool at_rest(const double* state, const double* theta) const override {
+        return stands_still<M>(array_from<double, n>(state), array_from<double, q>(theta));
+    }
+
+    void rhs(double phase, const double* state, const double* theta, [[maybe_unused]] const double* input,
+             double* f) const override {
+        const auto c = constants_from<M, double>(array_from<double, q>(theta));
+        const auto values = value_rhs<M>(phase, array_from<double, n>(state), c, input);
+        std::copy(values.begin(), values.end(), f);
+    }
+
+    FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
+                 const FlowOutput& output) const override {
+        FlowEnd end;
+        in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
+            if constexpr (MapModel<M>)
+                end = map_pass<M, N>(start, durations, free, first, output);
+            else
+                end = flow_pass<M, N>(start, durations, free, first, output);
+        });
+        return end;
+    }
+
+    FlowEnd crossings(const FlowStart& /*start*/, const SectionPlane& /*plane*/, std::size_t /*count*/,
+                      double /*longest*/, std::span<const std::ptrdiff_t> /*free*/,
+                      const FlowOutput& /*output*/) const override {
+        throw std::logic_error("sections by a plane");
+    }
+
+    void instrument(const double* state, [[maybe_unused]] const double* theta,
+                    [[maybe_unused]] std::span<const std::ptrdiff_t> free, double* reading,
+                    double* derivative) const override {
+        if constexpr (InstrumentModel<M>) {
+            const auto values = M::instrument(array_from<double, n>(state), array_from<double, q>(theta));
+            std::copy(values.begin(), values.end(), reading);
+            if (derivative == nullptr) return;
+            in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
+                auto x = array_from<Dual<N>, n>(state);
+                auto p = array_from<Dual<N>, q>(theta);
+                seed<N, n, q>(x, p, free, first);
+                store_partials<N, n>(M::instrument(x, p), first, n + free.size(), derivative);
+            });
+        } else {
+            std::copy(state, state + n, reading);
+            if (derivative == nullptr) return;
+            std::fill(derivative, derivative + n * (n + free.size()), 0.0);
+            for (std::size_t i = 0; i < n; ++i)
+                derivative[i * n + i] = 1.0;
+        }
+    }
+
+    void ensemble([[maybe_unused]] const double* starts, [[maybe_unused]] std::size_t count,
+                  [[maybe_unused]] double phase, [[maybe_unused]] std::size_t periods,
+                  [[maybe_unused]] const double* theta, [[maybe_unused]] const FlowOptions& options,
+                  [[maybe_unused]] double* const* sections, [[maybe_unused]] std::size_t* columns,
+                  [[maybe_unused]] FlowStatus* status) const override {
+        if constexpr (MapModel<M>) {
+            const auto c = constants_from<M, double>(array_from<double, q>(theta));
+            for (std::size_t i = 0; i < count; ++i) {
+                auto x = array_from<double, n>(starts + i * n);
+                std::copy(x.begin(), x.end(), sections[i]);
+                status[i] = FlowStatus::ok;
+                for (columns[i] = 1; columns[i] <= periods && status[i] == FlowStatus::ok; ++columns[i]) {
+                    x = M::map(x, c);
+                    for (std::size_t j = 0; j < n; ++j) {
+                        if (!std::isfinite(x[j])) status[i] = FlowStatus::not_finite;
+                        if (M::coordinates[j].angle) x[j] = wrapped(x[j]);
+                        sections[i][columns[i] * n + j] = x[j];
+                    }
+                    if (status[i] != FlowStatus::ok) break;
+                }
+            }
+        } else if constexpr (ForcedModel<M>) {
+            SectionEnsemble<M>(array_from<double, q>(theta), phase, options)
+                .advance(starts, count, periods, sections, columns, status);
+        }
+    }
+    std::size_t ensemble_block() const override { return 1; }
+};
+
+namespace detail {
+template <class M>
+struct VariantsOf {
+    using type = std::tuple<M>;
+};
+template <class M>
+requires requires {
+    typename M::variants;
+}
+struct VariantsOf<M> {
+    using type = typename M::variants;
+};
+}  // namespace detail
+
+template <class M>
+ModelInstance instance_of() {
+    return []<DescribedModel First, DescribedModel... Others>(std::type_identity<std::tuple<First, Others...>>) {
+        return ModelInstance{First::name,
+                             First::summary,
+                             First::equations,
+                             {std::make_shared<ModelKernel<First>>(), std::make_shared<ModelKernel<Others>>()...}};
+    }
+    (std::type_identity<typename detail::VariantsOf<M>::type>{});
+}
+
+}  // namespace orbid::models

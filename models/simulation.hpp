@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstddef>
+#include <string_view>
+
+namespace orbid::models {
+
+enum class Kind { forced, autonomous, map };
+
+/// The variable in which durations of a flow are measured.
+///
+/// phase  tau = omega t [rad] (forced models only): the section stays where it is when omega changes,
+///        sensitivities to omega are complete.
+/// time   t [s]; iterations (whole numbers) for maps.
+enum class Clock { phase, time };
+
+/// How a flow ended. Everything but ok means "cannot be simulated here": states after `stopped_after` are undefined.
+enum class FlowStatus {
+    ok,
+    step_budget,  ///< maximum_steps were taken
+    not_finite,   ///< the state left the range of finite numbers
+    grazing,      ///< a switching surface was touched without crossing it: derivatives do not exist there
+    no_crossing,  ///< the section was not reached within the longest return time allowed
+    no_input,     ///< a measured input does not reach that far
+    held_twice    ///< two switching surfaces hold the solution at once
+};
+
+[[nodiscard]] std::string_view description(FlowStatus status);
+
+struct FlowOptions {
+    double relative_tolerance = 1e-12;    ///< local error per step relative to the state, > 0
+    double absolute_tolerance = 1e-12;    ///< local error per step, in the coordinate's unit, > 0
+    std::size_t maximum_steps = 1000000;  ///< accepted and rejected steps of one call, > 0
+};
+
+}  // namespace orbid::models
