@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <optional>
 
+#include "models/controlled_step.hpp"
 #include "models/sticking.hpp"
 
 namespace orbid::models {
@@ -25,84 +26,65 @@ public:
     /// @param p  parameters, with partials in the directions that are asked for
     Trajectory(const Values<T, parameter_count_of<M>>& p, const Point& x0, double phase, Clock clock,
                const FlowOptions& options)
-        : field_(p, phase, clock), values_(values_of<N, parameter_count_of<M>>(p), phase, clock), options_(options) {
+        : walk_(Field<M, N>(p, phase, clock), options), values_(values_of<N, parameter_count_of<M>>(p), phase, clock) {
         restart(x0);
-        step_ = first_step();
+        walk_.set_length(walk_.first_length());
     }
 
     /// A new start at s; the step size is kept, as the next stretch of the same solution will want a similar one.
     void restart(const Point& x0, double s = 0.0) {
-        x_ = x0;
-        s_ = s;
+        walk_.restart(x0, s);
         stuck_ = false;
         on_surface_ = false;
-        slope_known_ = false;
         if constexpr (SwitchingModel<M>) {
-            const double v = value_of(x_[velocity]);
+            const double v = value_of(x0[velocity]);
             on_surface_ = v == 0.0;
             face(v < 0.0 ? -1.0 : 1.0);
         }
     }
 
     /// Replaces options.maximum_steps: all steps taken so far count.
-    void limit_steps(std::size_t maximum) { options_.maximum_steps = maximum; }
+    void limit_steps(std::size_t maximum) { walk_.limit_steps(maximum); }
 
     /// Moves on to s = target (not before the present s).
     [[nodiscard]] FlowStatus advance(double target) {
-        while (s_ < target) {
-            if constexpr (SwitchingModel<M>) {
-                if (on_surface_) leave_start();
-                if (stuck_ && !release(target)) return FlowStatus::ok;
-            }
-            if (steps_ >= options_.maximum_steps) return FlowStatus::step_budget;
-            ++steps_;
-            const double remaining = target - s_;
-            // Two equal steps instead of a full one and a crumb; a crumb of 1e-6 is taken along.
-            const double ds = step_ >= remaining * (1.0 - 1e-6) ? remaining : std::min(step_, 0.5 * remaining);
-            if (!(s_ + ds > s_)) return FlowStatus::not_finite;
-            if (!slope_known_) {
-                slope_ = field_(x_, s_);
-                slope_known_ = true;
-            }
-            Point end, error;
-            stepper_.step(field_, x_, slope_, s_, ds, end, error);
-            const State<double, n> start_values = values_of<N, n>(x_);
-            const State<double, n> end_values = values_of<N, n>(end);
-            if (!std::all_of(end_values.begin(), end_values.end(), [](double c) { return std::isfinite(c); })) {
-                step_ = 0.25 * ds;
-                continue;
-            }
-            const double ratio = error_ratio<M, N>(error, x_, end, options_);
-            // Order 8: the local error goes with the eighth power of the step. Safety 0.9, change at most 5 times.
-            const double factor = ratio > 0.0 ? std::clamp(0.9 * std::pow(ratio, -0.125), 0.2, 5.0) : 5.0;
-            if (!(ratio <= 1.0)) {
-                step_ = ds * std::min(factor, 0.9);
-                continue;
-            }
-            if constexpr (SwitchingModel<M>) {
-                const Meeting meeting = meeting_within(ds, start_values, end_values);
-                if (meeting.wrong_side) {
-                    face(-field_.side);
-                    continue;
-                }
-                if (meeting.at) {
-                    const FlowStatus status = pass(*meeting.at, target);
-                    if (status != FlowStatus::ok) return status;
-                    continue;
-                }
-            }
-            x_ = end;
-            s_ = ds == remaining ? target : s_ + ds;
-            slope_known_ = false;
-            // A step that was cut to land must not shorten the next one.
-            step_ = ds < step_ ? std::max(step_, ds * factor) : ds * factor;
-        }
-        return FlowStatus::ok;
+        FlowStatus status = FlowStatus::ok;
+        while (s() < target && status == FlowStatus::ok)
+            status = step_towards(target);
+        return status;
     }
 
-    [[nodiscard]] const Point& state() const { return x_; }
-    [[nodiscard]] double s() const { return s_; }
-    [[nodiscard]] std::size_t steps() const { return steps_; }
+    /// Moves on by one accepted step, at most to s = target (behind the present s): less when the switching surface is
+    /// met, where the step ends just behind it (or held by it); sticking until it ends or the target is reached.
+    /// Between the ends of a step that met nothing the solution is smooth.
+    [[nodiscard]] FlowStatus step_towards(double target) {
+        for (;;) {
+            if constexpr (SwitchingModel<M>) {
+                if (on_surface_) leave_start();
+                if (stuck_) {
+                    release(target);
+                    return FlowStatus::ok;
+                }
+            }
+            const FlowStatus status = walk_.attempt(target);
+            if (status != FlowStatus::ok) return status;
+            if constexpr (SwitchingModel<M>) {
+                const Meeting meeting =
+                    meeting_within(walk_.attempted(), values_of<N, n>(walk_.state()), values_of<N, n>(walk_.end()));
+                if (meeting.wrong_side) {
+                    face(-values_.side);
+                    continue;
+                }
+                if (meeting.at) return pass(*meeting.at, target);
+            }
+            walk_.accept();
+            return FlowStatus::ok;
+        }
+    }
+
+    [[nodiscard]] const Point& state() const { return walk_.state(); }
+    [[nodiscard]] double s() const { return walk_.s(); }
+    [[nodiscard]] std::size_t steps() const { return walk_.steps(); }
     [[nodiscard]] std::size_t crossings() const { return crossings_; }
     [[nodiscard]] std::size_t stickings() const { return stickings_; }
 
@@ -113,58 +95,41 @@ private:
         bool wrong_side = false;   ///< the motion begins to the other side
     };
 
-    double first_step() const {
-        if constexpr (ForcedModel<M>) {
-            // A fortieth of the period; the first error estimate corrects it.
-            const double period = 2.0 * std::numbers::pi;
-            return (field_.clock == Clock::phase ? period : period / value_of(field_.omega)) / 40.0;
-        } else {
-            // A hundredth of the time in which the state would change by its own size.
-            const State<double, n> x = values_of<N, n>(x_);
-            const State<double, n> f = values_(x, 0.0);
-            double rate = 0.0;
-            for (std::size_t i = 0; i < n; ++i)
-                rate = std::max(rate, std::abs(f[i]) / (std::abs(x[i]) + 1e-3));
-            return std::isfinite(rate) && rate > 0.0 ? 0.01 / rate : 0.01;
-        }
-    }
-
     void face(double side) {
-        field_.side = side;
+        walk_.set_side(side);
         values_.side = side;
-        slope_known_ = false;
     }
 
-    void stick() {
+    /// Held at velocity 0: its partials are 0 too.
+    void stick(Point x, double s) {
+        x[velocity] = T(0.0);
+        walk_.restart(x, s);
         stuck_ = true;
         ++stickings_;
-        x_[velocity] = T(0.0);
-        slope_known_ = false;
     }
 
     /// The start lies on the surface: the side to which it leaves, or sticking.
     void leave_start() requires SwitchingModel<M> {
         on_surface_ = false;
-        const SurfaceAccelerations a = surface_accelerations(values_, values_of<N, n>(x_), s_);
-        if (a.hold()) return stick();
+        const SurfaceAccelerations a = surface_accelerations(values_, values_of<N, n>(walk_.state()), s());
+        if (a.hold()) return stick(walk_.state(), s());
         face(a.negative < 0.0 ? -1.0 : 1.0);
     }
 
-    /// Sticking until it ends or the target is reached (then false).
-    bool release(double target) requires SwitchingModel<M> {
-        const auto end = release_after(values_, values_of<N, n>(x_), s_, target);
+    /// Sticking until it ends or the target is reached.
+    void release(double target) requires SwitchingModel<M> {
+        const auto end = release_after(values_, values_of<N, n>(walk_.state()), s(), target);
         // The slopes agree on both sides of a release (both are 0), so its time moves nothing: X+ = X- in (M5).
-        s_ = end ? end->s : target;
-        if (!end) return false;
+        walk_.restart(walk_.state(), end ? end->s : target);
+        if (!end) return;
         stuck_ = false;
         face(end->side);
-        return s_ < target;
     }
 
     State<double, n> values_after(double ds) {
-        const State<double, n> x = values_of<N, n>(x_);
+        const State<double, n> x = values_of<N, n>(walk_.state());
         State<double, n> end, error;
-        value_stepper_.step(values_, x, values_(x, s_), s_, ds, end, error);
+        value_stepper_.step(values_, x, values_(x, s()), s(), ds, end, error);
         return end;
     }
 
@@ -177,16 +142,16 @@ private:
             double lo = 0.0;
             if (!(v0 > 0.0)) {
                 // The step began on the surface. Look for a point on the right side before the end.
-                if (!(side * values_(start, s_)[velocity] > 0.0)) return {std::nullopt, true};
+                if (!(side * values_(start, s())[velocity] > 0.0)) return {std::nullopt, true};
                 // 2^-40 of a step: the velocity there is below the rounding of the position.
                 for (lo = 0.5 * ds; lo > ds * 0x1p-40 && !(speed(lo) > 0.0);)
                     lo *= 0.5;
                 if (!(speed(lo) > 0.0)) return {std::nullopt, true};
             }
-            const double a0 = side * values_(start, s_)[velocity], a1 = side * values_(end, s_ + ds)[velocity];
+            const double a0 = side * values_(start, s())[velocity], a1 = side * values_(end, s() + ds)[velocity];
             return {zero_of_speed(lo, ds, zero_of_cubic(v0, v1, a0 * ds, a1 * ds) * ds), false};
         }
-        const double a0 = side * values_(start, s_)[velocity], a1 = side * values_(end, s_ + ds)[velocity];
+        const double a0 = side * values_(start, s())[velocity], a1 = side * values_(end, s() + ds)[velocity];
         if (v1 == 0.0 && v0 > 0.0 && a1 < 0.0) return {ds, false};
         if (!(v0 > 0.0 && a0 < 0.0 && a1 > 0.0)) return {};
         // Slower in between than at both ends: two crossings may hide in this step. The tangents bound the dip of a
@@ -199,7 +164,7 @@ private:
             const double middle = 0.5 * (lo + hi);
             const State<double, n> x = values_after(middle);
             if (side * x[velocity] < 0.0) return {zero_of_speed(0.0, middle, 0.5 * middle), false};
-            (side * values_(x, s_ + middle)[velocity] < 0.0 ? lo : hi) = middle;
+            (side * values_(x, s() + middle)[velocity] < 0.0 ? lo : hi) = middle;
         }
         return {};
     }
@@ -225,7 +190,7 @@ private:
             const double v = side * x[velocity];
             if (v == 0.0) break;
             (v > 0.0 ? lo : hi) = at;
-            double next = at - v / (side * values_(x, s_ + at)[velocity]);
+            double next = at - v / (side * values_(x, s() + at)[velocity]);
             if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
             const bool settled = std::abs(next - at) <= 4e-16 * hi || next == at;
             at = next;
@@ -236,52 +201,41 @@ private:
 
     /// Steps to the surface and through it, or sticks.
     [[nodiscard]] FlowStatus pass(double ds, double target) requires SwitchingModel<M> {
-        Point end, error;
-        stepper_.step(field_, x_, slope_, s_, ds, end, error);
+        Point end = walk_.after(ds);
         const double side = values_.side;
-        s_ = std::min(s_ + ds, target);
-        const State<double, n> x = values_of<N, n>(end);
-        const SurfaceAccelerations a = surface_accelerations(values_, x, s_);
+        const double at = std::min(s() + ds, target);
+        walk_.restart(end, at);
+        const SurfaceAccelerations a = surface_accelerations(values_, values_of<N, n>(end), at);
         const double arriving = side > 0.0 ? a.positive : a.negative;
         const double leaving = side > 0.0 ? a.negative : a.positive;
         const double jump = a.negative - a.positive;
-        x_ = end;
         // Arriving without acceleration, where dry friction makes it jump: rounding would decide between touching and
         // being held, and the instant is lost to it. 1e-8 of the jump: half of the digits.
         if (jump > 0.0 && !(side * arriving < -1e-8 * jump)) return FlowStatus::grazing;
         ++crossings_;
-        slope_known_ = false;
         if (a.hold()) {
-            x_[velocity] = T(0.0);
-            stick();
+            stick(end, at);
             return FlowStatus::ok;
         }
         if constexpr (N > 0) {
             // (M5): event time made a dual number by one Newton step, dt* = -v / a-; the slopes of the position agree.
             const double factor = jump > 0.0 ? leaving / arriving : 1.0;
-            for (double& partial : x_[velocity].partial)
+            for (double& partial : end[velocity].partial)
                 partial *= factor;
-            x_[velocity].value = 0.0;
+            end[velocity].value = 0.0;
         } else {
-            x_[velocity] = 0.0;
+            end[velocity] = 0.0;
         }
+        walk_.restart(end, at);
         face(-side);
         return FlowStatus::ok;
     }
 
-    Field<M, N> field_;
+    ControlledStep<M, N> walk_;
     Field<M, 0> values_;  ///< the same field without derivatives: events are located on it
-    FlowOptions options_;
-    Stepper<M, N> stepper_;
     Stepper<M, 0> value_stepper_;
-    Point x_;
-    Point slope_;
-    double s_ = 0.0;
-    double step_ = 0.0;
-    bool slope_known_ = false;
     bool stuck_ = false;
     bool on_surface_ = false;
-    std::size_t steps_ = 0;
     std::size_t crossings_ = 0;
     std::size_t stickings_ = 0;
 };
