@@ -3,6 +3,7 @@
 #include <array>
 #include <concepts>
 #include <cstddef>
+#include <span>
 #include <string_view>
 #include <tuple>
 #include <type_traits>
@@ -221,12 +222,41 @@ concept VariantModel = Model<M> && requires {
     { M::variant } -> std::convertible_to<std::string_view>;
 };
 
-/// Can be put into the registry.
+namespace detail {
 template <class M>
-concept DescribedModel = Model<M> && requires {
+concept Texts = requires {
     { M::name } -> std::convertible_to<std::string_view>;
     { M::summary } -> std::convertible_to<std::string_view>;
     { M::equations } -> std::convertible_to<std::string_view>;
+};
+}  // namespace detail
+
+/// Can be put into the registry.
+template <class M>
+concept DescribedModel = Model<M> && detail::Texts<M>;
+
+/// x' = f(x; theta) for a number n of equal cells that is chosen at run time, such as a ring: in the place of a table
+/// of coordinates the one `coordinate` of a cell, whose name is numbered from 1 (x1, ..., xn), `smallest_size` and
+/// `default_size`, and equations that write f for x.size() cells:
+///
+///     template <class T>
+///     static void rhs(const T& t, std::span<const T> x, const Values<T, q>& p, std::span<T> f)
+///
+/// Autonomous, smooth, not stiff. What the compiler cannot check: rhs is pure, writes all of f, and never throws.
+template <class M>
+concept DynamicModel = requires(const double& t, std::span<const double> x, std::span<double> f, const Dual<2>& dual_t,
+                                std::span<const Dual<2>> dual_x, std::span<Dual<2>> dual_f) {
+    { M::coordinate } -> std::convertible_to<const Coordinate&>;
+    { M::parameters[0] } -> std::convertible_to<const Parameter&>;
+    requires parameter_count_of<M> >
+    0;
+    { M::smallest_size } -> std::convertible_to<std::size_t>;
+    { M::default_size } -> std::convertible_to<std::size_t>;
+    requires M::smallest_size >
+    0 && M::smallest_size <= M::default_size;
+    { M::rhs(t, x, Values<double, parameter_count_of<M>>{}, f) } -> std::same_as<void>;
+    { M::rhs(dual_t, dual_x, Values<Dual<2>, parameter_count_of<M>>{}, dual_f) } -> std::same_as<void>;
+    requires !ModelTables<M> && detail::Texts<M>;
 };
 
 /// The right hand side, with the side where the model has one and the inputs where it reads some.
