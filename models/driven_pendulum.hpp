@@ -40,7 +40,7 @@ struct DrivenPendulum {
     }
 
     template <class T>
-    static State<T, 2> rhs_forced(const T& torque, const State<T, 2>& x, const Values<T, 3>& p, double /*side*/) {
+    static State<T, 2> rhs_forced(const T& torque, const State<T, 2>& x, const Values<T, 3>& p, const auto& /*side*/) {
         using std::sin;
         return {x[1], torque - p[0] * x[1] - sin(x[0])};
     }

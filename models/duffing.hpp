@@ -38,7 +38,7 @@ struct Duffing {
     }
 
     template <class T>
-    static State<T, 2> rhs_forced(const T& force, const State<T, 2>& x, const Values<T, 5>& p, double /*side*/) {
+    static State<T, 2> rhs_forced(const T& force, const State<T, 2>& x, const Values<T, 5>& p, const auto& /*side*/) {
         const T& q = x[0];
         return {x[1], force - p[0] * x[1] - q * (p[1] + p[2] * q * q)};
     }

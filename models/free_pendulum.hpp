@@ -35,7 +35,7 @@ struct FreePendulum {
     static bool smooth(const Values<double, 5>& p) { return p[1] == 0.0; }
 
     template <class T>
-    static State<T, 2> rhs(const T& /*t*/, const State<T, 2>& x, const Values<T, 5>& p, double side) {
+    static State<T, 2> rhs(const T& /*t*/, const State<T, 2>& x, const Values<T, 5>& p, const auto& side) {
         using std::sin;
         const T& v = x[1];
         return {v, -p[0] * sin(x[0]) - (side * p[1] + v * (p[2] + (side * p[3]) * v))};

@@ -72,7 +72,7 @@ struct LandingGearDamper {
     }
 
     template <class T>
-    static State<T, 2> rhs_forced(const T& weight, const State<T, 2>& x, const Values<T, 8>& c, double side) {
+    static State<T, 2> rhs_forced(const T& weight, const State<T, 2>& x, const Values<T, 8>& c, const auto& side) {
         using std::pow;
         const T& v = x[1];
         const T gas = c[2] * pow(1.0 - c[3] * x[0], -c[4]);
@@ -82,7 +82,7 @@ struct LandingGearDamper {
     }
 
     template <class T>
-    static State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, 8>& c, double side) {
+    static State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, 8>& c, const auto& side) {
         return rhs_forced<T>(forcing<T>(phase, c), x, c, side);
     }
 };

@@ -167,8 +167,9 @@ concept ForcedModel = Model<M> && requires {
 
 /// One degree of freedom (position, velocity) with friction: the acceleration jumps where the velocity changes sign.
 /// rhs takes the side, +1 or -1, as its last argument and puts it wherever the equations say sgn(velocity), also in
-/// |velocity| = side velocity, so that it is smooth across the surface. What the compiler cannot check: position' =
-/// velocity, and friction opposes the motion (acceleration on side +1 <= acceleration on side -1 at velocity 0).
+/// |velocity| = side velocity, so that it is smooth across the surface. `const auto& side` lets the trajectories of a
+/// pack have sides of their own. What the compiler cannot check: position' = velocity, and friction opposes the motion
+/// (acceleration on side +1 <= acceleration on side -1 at velocity 0).
 template <class M>
 concept SwitchingModel =
     Model<M> && !SurfaceTable<M> && !MapModel<M> && detail::OneSidedRhs<M, double> && detail::OneSidedRhs<M, Dual<2>> &&

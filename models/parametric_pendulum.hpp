@@ -85,10 +85,13 @@ struct PendulumOn {
     }
 
     /// All that depends on the phase.
-    static double forcing(double phase, const Values<double, 6>& c) { return stiffness(phase, c); }
+    template <class T>
+    static T forcing(const T& phase, const Values<T, 6>& c) {
+        return stiffness(phase, c);
+    }
 
     template <class T>
-    static State<T, 2> rhs_forced(const T& stiffness, const State<T, 2>& x, const Values<T, 6>& c, double side) {
+    static State<T, 2> rhs_forced(const T& stiffness, const State<T, 2>& x, const Values<T, 6>& c, const auto& side) {
         using std::sin;
         const T& v = x[1];
         const T friction = side * c[0] + v * (c[1] + (side * c[2]) * v);
@@ -96,7 +99,7 @@ struct PendulumOn {
     }
 
     template <class T>
-    static State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, 6>& c, double side) {
+    static State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, 6>& c, const auto& side) {
         return rhs_forced<T>(stiffness(phase, c), x, c, side);
     }
 };
