@@ -84,6 +84,14 @@ public:
 
     [[nodiscard]] const Point& state() const { return walk_.state(); }
     [[nodiscard]] double s() const { return walk_.s(); }
+    /// dx/ds with which the solution goes on from here: 0 while it sticks.
+    [[nodiscard]] Point slope() {
+        if constexpr (SwitchingModel<M>) {
+            if (on_surface_) leave_start();
+            if (stuck_) return Point{};
+        }
+        return walk_.slope();
+    }
     [[nodiscard]] std::size_t steps() const { return walk_.steps(); }
     [[nodiscard]] std::size_t crossings() const { return crossings_; }
     [[nodiscard]] std::size_t stickings() const { return stickings_; }
