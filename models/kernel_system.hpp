@@ -45,8 +45,9 @@ public:
                            const FlowOptions& options) const override;
     EnsembleResult ensemble(const Eigen::MatrixXd& starts, double phase, std::size_t periods,
                             const Eigen::VectorXd& theta, const FlowOptions& options) const override;
-    EnsembleResult ensemble(const Eigen::MatrixXd& starts, const Section& section, std::size_t count, double longest,
-                            const Eigen::VectorXd& theta, const FlowOptions& options) const override;
+    EnsembleResult crossing_ensemble(const Eigen::MatrixXd& starts, const Section& section, std::size_t count,
+                                     double longest, const Eigen::VectorXd& theta,
+                                     const FlowOptions& options) const override;
 
 private:
     [[nodiscard]] FlowStart start_of(const Eigen::VectorXd& x0, double phase, const Eigen::VectorXd& theta, Clock clock,

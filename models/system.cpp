@@ -54,9 +54,9 @@ CrossingResult System::crossings(const Eigen::VectorXd& /*x0*/, const Section& /
     not_offered(*this, "sections by a plane");
 }
 
-EnsembleResult System::ensemble(const Eigen::MatrixXd& /*starts*/, const Section& /*section*/, std::size_t /*count*/,
-                                double /*longest*/, const Eigen::VectorXd& /*theta*/,
-                                const FlowOptions& /*options*/) const {
+EnsembleResult System::crossing_ensemble(const Eigen::MatrixXd& /*starts*/, const Section& /*section*/,
+                                         std::size_t /*count*/, double /*longest*/, const Eigen::VectorXd& /*theta*/,
+                                         const FlowOptions& /*options*/) const {
     not_offered(*this, "sections by a plane");
 }
 

@@ -161,9 +161,10 @@ public:
 
     /// The same for an autonomous flow: `count` crossings of a section by each trajectory. Column 0 is the start, which
     /// need not lie on the section; times[i][0] = 0.
-    [[nodiscard]] virtual EnsembleResult ensemble(const Eigen::MatrixXd& starts, const Section& section,
-                                                  std::size_t count, double longest, const Eigen::VectorXd& theta,
-                                                  const FlowOptions& options = {}) const;
+    [[nodiscard]] virtual EnsembleResult crossing_ensemble(const Eigen::MatrixXd& starts, const Section& section,
+                                                           std::size_t count, double longest,
+                                                           const Eigen::VectorXd& theta,
+                                                           const FlowOptions& options = {}) const;
 
     [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(coordinates().size()); }
     /// Index of a parameter or coordinate by name; -1 when there is none.
