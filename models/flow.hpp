@@ -58,6 +58,10 @@ void in_passes(std::size_t free, const Pass& pass) {
     } while (first < free);
 }
 
+/// What follows the solutions of a model.
+template <Model M, std::size_t N>
+using TrajectoryOf = Trajectory<M, N>;
+
 /// One solution at all durations; the columns of the sensitivities for the start and the free parameters
 /// [first, first + N - n), where they are asked for. Everything else in the output is overwritten with the same values
 /// at each pass.
@@ -70,7 +74,7 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
     auto p = array_from<Scalar<N>, q>(start.theta);
     seed<N, n, q>(x, p, free, first);
     const std::size_t directions = n + free.size();
-    Trajectory<M, N> trajectory(p, x, start.phase, start.clock, start.options);
+    TrajectoryOf<M, N> trajectory(p, x, start.phase, start.clock, start.options);
     FlowEnd end;
     for (std::size_t k = 0; k < durations.size() && end.status == FlowStatus::ok; ++k) {
         end.status = trajectory.advance(durations[k]);
