@@ -6,9 +6,11 @@
 #include <tuple>
 #include <type_traits>
 
+#include "models/dynamic_kernel.hpp"
 #include "models/flow.hpp"
 #include "models/map_flow.hpp"
 #include "models/model_instance.hpp"
+#include "models/section_crossing.hpp"
 #include "models/section_ensemble.hpp"
 #include "models/standstill.hpp"
 
@@ -87,10 +89,17 @@ public:
         return end;
     }
 
-    FlowEnd crossings(const FlowStart& /*start*/, const SectionPlane& /*plane*/, std::size_t /*count*/,
-                      double /*longest*/, std::span<const std::ptrdiff_t> /*free*/,
-                      const FlowOutput& /*output*/) const override {
-        throw std::logic_error("sections by a plane");
+    FlowEnd crossings([[maybe_unused]] const FlowStart& start, [[maybe_unused]] const SectionPlane& plane,
+                      [[maybe_unused]] std::size_t count, [[maybe_unused]] double longest,
+                      [[maybe_unused]] std::span<const std::ptrdiff_t> free,
+                      [[maybe_unused]] const FlowOutput& output) const override {
+        FlowEnd end;
+        // KernelSystem asks autonomous models only.
+        if constexpr (!MapModel<M> && !ForcedModel<M>)
+            in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
+                end = crossing_pass<M, N>(start, plane, count, longest, free, first, output);
+            });
+        return end;
     }
 
     void instrument(const double* state, [[maybe_unused]] const double* theta,
@@ -160,13 +169,21 @@ struct VariantsOf<M> {
 
 template <class M>
 ModelInstance instance_of() {
-    return []<DescribedModel First, DescribedModel... Others>(std::type_identity<std::tuple<First, Others...>>) {
-        return ModelInstance{First::name,
-                             First::summary,
-                             First::equations,
-                             {std::make_shared<ModelKernel<First>>(), std::make_shared<ModelKernel<Others>>()...}};
+    if constexpr (DynamicModel<M>) {
+        const auto kernel_of_size = [](std::size_t size) -> std::shared_ptr<const Kernel> {
+            return std::make_shared<DynamicKernel<M>>(size);
+        };
+        return {M::name,        M::summary,       M::equations,   {kernel_of_size(M::default_size)},
+                kernel_of_size, M::smallest_size, M::default_size};
+    } else {
+        return []<DescribedModel First, DescribedModel... Others>(std::type_identity<std::tuple<First, Others...>>) {
+            return ModelInstance{First::name,
+                                 First::summary,
+                                 First::equations,
+                                 {std::make_shared<ModelKernel<First>>(), std::make_shared<ModelKernel<Others>>()...}};
+        }
+        (std::type_identity<typename detail::VariantsOf<M>::type>{});
     }
-    (std::type_identity<typename detail::VariantsOf<M>::type>{});
 }
 
 }  // namespace orbid::models
