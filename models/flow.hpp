@@ -5,6 +5,7 @@
 #include <span>
 
 #include "models/kernel.hpp"
+#include "models/surface_trajectory.hpp"
 #include "models/trajectory.hpp"
 
 namespace orbid::models {
@@ -58,9 +59,20 @@ void in_passes(std::size_t free, const Pass& pass) {
     } while (first < free);
 }
 
+namespace detail {
+template <class M, std::size_t N>
+struct TrajectoryChoice {
+    using type = Trajectory<M, N>;
+};
+template <SurfaceModel M, std::size_t N>
+struct TrajectoryChoice<M, N> {
+    using type = SurfaceTrajectory<M, N>;
+};
+}  // namespace detail
+
 /// What follows the solutions of a model.
 template <Model M, std::size_t N>
-using TrajectoryOf = Trajectory<M, N>;
+using TrajectoryOf = typename detail::TrajectoryChoice<M, N>::type;
 
 /// One solution at all durations; the columns of the sensitivities for the start and the free parameters
 /// [first, first + N - n), where they are asked for. Everything else in the output is overwritten with the same values
@@ -74,7 +86,7 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
     auto p = array_from<Scalar<N>, q>(start.theta);
     seed<N, n, q>(x, p, free, first);
     const std::size_t directions = n + free.size();
-    TrajectoryOf<M, N> trajectory(p, x, start.phase, start.clock, start.options);
+    TrajectoryOf<M, N> trajectory(p, x, start.phase, start.clock, start.options, start.input);
     FlowEnd end;
     for (std::size_t k = 0; k < durations.size() && end.status == FlowStatus::ok; ++k) {
         end.status = trajectory.advance(durations[k]);

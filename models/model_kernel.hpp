@@ -72,8 +72,8 @@ public:
 
     void rhs(double phase, const double* state, const double* theta, [[maybe_unused]] const double* input,
              double* f) const override {
-        const auto c = constants_from<M, double>(array_from<double, q>(theta));
-        const auto values = value_rhs<M>(phase, array_from<double, n>(state), c, input);
+        const auto values =
+            value_rhs<M>(phase, array_from<double, n>(state), array_from<double, q>(theta), input);
         std::copy(values.begin(), values.end(), f);
     }
 

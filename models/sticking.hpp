@@ -37,16 +37,19 @@ struct Release {
 /// First s in (from, until] at which a state held at velocity 0 is let go: |force| exceeds the dry friction.
 ///
 /// The state does not move, so the pull is a function of the phase alone. It is sampled over at most one period of
-/// the forcing (none: held for ever) and the first rise above 0 is bisected to the last digit; between samples its
-/// maxima are refined where they come near 0.
+/// the forcing, or over the present piece of a measured input on which [from, until] lies (neither: held for ever), and
+/// the first rise above 0 is bisected to the last digit; between samples its maxima are refined where they come near 0.
 template <SwitchingModel M>
 std::optional<Release> release_after(const Field<M, 0>& field, const State<double, 2>& x, double from, double until) {
-    if constexpr (!ForcedModel<M>) {
+    if constexpr (!ForcedModel<M> && !InputModel<M>) {
         return std::nullopt;
     } else {
-        // The forcing of a mechanism has a few harmonics; 128 samples resolve the twentieth with six points each.
-        constexpr int samples = 128;
-        const double period = 2.0 * std::numbers::pi / (field.clock == Clock::phase ? 1.0 : value_of(field.omega));
+        // The forcing of a mechanism has a few harmonics; 128 samples resolve the twentieth with six points each. A
+        // piece of a measured input is a cubic.
+        constexpr int samples = ForcedModel<M> ? 128 : 8;
+        double period = until - from;
+        if constexpr (ForcedModel<M>)
+            period = 2.0 * std::numbers::pi / (field.clock == Clock::phase ? 1.0 : value_of(field.omega));
         const double end = std::min(until, from + period);
         const double spacing = period / samples;
         const auto pull = [&](double s) { return surface_accelerations(field, x, s).pull(); };
