@@ -29,7 +29,8 @@ namespace orbid::apps {
 
 struct ModelJob {
     std::string name;
-    std::string variant;  ///< as the system names it; empty when the model has none
+    std::string variant;              ///< as the system names it; empty when the model has none
+    std::optional<std::size_t> size;  ///< number of cells of a model that lets it be chosen
     std::shared_ptr<const models::System> system;
     Eigen::VectorXd values;  ///< shape (q): all parameters; data are simulated at these, fixed ones keep them
 };

@@ -14,7 +14,8 @@ const models::ModelEntry* registered(const std::string& name) {
     return nullptr;
 }
 
-void resolve(const ValueReader& name_value, const std::optional<ValueReader>& variant_value, Job& job) {
+void resolve(const ValueReader& name_value, const std::optional<ValueReader>& variant_value,
+             const std::optional<ValueReader>& size_value, Job& job) {
     const auto name = name_value.text();
     if (!name) return;
     const models::ModelEntry* entry = registered(*name);
@@ -39,8 +40,18 @@ void resolve(const ValueReader& name_value, const std::optional<ValueReader>& va
             variant = known[*choice];
         }
     }
+    std::optional<std::size_t> size;
+    if (entry->size) size = entry->size->standard;
+    if (size_value && !entry->size) {
+        size_value->report(fmt::format("the number of coordinates of {} is part of its equations", *name));
+    } else if (size_value) {
+        const auto chosen = size_value->whole(entry->size->smallest, models::ModelSize::largest);
+        if (!chosen) return;
+        size = static_cast<std::size_t>(*chosen);
+    }
     job.model.name = *name;
-    job.model.system = models::make_system(*name, variant);
+    job.model.size = size;
+    job.model.system = models::make_system(*name, variant, size);
     job.model.variant = job.model.system->variant();
     job.model.values = job.model.system->default_parameters();
 }
@@ -54,7 +65,8 @@ void read_model(ObjectReader& root, Job& job) {
     model.reserve({"equations"});
     const auto name = model.require("name", "one of the models that `orbid models` lists");
     const auto variant = model.find("variant");
-    if (name) resolve(*name, variant, job);
+    const auto size = model.find("size");
+    if (name) resolve(*name, variant, size, job);
     if (const auto parameters = model.find("parameters")) {
         for (const ParameterValue& entry : read_parameter_values(*parameters, job)) {
             job.model.values[entry.parameter] = entry.value;

@@ -36,7 +36,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 Json model_document(const Job& job) {
-    Json model{{"name", job.model.name}, {"variant", job.model.variant}, {"parameters", Json::object()}};
+    Json model{{"name", job.model.name}, {"variant", job.model.variant}};
+    if (job.model.size) model["size"] = *job.model.size;
+    model["parameters"] = Json::object();
     for (Eigen::Index i = 0; i < job.model.values.size(); ++i) {
         model["parameters"][detail::parameter_name(job, i)] = job.model.values[i];
     }

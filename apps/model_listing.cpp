@@ -1,12 +1,65 @@
 #include "apps/model_listing.hpp"
 
 #include <algorithm>
+#include <numbers>
 
 #include <fmt/format.h>
 
 #include "models/registry.hpp"
 
 namespace orbid::apps {
+
+namespace {
+
+std::string kind_text(const models::System& system) {
+    std::string text = system.kind() == models::Kind::forced       ? "forced periodically"
+                       : system.kind() == models::Kind::autonomous ? "autonomous"
+                                                                   : "map";
+    if (!system.inputs().empty()) text = "driven by measured inputs";
+    return text + (system.stiff() ? ", stiff" : "");
+}
+
+std::string units_text(std::span<const models::Coordinate> table) {
+    std::string text;
+    for (const models::Coordinate& entry : table) {
+        text +=
+            fmt::format("{}{} [{}{}]", text.empty() ? "" : " ", entry.name, entry.unit, entry.angle ? ", angle" : "");
+    }
+    return text;
+}
+
+/// All of them, or the first and the last of a row of equal cells.
+std::string coordinates_text(const models::System& system, bool cells) {
+    const auto table = system.coordinates();
+    if (!cells) return units_text(table);
+    return fmt::format("{} ... {}", table.front().name, units_text(table.last(1)));
+}
+
+/// "(phi, phi_dot) -> (-phi, -phi_dot), half a period later"
+std::string symmetry_text(const models::System& system) {
+    const auto symmetry = system.symmetry();
+    if (!symmetry) return "";
+    std::vector<std::string> from, to;
+    for (std::size_t i = 0; i < symmetry->signs.size(); ++i) {
+        const auto name = system.coordinates()[i].name;
+        from.emplace_back(name);
+        to.push_back(fmt::format("{}{}", symmetry->signs[i] < 0.0 ? "-" : "", name));
+    }
+    std::string text = fmt::format("({}) -> ({})", fmt::join(from, ", "), fmt::join(to, ", "));
+    const double turns = symmetry->phase_shift / (2.0 * std::numbers::pi);
+    if (turns == 0.5) return text + ", half a period later";
+    return turns == 0.0 ? text : fmt::format("{}, {:.6g} periods later", text, turns);
+}
+
+std::string sensors_text(const models::System& system) {
+    const auto table = system.coordinates();
+    const bool angle = std::any_of(table.begin(), table.end(), [](const auto& entry) { return entry.angle; });
+    // Its rate is another coordinate than the angle; a map has no time between two readings.
+    const bool quotient = angle && table.size() > 1 && system.kind() != models::Kind::map;
+    return quotient ? "state angle_difference" : "state";
+}
+
+}  // namespace
 
 std::vector<std::string> model_names() {
     std::vector<std::string> names;
@@ -35,16 +88,19 @@ std::string model_page(std::string_view name) {
         }
         text += '\n';
     }
-    text += fmt::format("\nkind:         {}\n", system->kind() == models::Kind::forced       ? "forced periodically"
-                                                : system->kind() == models::Kind::autonomous ? "autonomous"
-                                                                                             : "map");
-    bool has_angle = false;
-    text += "coordinates: ";
-    for (const models::Coordinate& coordinate : system->coordinates()) {
-        has_angle = has_angle || coordinate.angle;
-        text += fmt::format(" {} [{}{}]", coordinate.name, coordinate.unit, coordinate.angle ? ", angle" : "");
-    }
-    text += fmt::format("\nsensors:      state{}\n\nparameters:\n", has_angle ? " angle_difference" : "");
+    const auto line = [&text](std::string_view what, std::string_view value) {
+        if (!value.empty()) text += fmt::format("{:<14}{}\n", fmt::format("{}:", what), value);
+    };
+    text += '\n';
+    line("kind", kind_text(*system));
+    line("size", entry->size ? fmt::format("{} to {}, \"size\" in a job (default {})", entry->size->smallest,
+                                           models::ModelSize::largest, entry->size->standard)
+                             : "");
+    line("coordinates", coordinates_text(*system, entry->size.has_value()));
+    line("symmetry", symmetry_text(*system));
+    line("inputs", units_text(system->inputs()));
+    line("sensors", sensors_text(*system));
+    text += "\nparameters:\n";
     text += fmt::format("  {:<10}{:<10}{:<18}{:<14}{}\n", "name", "unit", "domain", "default", "");
     for (const models::Parameter& parameter : system->parameters()) {
         text += fmt::format("  {:<10}{:<10}{:<18}{:<14}{}\n", parameter.name, parameter.unit,

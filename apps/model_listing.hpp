@@ -9,7 +9,8 @@ namespace orbid::apps {
 /// One line per model: name and what it is.
 [[nodiscard]] std::string model_list();
 
-/// One model: equations, variants, coordinates, sensors, parameters with unit, domain, default and description.
+/// One model: equations, variants, size, kind, coordinates, symmetry, measured inputs, sensors, parameters with unit,
+/// domain, default and description.
 /// @throws std::invalid_argument when there is none of that name.
 [[nodiscard]] std::string model_page(std::string_view name);
 

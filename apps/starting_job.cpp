@@ -24,13 +24,33 @@ std::string parameter_lines(const models::System& system) {
     return text;
 }
 
-/// A state that every model can start from: every coordinate 1 (populations must be > 0, a pendulum must not hang).
-std::string first_state(const models::System& system) {
-    const std::vector<std::string_view> ones(system.coordinates().size(), "1.0");
-    return fmt::format("[[{}]]", fmt::join(ones, ", "));
+/// The size of a model whose dimension is chosen; nothing for all others.
+std::string size_line(std::string_view model) {
+    const auto entries = models::registered_models();
+    const auto entry = std::find_if(entries.begin(), entries.end(), [&](const auto& e) { return e.name == model; });
+    if (entry == entries.end() || !entry->size) return "";
+    return fmt::format("    \"size\": {},                 // number of coordinates, {} to {}\n", entry->size->standard,
+                       entry->size->smallest, models::ModelSize::largest);
 }
 
-std::string data_block(const models::System& system, bool sections) {
+/// A state that every model can start from: every coordinate 1 (populations must be > 0, a pendulum must not hang) but
+/// the first of many cells: equal ones would stay equal for ever.
+std::string first_state(const models::System& system, bool cells) {
+    std::vector<std::string_view> values(system.coordinates().size(), "1.0");
+    if (cells) values.front() = "2.0";
+    return fmt::format("[[{}]]", fmt::join(values, ", "));
+}
+
+std::string coordinate_names(const models::System& system, bool cells) {
+    const auto table = system.coordinates();
+    if (cells) return fmt::format("{} ... {}", table.front().name, table.back().name);
+    std::vector<std::string_view> names;
+    for (const auto& coordinate : table)
+        names.push_back(coordinate.name);
+    return fmt::format("{}", fmt::join(names, ", "));
+}
+
+std::string data_block(const models::System& system, bool sections, bool cells) {
     if (sections) {
         return R"(  "data": {
     // Measured data instead: "file": "series.csv", "kind": "section", "columns": { "NAME": "HEADER", ... }
@@ -46,12 +66,7 @@ std::string data_block(const models::System& system, bool sections) {
     }}
   }},
 )",
-                       first_state(system), [&] {
-                           std::vector<std::string_view> names;
-                           for (const auto& coordinate : system.coordinates())
-                               names.push_back(coordinate.name);
-                           return fmt::format("{}", fmt::join(names, ", "));
-                       }());
+                       first_state(system, cells), coordinate_names(system, cells));
 }
 
 /// The first parameter whose default says something: a start 10 % beside it shows an estimate at work.
@@ -94,19 +109,20 @@ std::string starting_job(std::string_view model, std::string_view task) {
     if (cycles && system->kind() != models::Kind::forced) {
         throw std::invalid_argument(fmt::format("cycles of {}, which is not forced: not in this version", model));
     }
+    const std::string size = size_line(model);
     std::string text = fmt::format(
         R"(// Check with `orbid check FILE`, run with `orbid run FILE`; `orbid models {0}` explains the model.
 {{
   "title": "{1} of {0}",
   "model": {{
     "name": "{0}",
-    "parameters": {{
+{3}    "parameters": {{
 {2}    }}
   }},
   "seed": 1,
 )",
-        model, task, parameter_lines(*system));
-    text += data_block(*system, cycles);
+        model, task, parameter_lines(*system), size);
+    text += data_block(*system, cycles, !size.empty());
     if (task != "simulate") text += estimate_block(*system, cycles);
     return text + "  \"output\": { \"series\": \"csv\" }      // h5 | csv | none\n}\n";
 }
