@@ -14,11 +14,21 @@ namespace orbid::models {
 /// taken from models/free_pendulum.hpp, compiled on its own, and tested by tests/models/free_pendulum_test.cpp.
 // clang-format off
 static constexpr ModelInstance (*listed_models[])() = {
+    &instance_of<struct DoublePendulum>,
+    &instance_of<struct DrivenPendulum>,
     &instance_of<struct Duffing>,
+    &instance_of<struct FitzhughNagumo>,
     &instance_of<struct FreePendulum>,
+    &instance_of<struct Henon>,
+    &instance_of<struct Ikeda>,
+    &instance_of<struct LandingGearDamper>,
+    &instance_of<struct Logistic>,
+    &instance_of<struct Lorenz>,
     &instance_of<struct Lorenz96>,
     &instance_of<struct LotkaVolterra>,
     &instance_of<struct ParametricPendulum>,
+    &instance_of<struct Rossler>,
+    &instance_of<struct VanDerPol>,
 };
 // clang-format on
 

@@ -1,9 +1,14 @@
 #include <cmath>
 
+#include <numbers>
+
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
+#include "tests/models/lyapunov.hpp"
 
 namespace orbid::models {
+
+using tests::WithinAbs;
 
 TEST_CASE("a linear oscillator under harmonic force follows its closed form with derivatives", "[models][reference]") {
     const auto system = make_system("duffing");
@@ -37,6 +42,47 @@ TEST_CASE("a linear oscillator under harmonic force follows its closed form with
         const Eigen::Vector2d from_rest = solution(t, 0.0, 0.0);
         CHECK((flow.sensitivity(k, 3).col(2) - from_rest / gamma).norm() < 1e-10);
     }
+}
+
+TEST_CASE("free swings with a cubic spring have the periods of elliptic functions", "[models][reference]") {
+    // Released from rest at X: x = X cn(w t), w^2 = alpha + beta X^2, k^2 = beta X^2 / (2 w^2), so T = 4 K(k) / w where
+    // k < 1; within one of two wells x = X dn(w t), w^2 = beta X^2 / 2, k^2 = 2 (1 + alpha / (beta X^2)), T = 2 K(k) /
+    // w.
+    struct Case {
+        double alpha, X;
+    };
+    const auto system = make_system("duffing");
+    for (const auto& [alpha, X] : {Case{1.0, 1.5}, Case{0.0, 1.0}, Case{-1.0, 1.6}, Case{-1.0, 1.2}}) {
+        CAPTURE(alpha, X);
+        const bool within = alpha + X * X / 2.0 < 0.0;
+        const double w = std::sqrt(within ? X * X / 2.0 : alpha + X * X);
+        const double k = std::sqrt(within ? 2.0 * (1.0 + alpha / (X * X)) : X * X / (2.0 * w * w));
+        const double period = (within ? 2.0 : 4.0) * std::comp_ellint_1(k) / w;
+        Eigen::VectorXd theta(5);
+        theta << 0.0, alpha, 1.0, 0.0, 1.0;
+        const auto flow =
+            system->flow(Eigen::Vector2d(X, 0.0), 0.0, std::array{0.5 * period, period}, theta, Clock::time);
+        // Some fifty steps with a local error of 1e-12.
+        CHECK((flow.states.col(1) - Eigen::Vector2d(X, 0.0)).norm() < 1e-10);
+        const double half = within ? std::sqrt(-2.0 * alpha - X * X) : -X;
+        CHECK((flow.states.col(0) - Eigen::Vector2d(half, 0.0)).norm() < 1e-10);
+    }
+    // K(1 / sqrt 2) = Gamma(1/4)^2 / (4 sqrt pi): the purely cubic spring, independent of std::comp_ellint_1.
+    CHECK_THAT(std::comp_ellint_1(std::sqrt(0.5)),
+               WithinAbs(std::pow(std::tgamma(0.25), 2) / (4.0 * std::sqrt(std::numbers::pi)), 1e-14));
+}
+
+TEST_CASE("Ueda's oscillator has its Lyapunov exponent", "[models][reference]") {
+    // x'' + 0.05 x' + x^3 = 7.5 cos t (Y. Ueda, Journal of Statistical Physics 20:181-196, 1979): 0.0999 (J. C. Sprott,
+    // Chaos and Time-Series Analysis, 2003).
+    const auto system = make_system("duffing");
+    Eigen::VectorXd theta(5);
+    theta << 0.05, 0.0, 1.0, 7.5, 1.0;
+    const double period = 2.0 * std::numbers::pi;
+    const auto exponent =
+        tests::largest_exponent(*system, Eigen::Vector2d(2.5, 0.0), theta, period, 40, 25, Clock::time);
+    CHECK(exponent.standard_error < 0.005);
+    CHECK_THAT(exponent.mean, WithinAbs(0.0999, 4.0 * exponent.standard_error));
 }
 
 }  // namespace orbid::models
