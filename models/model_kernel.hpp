@@ -9,6 +9,7 @@
 #include "models/dynamic_kernel.hpp"
 #include "models/flow.hpp"
 #include "models/map_flow.hpp"
+#include "models/model_check.hpp"
 #include "models/model_instance.hpp"
 #include "models/section_crossing.hpp"
 #include "models/section_ensemble.hpp"
@@ -169,7 +170,10 @@ struct VariantsOf<M> {
 
 template <class M>
 ModelInstance instance_of() {
-    if constexpr (DynamicModel<M>) {
+    // Whatever a model misses ends here, with one sentence.
+    if constexpr (!is_complete<M>()) {
+        return {};
+    } else if constexpr (DynamicModel<M>) {
         const auto kernel_of_size = [](std::size_t size) -> std::shared_ptr<const Kernel> {
             return std::make_shared<DynamicKernel<M>>(size);
         };

@@ -7,11 +7,11 @@
 
 namespace orbid::models {
 
-/// A model that is not in the registry behind the plain types of System.
-template <DescribedModel M>
+/// A model that is not in the registry behind the plain types of System; one of any size has its default size.
+template <class M>
 class ModelSystem final : public KernelSystem {
 public:
-    ModelSystem() : KernelSystem(std::make_shared<ModelKernel<M>>()) {}
+    ModelSystem() : KernelSystem(instance_of<M>().kernels.front()) {}
 };
 
 }  // namespace orbid::models
