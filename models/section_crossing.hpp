@@ -44,8 +44,6 @@ public:
     /// A start on the plane is no crossing, nor is one that rounding has put a little below it.
     SectionCrossing(const SectionPlane& plane, Path& path) : plane_(plane), path_(path), turn_(turn_of(plane)) {
         end_ = look(path_);
-        const double level = nearest_level(end_.g);
-        if (std::abs(end_.g - level) <= rounding(end_)) end_.g = level;
     }
 
     /// The next crossing, not later than `latest`; otherwise status() says why there is none.
@@ -61,6 +59,8 @@ public:
             status_ = path_.step_towards(latest);
             if (status_ != FlowStatus::ok) break;
             end_ = look(path_);
+            rounding_ = 1e-14 * std::max(begin_.terms, end_.terms);
+            if (!started_) snap_start();
             before_ = &before;
             search(begin_, end_, 0);
             before_ = nullptr;
@@ -101,8 +101,12 @@ private:
         return view;
     }
 
-    /// Of g: 45 roundings of its terms, more than what the steps to a crossing and back leave.
-    [[nodiscard]] static double rounding(const View& at) { return 1e-14 * at.terms; }
+    /// A start within rounding of the plane is taken as lying on it.
+    void snap_start() {
+        started_ = true;
+        const double level = std::isfinite(turn_) ? turn_ * std::round(begin_.g / turn_) : 0.0;
+        if (std::abs(begin_.g - level) <= rounding_) begin_.g = level;
+    }
 
     /// Distance of instants that are as good as neighbouring doubles.
     [[nodiscard]] static double resolution(double s) { return 2.0 * std::numeric_limits<double>::epsilon() * s; }
@@ -122,10 +126,6 @@ private:
         }
         return 2.0 * std::numbers::pi * smallest;
     }
-    [[nodiscard]] double nearest_level(double g) const {
-        return std::isfinite(turn_) ? turn_ * std::round(g / turn_) : 0.0;
-    }
-
     /// Copy of the trajectory at s inside the present step.
     [[nodiscard]] std::optional<Path> path_at(double s) {
         Path copy = *before_;
@@ -194,15 +194,15 @@ private:
             const auto there = view_at(s);
             if (!there) return std::nullopt;
             middle = *there;
-            if (side * (middle.g - level) > rounding(middle)) return middle;
+            if (side * (middle.g - level) > rounding_) return middle;
             // The tangents from both sides do not reach the level.
             const double ends = std::max(side * (lo.g - level) + side * lo.slope * (hi.s - lo.s),
                                          side * (hi.g - level) - side * hi.slope * (hi.s - lo.s));
-            if (ends < -rounding(middle)) return middle;
+            if (ends < -rounding_) return middle;
             (side * middle.slope > 0.0 ? lo : hi) = middle;
         }
         // Whether it is passed at all is decided by rounding; but leaving a start on the plane is no touch.
-        if (std::abs(middle.g - level) <= rounding(middle) && lo.s > begin_.s) status_ = FlowStatus::grazing;
+        if (std::abs(middle.g - level) <= rounding_ && lo.s > begin_.s) status_ = FlowStatus::grazing;
         return middle;
     }
 
@@ -223,18 +223,21 @@ private:
             (at.g < level ? below : above) = at;
             const double next = s - (at.g - level) / at.slope;
             // Derivatives of the crossing are as exact as the time at which they are taken: 1e-13 of the step, which
-            // Newton's method reaches with one more iteration than 1e-7.
-            if (std::abs(next - s) <= std::max(1e-13 * (hi.s - lo.s), resolution(s))) break;
+            // Newton's method reaches with one more iteration than 1e-7. Near a touch rounding of g (a twentieth of
+            // what is allowed for it elsewhere) makes the time as uncertain as it is.
+            if (std::abs(next - s) <= std::max(1e-13 * (hi.s - lo.s), resolution(s)) ||
+                std::abs(at.g - level) <= 0.05 * rounding_)
+                break;
             // Neighbouring doubles on both sides of the plane and no zero: the state jumps over it.
             if (!(above.s - below.s > resolution(above.s))) {
                 // A touch has no speed to divide by.
-                if (std::abs(at.g - level) <= rounding(at)) status_ = FlowStatus::grazing;
+                if (std::abs(at.g - level) <= rounding_) status_ = FlowStatus::grazing;
                 return;
             }
             s = next;
         }
         // Without rounding g would pass the level by slope^2 / (2 bend): a touch when rounding decides.
-        if (!(at.slope > 0.0) || at.slope * at.slope <= 2.0 * rounding(at) * bend) {
+        if (!(at.slope > 0.0) || at.slope * at.slope <= 2.0 * rounding_ * bend) {
             status_ = FlowStatus::grazing;
             return;
         }
@@ -265,6 +268,10 @@ private:
     Path& path_;
     double turn_;
     View begin_, end_;  ///< of the present step
+    /// Of g in this step: 45 roundings of the terms that it is the sum of, more than what the way to a crossing and
+    /// back leaves. At a crossing itself all terms may vanish.
+    double rounding_ = 0.0;
+    bool started_ = false;
     const Path* before_ = nullptr;
     std::vector<Crossing> found_;  ///< in the present step, in time
     FlowStatus status_ = FlowStatus::ok;
@@ -280,7 +287,7 @@ FlowEnd crossing_pass(const FlowStart& start, const SectionPlane& plane, std::si
     auto p = array_from<Scalar<N>, q>(start.theta);
     seed<N, n, q>(x, p, free, first);
     const std::size_t directions = n + free.size();
-    TrajectoryOf<M, N> path(p, x, start.phase, start.clock, start.options);
+    TrajectoryOf<M, N> path(p, x, start.phase, start.clock, start.options, start.input);
     SectionCrossing<M, N> section(plane, path);
     FlowEnd end;
     double time = 0.0;
