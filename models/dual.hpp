@@ -6,26 +6,49 @@
 
 namespace orbid::models {
 
+/// a b + c, rounded once where the machine does so at no cost. Written out wherever it is used, so that values are the
+/// same with and without derivatives.
+[[gnu::always_inline]] inline double multiply_add(double a, double b, double c) {
+#if defined(__FMA__) || defined(FP_FAST_FMA)
+    return std::fma(a, b, c);
+#else
+    return a * b + c;
+#endif
+}
+
+/// The value without its derivatives; plain numbers are their own value.
+constexpr double value_of(double x) {
+    return x;
+}
+
+/// True when nothing at all depends on it: 0, with derivatives 0.
+constexpr bool vanishes(double x) {
+    return x == 0.0;
+}
+
 /// Forward dual number: a value with its derivatives in N directions.
 ///
 ///     f(a + sum_i a_i e_i) = f(a) + f'(a) sum_i a_i e_i,   e_i e_j = 0
 ///
-/// The value is computed by exactly the operations that plain double would use, so programs that branch on values only
-/// give bit-identical values in both. Comparisons look at the value. Trivially copyable: N + 1 doubles, value first.
-template <std::size_t N>
+/// The value is computed by exactly the operations that plain B would use, so programs that branch on values only give
+/// bit-identical values in both. Comparisons look at the value. Trivially copyable: value first, then N partials.
+/// Arithmetic is inlined by force: compilers give up on long right hand sides, and calls cost more than the sums.
+/// B = double; or a dual number itself, for second derivatives: in Dual<1, Dual<N>> the partial holds the derivative in
+/// one direction, and its derivatives in N.
+template <std::size_t N, class B = double>
 struct Dual {
-    double value;
-    std::array<double, N> partial;
+    B value;
+    std::array<B, N> partial;
 
     Dual() = default;
     /// A constant.
     constexpr Dual(double constant) : value(constant), partial{} {}  // NOLINT: implicit, a constant is a number
-    constexpr Dual(double value_, const std::array<double, N>& partial_) : value(value_), partial(partial_) {}
+    constexpr Dual(const B& value_, const std::array<B, N>& partial_) : value(value_), partial(partial_) {}
 
     /// value with derivative 1 in one direction.
     [[nodiscard]] static constexpr Dual variable(double value, std::size_t direction) {
         Dual x(value);
-        x.partial[direction] = 1.0;
+        x.partial[direction] = B(1.0);
         return x;
     }
 
@@ -35,54 +58,76 @@ struct Dual {
     Dual& operator/=(const Dual& b) { return *this = *this / b; }
 
     friend Dual operator+(const Dual& a) { return a; }
-    friend Dual operator-(const Dual& a) {
+    [[gnu::always_inline]] friend Dual operator-(const Dual& a) {
         Dual r;
         r.value = -a.value;
         for (std::size_t i = 0; i < N; ++i)
             r.partial[i] = -a.partial[i];
         return r;
     }
-    friend Dual operator+(const Dual& a, const Dual& b) {
+    [[gnu::always_inline]] friend Dual operator+(const Dual& a, const Dual& b) {
         Dual r;
         r.value = a.value + b.value;
         for (std::size_t i = 0; i < N; ++i)
             r.partial[i] = a.partial[i] + b.partial[i];
         return r;
     }
-    friend Dual operator-(const Dual& a, const Dual& b) {
+    [[gnu::always_inline]] friend Dual operator-(const Dual& a, const Dual& b) {
         Dual r;
         r.value = a.value - b.value;
         for (std::size_t i = 0; i < N; ++i)
             r.partial[i] = a.partial[i] - b.partial[i];
         return r;
     }
-    friend Dual operator*(const Dual& a, const Dual& b) {
+    [[gnu::always_inline]] friend Dual operator*(const Dual& a, const Dual& b) {
         Dual r;
         r.value = a.value * b.value;
         for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = a.value * b.partial[i] + b.value * a.partial[i];
+            r.partial[i] = multiply_add(a.value, b.partial[i], b.value * a.partial[i]);
         return r;
     }
-    friend Dual operator/(const Dual& a, const Dual& b) {
+    [[gnu::always_inline]] friend Dual operator/(const Dual& a, const Dual& b) {
         Dual r;
         r.value = a.value / b.value;
         // One division for all directions; the value keeps its own, correctly rounded one.
-        const double inverse = 1.0 / b.value;
+        const B inverse = 1.0 / b.value;
+        const B slope = -r.value * inverse;
         for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = (a.partial[i] - r.value * b.partial[i]) * inverse;
+            r.partial[i] = multiply_add(inverse, a.partial[i], slope * b.partial[i]);
         return r;
     }
 
-    friend Dual operator+(const Dual& a, double b) { return {a.value + b, a.partial}; }
+    [[gnu::always_inline]] friend Dual operator+(const Dual& a, double b) { return {a.value + b, a.partial}; }
     friend Dual operator+(double a, const Dual& b) { return {a + b.value, b.partial}; }
     friend Dual operator-(const Dual& a, double b) { return {a.value - b, a.partial}; }
-    friend Dual operator-(double a, const Dual& b) { return (-b).shifted_to(a - b.value); }
-    friend Dual operator*(const Dual& a, double b) { return a.chained(a.value * b, b); }
-    friend Dual operator*(double a, const Dual& b) { return b.chained(a * b.value, a); }
-    friend Dual operator/(const Dual& a, double b) { return a.chained(a.value / b, 1.0 / b); }
+    [[gnu::always_inline]] friend Dual operator-(double a, const Dual& b) {
+        Dual r;
+        r.value = a - b.value;
+        for (std::size_t i = 0; i < N; ++i)
+            r.partial[i] = -b.partial[i];
+        return r;
+    }
+    friend Dual operator*(const Dual& a, double b) { return a.scaled(a.value * b, b); }
+    friend Dual operator*(double a, const Dual& b) { return b.scaled(a * b.value, a); }
+    friend Dual operator/(const Dual& a, double b) { return a.scaled(a.value / b, 1.0 / b); }
     friend Dual operator/(double a, const Dual& b) {
-        const double quotient = a / b.value;
+        const B quotient = a / b.value;
         return b.chained(quotient, -quotient / b.value);
+    }
+    /// a b + c of values and partials.
+    [[gnu::always_inline]] friend Dual multiply_add(double a, const Dual& b, const Dual& c) {
+        Dual r;
+        r.value = multiply_add(a, b.value, c.value);
+        for (std::size_t i = 0; i < N; ++i)
+            r.partial[i] = multiply_add(a, b.partial[i], c.partial[i]);
+        return r;
+    }
+    [[gnu::always_inline]] friend Dual multiply_add(const Dual& a, const Dual& b, const Dual& c) {
+        Dual r;
+        r.value = multiply_add(a.value, b.value, c.value);
+        for (std::size_t i = 0; i < N; ++i)
+            r.partial[i] = multiply_add(a.value, b.partial[i], multiply_add(b.value, a.partial[i], c.partial[i]));
+        return r;
     }
 
     friend bool operator<(const Dual& a, const Dual& b) { return a.value < b.value; }
@@ -91,9 +136,16 @@ struct Dual {
     friend bool operator>=(const Dual& a, const Dual& b) { return a.value >= b.value; }
     friend bool operator==(const Dual& a, const Dual& b) { return a.value == b.value; }
     friend bool operator!=(const Dual& a, const Dual& b) { return a.value != b.value; }
+    friend constexpr double value_of(const Dual& x) { return value_of(x.value); }
+    friend constexpr bool vanishes(const Dual& x) {
+        bool all = vanishes(x.value);
+        for (std::size_t i = 0; i < N; ++i)
+            all = all && vanishes(x.partial[i]);
+        return all;
+    }
 
     /// Chain rule: the dual with this function value and this derivative times our partials.
-    [[nodiscard]] Dual chained(double function, double derivative) const {
+    [[nodiscard]] [[gnu::always_inline]] Dual chained(const B& function, const B& derivative) const {
         Dual r;
         r.value = function;
         for (std::size_t i = 0; i < N; ++i)
@@ -101,89 +153,138 @@ struct Dual {
         return r;
     }
 
-    friend Dual sin(const Dual& a) { return a.chained(std::sin(a.value), std::cos(a.value)); }
-    friend Dual cos(const Dual& a) { return a.chained(std::cos(a.value), -std::sin(a.value)); }
+    friend Dual sin(const Dual& a) {
+        using std::cos;
+        using std::sin;
+        return a.chained(sin(a.value), cos(a.value));
+    }
+    friend Dual cos(const Dual& a) {
+        using std::cos;
+        using std::sin;
+        return a.chained(cos(a.value), -sin(a.value));
+    }
     friend Dual tan(const Dual& a) {
-        const double t = std::tan(a.value);
+        using std::tan;
+        const B t = tan(a.value);
         return a.chained(t, 1.0 + t * t);
     }
     friend Dual asin(const Dual& a) {
-        return a.chained(std::asin(a.value), 1.0 / std::sqrt((1.0 - a.value) * (1.0 + a.value)));
+        using std::asin;
+        using std::sqrt;
+        return a.chained(asin(a.value), 1.0 / sqrt((1.0 - a.value) * (1.0 + a.value)));
     }
     friend Dual acos(const Dual& a) {
-        return a.chained(std::acos(a.value), -1.0 / std::sqrt((1.0 - a.value) * (1.0 + a.value)));
+        using std::acos;
+        using std::sqrt;
+        return a.chained(acos(a.value), -1.0 / sqrt((1.0 - a.value) * (1.0 + a.value)));
     }
-    friend Dual atan(const Dual& a) { return a.chained(std::atan(a.value), 1.0 / (1.0 + a.value * a.value)); }
+    friend Dual atan(const Dual& a) {
+        using std::atan;
+        return a.chained(atan(a.value), 1.0 / (1.0 + a.value * a.value));
+    }
     friend Dual atan2(const Dual& y, const Dual& x) {
+        using std::atan2;
         Dual r;
-        r.value = std::atan2(y.value, x.value);
-        const double inverse = 1.0 / (x.value * x.value + y.value * y.value);
+        r.value = atan2(y.value, x.value);
+        const B inverse = 1.0 / (x.value * x.value + y.value * y.value);
         for (std::size_t i = 0; i < N; ++i)
             r.partial[i] = (x.value * y.partial[i] - y.value * x.partial[i]) * inverse;
         return r;
     }
-    friend Dual sinh(const Dual& a) { return a.chained(std::sinh(a.value), std::cosh(a.value)); }
-    friend Dual cosh(const Dual& a) { return a.chained(std::cosh(a.value), std::sinh(a.value)); }
+    friend Dual sinh(const Dual& a) {
+        using std::cosh;
+        using std::sinh;
+        return a.chained(sinh(a.value), cosh(a.value));
+    }
+    friend Dual cosh(const Dual& a) {
+        using std::cosh;
+        using std::sinh;
+        return a.chained(cosh(a.value), sinh(a.value));
+    }
     friend Dual tanh(const Dual& a) {
-        const double t = std::tanh(a.value);
+        using std::tanh;
+        const B t = tanh(a.value);
         return a.chained(t, (1.0 - t) * (1.0 + t));
     }
     friend Dual exp(const Dual& a) {
-        const double e = std::exp(a.value);
+        using std::exp;
+        const B e = exp(a.value);
         return a.chained(e, e);
     }
-    friend Dual log(const Dual& a) { return a.chained(std::log(a.value), 1.0 / a.value); }
+    friend Dual log(const Dual& a) {
+        using std::log;
+        return a.chained(log(a.value), 1.0 / a.value);
+    }
     friend Dual sqrt(const Dual& a) {
-        const double root = std::sqrt(a.value);
+        using std::sqrt;
+        const B root = sqrt(a.value);
         return a.chained(root, 0.5 / root);
     }
     /// At 0 the derivative is that of the right side, as for a frozen positive sign.
     friend Dual abs(const Dual& a) { return a.value < 0.0 ? -a : a; }
     friend Dual pow(const Dual& a, double exponent) {
+        using std::pow;
         // exponent 0 must not turn 0 * pow(0, -1) into nan.
         if (exponent == 0.0) return Dual(1.0);
-        return a.chained(std::pow(a.value, exponent), exponent * std::pow(a.value, exponent - 1.0));
+        return a.chained(pow(a.value, exponent), exponent * pow(a.value, exponent - 1.0));
     }
     friend Dual pow(const Dual& a, const Dual& b) {
-        const double power = std::pow(a.value, b.value);
-        const double by_base = b.value == 0.0 ? 0.0 : b.value * std::pow(a.value, b.value - 1.0);
+        using std::log;
+        using std::pow;
+        const B power = pow(a.value, b.value);
+        const B by_base = vanishes(b.value) ? B(0.0) : b.value * pow(a.value, b.value - 1.0);
         // d/db a^b = a^b ln a; at a = 0 its limit is 0.
-        const double by_exponent = a.value == 0.0 ? 0.0 : power * std::log(a.value);
+        const B by_exponent = a.value == 0.0 ? B(0.0) : power * log(a.value);
         Dual r;
         r.value = power;
         for (std::size_t i = 0; i < N; ++i) {
             // A constant exponent has no share in the derivative, even where ln a is undefined (a < 0).
-            const double share = b.partial[i] == 0.0 ? 0.0 : by_exponent * b.partial[i];
+            const B share = vanishes(b.partial[i]) ? B(0.0) : by_exponent * b.partial[i];
             r.partial[i] = by_base * a.partial[i] + share;
         }
         return r;
     }
 
 private:
-    [[nodiscard]] Dual shifted_to(double new_value) const { return {new_value, partial}; }
+    /// As chained(), with a plain factor.
+    [[nodiscard]] [[gnu::always_inline]] Dual scaled(const B& new_value, double factor) const {
+        Dual r;
+        r.value = new_value;
+        for (std::size_t i = 0; i < N; ++i)
+            r.partial[i] = factor * partial[i];
+        return r;
+    }
 };
 
-/// The value without its derivatives; plain numbers are their own value.
-constexpr double value_of(double x) {
-    return x;
-}
-template <std::size_t N>
-constexpr double value_of(const Dual<N>& x) {
-    return x.value;
-}
-
-/// double for 0 directions, Dual<N> otherwise.
 namespace detail {
-template <std::size_t N>
+template <std::size_t N, std::size_t order>
 struct ScalarOf {
+    static_assert(order == 2);
+    using type = Dual<1, Dual<N>>;
+};
+template <std::size_t N>
+struct ScalarOf<N, 1> {
     using type = Dual<N>;
 };
 template <>
-struct ScalarOf<0> {
+struct ScalarOf<0, 1> {
     using type = double;
 };
 }  // namespace detail
+
+/// double for 0 directions, Dual<N> otherwise. Of order 2 it also holds the derivative in one more direction, with its
+/// derivatives in the N: Dual<1, Dual<N>>, as the loops over the N are what vector instructions are for.
+template <std::size_t N, std::size_t order = 1>
+using Scalar = typename detail::ScalarOf<N, order>::type;
+
+/// The part without the second derivatives.
 template <std::size_t N>
-using Scalar = typename detail::ScalarOf<N>::type;
+const Dual<N>& first_order(const Dual<N>& x) {
+    return x;
+}
+template <std::size_t N>
+const Dual<N>& first_order(const Dual<1, Dual<N>>& x) {
+    return x.value;
+}
 
 }  // namespace orbid::models

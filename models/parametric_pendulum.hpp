@@ -24,7 +24,7 @@ enum class Support {
 /// State, shape (2): phi [rad], 0 = hanging, on the circle; phi_dot [rad/s]. The support is at its highest at phase 0.
 /// Source: van de Wouw, Verbeek, van Campen (1995), (P1) to (P3); (M2) is the second derivative of the crank height
 /// A cos wt + L sqrt(1 - e^2 sin^2 wt), e = A/L, whose misprint in (P3) is the variant `crank_as_printed`.
-/// e >= 1 is no mechanism (the rod is shorter than the crank): the state then stops being finite.
+/// e >= 1 is no mechanism (the rod is not longer than the crank): the state is then not finite.
 template <Support support>
 struct PendulumOn {
     static constexpr std::string_view name = "parametric_pendulum";
@@ -61,7 +61,18 @@ struct PendulumOn {
     static Values<T, 6> reduced(const Values<T, 9>& p) {
         const auto& [m, l, k1, k2, k3, g, A, w, e] = p;
         const T inertia = m * l * l;
-        return {k1 / inertia, k2 / inertia, k3 / inertia, g / l, A * w * w / l, e};
+        return {k1 / inertia, k2 / inertia, k3 / inertia, g / l, A * w * w / l, mechanism(e)};
+    }
+
+    /// The same e, or nan for a rod that cannot follow the crank: said at once, as the approach to the phase where the
+    /// root vanishes takes a million steps.
+    template <class T>
+    static T mechanism(const T& e) {
+        using std::sqrt;
+        if constexpr (support == Support::harmonic)
+            return e;
+        else
+            return e + 0.0 * sqrt(1.0 - e);
     }
 
     /// P(t) of (M2) at a phase, 1/s^2.

@@ -7,10 +7,10 @@
 #include <cstring>
 #include <limits>
 #include <numbers>
+#include <type_traits>
+#include <utility>
 
-#include <boost/numeric/odeint/algebra/array_algebra.hpp>
-#include <boost/numeric/odeint/stepper/runge_kutta_fehlberg78.hpp>
-
+#include "models/explicit_method.hpp"
 #include "models/input_signal.hpp"
 #include "models/model.hpp"
 #include "models/simulation.hpp"
@@ -22,10 +22,11 @@ namespace orbid::models {
 ///     Clock::phase   tau = phase + s,         dx/ds = f / omega
 ///     Clock::time    tau = phase + omega s,   dx/ds = f
 ///
-/// N directions of derivative (0: values only). The side of the switching surface is frozen during a step.
-template <Model M, std::size_t N>
+/// N directions of derivative (0: values only), of first or second order. The side of the switching surface is frozen
+/// during a step.
+template <Model M, std::size_t N, std::size_t order = 1>
 struct Field {
-    using T = Scalar<N>;
+    using T = Scalar<N, order>;
     static constexpr std::size_t n = dimension_of<M>;
 
     Constants<M, T> constants;
@@ -42,7 +43,9 @@ struct Field {
         if constexpr (SwitchingModel<M>) side = 1.0;
     }
 
-    [[nodiscard]] State<T, n> operator()(const State<T, n>& x, double s, const Side<M>& on_side) const {
+    /// @param s  double, or T where an instant depends on the directions
+    template <class S>
+    [[nodiscard]] State<T, n> operator()(const State<T, n>& x, const S& s, const Side<M>& on_side) const {
         if constexpr (ForcedModel<M>) {
             if (clock == Clock::phase) {
                 State<T, n> f = rhs_of<M, T>(T(phase + s), x, constants, on_side);
@@ -53,7 +56,7 @@ struct Field {
             return rhs_of<M, T>(omega * s + phase, x, constants, on_side);
         } else if constexpr (InputModel<M>) {
             std::array<double, input_count_of<M>> values;
-            input->evaluate(piece, phase + s, values.data());
+            input->evaluate(piece, phase + value_of(s), values.data());
             std::array<T, input_count_of<M>> u;
             for (std::size_t i = 0; i < u.size(); ++i)
                 u[i] = T(values[i]);
@@ -62,49 +65,155 @@ struct Field {
             return rhs_of<M, T>(T(s), x, constants, on_side);
         }
     }
-    [[nodiscard]] State<T, n> operator()(const State<T, n>& x, double s) const { return (*this)(x, s, side); }
+    template <class S>
+    [[nodiscard]] State<T, n> operator()(const State<T, n>& x, const S& s) const {
+        return (*this)(x, s, side);
+    }
 };
 
-/// One step of the Runge-Kutta-Fehlberg 7(8) method of Boost.Odeint, on values with N directions of derivative.
+/// The method of all flows.
+inline constexpr const auto& flow_method = verner98;
+
+/// One step of flow_method, on values with N directions of derivative.
 ///
 /// The method is linear in the stages, with real coefficients, so values and partials are stepped as one flat array of
 /// doubles: the value part goes through the same operations whatever N is.
-template <Model M, std::size_t N>
+template <Model M, std::size_t N, std::size_t order = 1>
 class Stepper {
 public:
-    using T = Scalar<N>;
+    using T = Scalar<N, order>;
     static constexpr std::size_t n = dimension_of<M>;
     using Point = State<T, n>;
 
+    /// @param field  dx/ds = field(x, s)
+    /// @param low    what the rounding of x has lost so far; becomes what that of `end` has lost (Kahan's sum)
     /// @param error  estimated local error, of the derivatives too
-    void step(const Field<M, N>& field, const Point& x, const Point& slope, double s, double ds, Point& end,
-              Point& error) {
-        const auto system = [&field](const Flat& state, Flat& derivative, double at) {
-            derivative = flat(field(point(state), at));
-        };
-        Flat flat_end, flat_error;
-        method_.do_step(system, flat(x), flat(slope), s, flat_end, ds, flat_error);
-        end = point(flat_end);
-        error = point(flat_error);
+    template <class F>
+    void step(const F& field, const Point& x, Point& low, const Point& slope, double s, double ds, Point& end,
+              Point& error) const {
+        Slopes slopes;
+        slopes[0] = flat(slope);
+        const Flat start = flat(x);
+        stages(field, start, slopes, s, ds, std::make_index_sequence<method.stages>{});
+        Flat sum = combination<Weights>(slopes), rest = flat(low), stop;
+        for (std::size_t k = 0; k < size; ++k) {
+            // Two sums: the step and what was lost before, then the state and that; exact but for the first rounding.
+            const double change = multiply_add(ds, sum[k], rest[k]);
+            stop[k] = start[k] + change;
+            const double taken = stop[k] - start[k];
+            rest[k] = (start[k] - (stop[k] - taken)) + (change - taken);
+        }
+        end = point(stop);
+        low = point(rest);
+        sum = combination<Error>(slopes);
+        for (double& component : sum)
+            component *= ds;
+        error = point(sum);
+    }
+
+    /// A single step, of which nothing is remembered.
+    template <class F>
+    void step(const F& field, const Point& x, const Point& slope, double s, double ds, Point& end, Point& error) const {
+        Point low{};
+        step(field, x, low, slope, s, ds, end, error);
+    }
+
+    /// The end of a step that starts and ends at instants which depend on the directions.
+    template <class F>
+    [[nodiscard]] Point moved(const F& field, const Point& x, const T& s, const T& ds) const {
+        std::array<Point, method.stages> slopes;
+        dual_stages(field, x, slopes, s, ds, std::make_index_sequence<method.stages>{});
+        return moved_by<Weights>(x, slopes, ds);
     }
 
 private:
-    using Flat = std::array<double, n*(N + 1)>;
-    static_assert(sizeof(Flat) == sizeof(Point));
+    static constexpr const auto& method = flow_method;
+    /// Doubles of a point, padded to whole vectors of four: the padding stays 0.
+    static constexpr std::size_t doubles = sizeof(Point) / sizeof(double);
+    static constexpr std::size_t size = doubles < 3 ? doubles : (doubles + 3) / 4 * 4;
+    struct alignas(size < 3 ? 16 : 32) Flat : std::array<double, size> {};
+    using Slopes = std::array<Flat, method.stages>;
+    static_assert(sizeof(Point) == doubles * sizeof(double) && std::is_trivially_copyable_v<Point>);
 
     static Flat flat(const Point& x) {
         Flat f;
-        std::memcpy(f.data(), x.data(), sizeof(f));
+        std::memcpy(f.data(), x.data(), sizeof(x));
+        for (std::size_t k = doubles; k < size; ++k)
+            f[k] = 0.0;
         return f;
     }
     static Point point(const Flat& f) {
         Point x;
-        std::memcpy(static_cast<void*>(x.data()), f.data(), sizeof(f));
+        std::memcpy(static_cast<void*>(x.data()), f.data(), sizeof(x));
         return x;
     }
 
-    boost::numeric::odeint::runge_kutta_fehlberg78<Flat, double, Flat, double, boost::numeric::odeint::array_algebra>
-        method_;
+    // The rows of the method, as compile-time functions of the stage.
+    template <std::size_t i>
+    struct Row {
+        static constexpr std::size_t count = i;
+        static constexpr double at(std::size_t j) { return method.matrix[i][j]; }
+    };
+    struct Weights {
+        static constexpr std::size_t count = method.stages;
+        static constexpr double at(std::size_t j) { return method.weights[j]; }
+    };
+    struct Error {
+        static constexpr std::size_t count = method.stages;
+        static constexpr double at(std::size_t j) { return method.error[j]; }
+    };
+
+    /// sum_j row_j k_j, zeros left out.
+    template <class R>
+    static Flat combination(const Slopes& slopes) {
+        Flat sum;
+        for (std::size_t k = 0; k < size; ++k)
+            sum[k] = weighted<R>([&](std::size_t j) { return slopes[j][k]; });
+        return sum;
+    }
+    template <class R, class Get>
+    [[gnu::always_inline]] static auto weighted(const Get& slope) {
+        return [&]<std::size_t... j>(std::index_sequence<j...>) {
+            auto sum = R::at(0) * slope(0);
+            ((sum = term<R, j + 1>(slope, sum)), ...);
+            return sum;
+        }
+        (std::make_index_sequence<R::count - 1>{});
+    }
+    template <class R, std::size_t j, class Get, class Sum>
+    [[gnu::always_inline]] static Sum term(const Get& slope, const Sum& sum) {
+        if constexpr (R::at(j) != 0.0)
+            return multiply_add(R::at(j), slope(j), sum);
+        else
+            return sum;
+    }
+
+    template <class F, std::size_t... i>
+    static void stages(const F& field, const Flat& start, Slopes& slopes, double s, double ds,
+                       std::index_sequence<0, i...>) {
+        (stage<i>(field, start, slopes, s, ds), ...);
+    }
+    template <std::size_t i, class F>
+    static void stage(const F& field, const Flat& start, Slopes& slopes, double s, double ds) {
+        Flat at = combination<Row<i>>(slopes);
+        for (std::size_t k = 0; k < size; ++k)
+            at[k] = multiply_add(ds, at[k], start[k]);
+        slopes[i] = flat(field(point(at), s + method.nodes[i] * ds));
+    }
+
+    template <class R>
+    static Point moved_by(const Point& x, const std::array<Point, method.stages>& slopes, const T& ds) {
+        Point end;
+        for (std::size_t c = 0; c < n; ++c)
+            end[c] = x[c] + ds * weighted<R>([&](std::size_t j) { return slopes[j][c]; });
+        return end;
+    }
+    template <class F, std::size_t... i>
+    static void dual_stages(const F& field, const Point& x, std::array<Point, method.stages>& slopes, const T& s,
+                            const T& ds, std::index_sequence<0, i...>) {
+        slopes[0] = field(x, s);
+        ((slopes[i] = field(moved_by<Row<i>>(x, slopes, ds), s + method.nodes[i] * ds)), ...);
+    }
 };
 
 /// Largest ratio of estimated to allowed local error.
@@ -113,9 +222,10 @@ private:
 /// loosen the tolerance. Derivatives with respect to the start (the first n directions, when any are carried): allowed
 /// = 10 relative (largest entry of their column, at least 1). Near an equilibrium, and on an orbit such as phi = 0, the
 /// values alone would allow any step: with them the multipliers of the hanging pendulum were wrong in the third digit.
-template <Model M, std::size_t N>
-double error_ratio(const State<Scalar<N>, dimension_of<M>>& error, const State<Scalar<N>, dimension_of<M>>& start,
-                   const State<Scalar<N>, dimension_of<M>>& end, const FlowOptions& options) {
+template <Model M, std::size_t N, std::size_t order = 1>
+double error_ratio(const State<Scalar<N, order>, dimension_of<M>>& error,
+                   const State<Scalar<N, order>, dimension_of<M>>& start,
+                   const State<Scalar<N, order>, dimension_of<M>>& end, const FlowOptions& options) {
     constexpr std::size_t n = dimension_of<M>;
     double worst = 0.0;
     const auto judge = [&worst](double size, double allowed) {
@@ -132,16 +242,16 @@ double error_ratio(const State<Scalar<N>, dimension_of<M>>& error, const State<S
         for (std::size_t j = 0; j < n; ++j) {
             double size = 1.0;
             for (std::size_t i = 0; i < n; ++i)
-                size = std::max(size, std::abs(end[i].partial[j]));
+                size = std::max(size, std::abs(first_order(end[i]).partial[j]));
             for (std::size_t i = 0; i < n; ++i)
-                judge(error[i].partial[j], 10.0 * options.relative_tolerance * size);
+                judge(first_order(error[i]).partial[j], 10.0 * options.relative_tolerance * size);
         }
     }
     return worst;
 }
 
-template <std::size_t N, std::size_t n>
-State<double, n> values_of(const State<Scalar<N>, n>& x) {
+template <std::size_t N, std::size_t n, class T>
+State<double, n> values_of(const State<T, n>& x) {
     State<double, n> v;
     for (std::size_t i = 0; i < n; ++i)
         v[i] = value_of(x[i]);
