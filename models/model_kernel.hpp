@@ -151,7 +151,12 @@ public:
                 .advance(starts, count, periods, sections, columns, status);
         }
     }
-    std::size_t ensemble_block() const override { return 1; }
+    std::size_t ensemble_block() const override {
+        if constexpr (ForcedModel<M>)
+            return SectionEnsemble<M>::block;
+        else
+            return 1;
+    }
 };
 
 namespace detail {

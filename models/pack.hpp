@@ -1,0 +1,304 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include <xsimd/xsimd.hpp>
+
+namespace orbid::models {
+
+/// Numbers that are computed with side by side: the scalar of `Pack::width` independent trajectories.
+///
+/// R registers of the vector instructions that the file is compiled for (Arch), worked on in turn, so that each
+/// instruction finds operands that are ready. The same model code serves double, Dual and Pack. A lane of a result
+/// depends on the same lane of the arguments only and is computed by the same operations in every lane and for every R,
+/// so it makes no difference which trajectories share a pack.
+///
+/// All is inlined by force: what GCC 12 leaves out of line passes packs through memory, in halves of a register, and
+/// reading whole what was written in halves makes the processor wait (measured: twice the time of a step).
+///
+/// Comparisons give a Mask, which has no truth value: where a model would branch, it has to select(). Functions are
+/// accurate to 2 ulp, as the tests measure. sin and cos of |x| > 2^50 are nan, which sends a trajectory back to plain
+/// doubles.
+template <std::size_t R, class Arch = xsimd::default_arch>
+class Pack {
+public:
+    using Register = xsimd::batch<double, Arch>;
+    static constexpr std::size_t registers = R;
+    static constexpr std::size_t width = R * Register::size;
+
+    /// One truth value per lane.
+    class Mask {
+    public:
+        using Register = xsimd::batch_bool<double, Arch>;
+        [[nodiscard]] bool all() const {
+            bool every = true;
+            for (std::size_t i = 0; i < R; ++i)
+                every = every && xsimd::all(part_[i]);
+            return every;
+        }
+        [[nodiscard]] bool any() const { return !(!*this).all(); }
+        [[nodiscard]] std::array<bool, width> lanes() const {
+            std::array<bool, width> lanes;
+            for (std::size_t i = 0; i < R; ++i)
+                part_[i].store_unaligned(lanes.data() + i * Pack::Register::size);
+            return lanes;
+        }
+        [[gnu::always_inline]] friend Mask operator&(const Mask& a, const Mask& b) {
+            Mask r;
+            for (std::size_t i = 0; i < R; ++i)
+                r.part_[i] = a.part_[i] & b.part_[i];
+            return r;
+        }
+        [[gnu::always_inline]] friend Mask operator|(const Mask& a, const Mask& b) {
+            Mask r;
+            for (std::size_t i = 0; i < R; ++i)
+                r.part_[i] = a.part_[i] | b.part_[i];
+            return r;
+        }
+        [[gnu::always_inline]] friend Mask operator!(const Mask& a) {
+            Mask r;
+            for (std::size_t i = 0; i < R; ++i)
+                r.part_[i] = !a.part_[i];
+            return r;
+        }
+
+    private:
+        friend class Pack;
+        Register part_[R];
+    };
+
+    Pack() = default;
+    /// The same number in all lanes.
+    [[gnu::always_inline]] Pack(double same) {  // NOLINT: implicit, a constant is a number
+        for (std::size_t i = 0; i < R; ++i)
+            part_[i] = Register(same);
+    }
+    [[nodiscard, gnu::always_inline]] static Pack load(const double* from) {
+        Pack r;
+        for (std::size_t i = 0; i < R; ++i)
+            r.part_[i] = Register::load_unaligned(from + i * Register::size);
+        return r;
+    }
+    [[gnu::always_inline]] void store(double* to) const {
+        for (std::size_t i = 0; i < R; ++i)
+            part_[i].store_unaligned(to + i * Register::size);
+    }
+    [[nodiscard]] std::array<double, width> lanes() const {
+        std::array<double, width> lanes;
+        store(lanes.data());
+        return lanes;
+    }
+
+    Pack& operator+=(const Pack& b) { return *this = *this + b; }
+    Pack& operator-=(const Pack& b) { return *this = *this - b; }
+    Pack& operator*=(const Pack& b) { return *this = *this * b; }
+    Pack& operator/=(const Pack& b) { return *this = *this / b; }
+
+    [[gnu::always_inline]] friend Pack operator+(const Pack& a) { return a; }
+    [[gnu::always_inline]] friend Pack operator-(const Pack& a) {
+        return each([](const Register& x) { return -x; }, a);
+    }
+    [[gnu::always_inline]] friend Pack operator+(const Pack& a, const Pack& b) {
+        return each([](const Register& x, const Register& y) { return x + y; }, a, b);
+    }
+    [[gnu::always_inline]] friend Pack operator-(const Pack& a, const Pack& b) {
+        return each([](const Register& x, const Register& y) { return x - y; }, a, b);
+    }
+    [[gnu::always_inline]] friend Pack operator*(const Pack& a, const Pack& b) {
+        return each([](const Register& x, const Register& y) { return x * y; }, a, b);
+    }
+    [[gnu::always_inline]] friend Pack operator/(const Pack& a, const Pack& b) {
+        return each([](const Register& x, const Register& y) { return x / y; }, a, b);
+    }
+    /// factor b + c, rounded once where the machine can.
+    [[gnu::always_inline]] friend Pack fma(double factor, const Pack& b, const Pack& c) {
+        const Register f(factor);
+        return each([&f](const Register& x, const Register& y) { return xsimd::fma(f, x, y); }, b, c);
+    }
+    [[gnu::always_inline]] friend Pack fma(const Pack& a, const Pack& b, const Pack& c) {
+        Pack r;
+        for (std::size_t i = 0; i < R; ++i)
+            r.part_[i] = xsimd::fma(a.part_[i], b.part_[i], c.part_[i]);
+        return r;
+    }
+
+    [[gnu::always_inline]] friend Mask operator<(const Pack& a, const Pack& b) {
+        return compare([](const Register& x, const Register& y) { return x < y; }, a, b);
+    }
+    [[gnu::always_inline]] friend Mask operator<=(const Pack& a, const Pack& b) {
+        return compare([](const Register& x, const Register& y) { return x <= y; }, a, b);
+    }
+    [[gnu::always_inline]] friend Mask operator>(const Pack& a, const Pack& b) { return b < a; }
+    [[gnu::always_inline]] friend Mask operator>=(const Pack& a, const Pack& b) { return b <= a; }
+    [[gnu::always_inline]] friend Mask operator==(const Pack& a, const Pack& b) {
+        return compare([](const Register& x, const Register& y) { return x == y; }, a, b);
+    }
+    [[gnu::always_inline]] friend Mask operator!=(const Pack& a, const Pack& b) { return !(a == b); }
+    /// a where the mask holds, b elsewhere.
+    [[gnu::always_inline]] friend Pack select(const Mask& mask, const Pack& a, const Pack& b) {
+        Pack r;
+        for (std::size_t i = 0; i < R; ++i)
+            r.part_[i] = xsimd::select(mask.part_[i], a.part_[i], b.part_[i]);
+        return r;
+    }
+    [[gnu::always_inline]] friend Mask isfinite(const Pack& a) {
+        return abs(a) <= Pack(std::numeric_limits<double>::max());
+    }
+
+    [[gnu::always_inline]] friend Pack abs(const Pack& a) {
+        return each([](const Register& x) { return xsimd::abs(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack min(const Pack& a, const Pack& b) {
+        return each([](const Register& x, const Register& y) { return xsimd::min(x, y); }, a, b);
+    }
+    [[gnu::always_inline]] friend Pack max(const Pack& a, const Pack& b) {
+        return each([](const Register& x, const Register& y) { return xsimd::max(x, y); }, a, b);
+    }
+    /// |a| with the sign of b.
+    [[gnu::always_inline]] friend Pack copysign(const Pack& a, const Pack& b) {
+        return each([](const Register& x, const Register& y) { return xsimd::copysign(x, y); }, a, b);
+    }
+    [[gnu::always_inline]] friend Pack sqrt(const Pack& a) {
+        return each([](const Register& x) { return xsimd::sqrt(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack sin(const Pack& a) { return a.template sine<0>(); }
+    [[gnu::always_inline]] friend Pack cos(const Pack& a) { return a.template sine<1>(); }
+    [[gnu::always_inline]] friend Pack exp(const Pack& a) {
+        return each([](const Register& x) { return xsimd::exp(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack log(const Pack& a) {
+        return each([](const Register& x) { return xsimd::log(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack asin(const Pack& a) {
+        return each([](const Register& x) { return xsimd::asin(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack acos(const Pack& a) {
+        return each([](const Register& x) { return xsimd::acos(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack sinh(const Pack& a) {
+        return each([](const Register& x) { return xsimd::sinh(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack cosh(const Pack& a) {
+        return each([](const Register& x) { return xsimd::cosh(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack tanh(const Pack& a) {
+        return each([](const Register& x) { return xsimd::tanh(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack tan(const Pack& a) {
+        return lanewise([](double x) { return std::tan(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack atan(const Pack& a) {
+        return lanewise([](double x) { return std::atan(x); }, a);
+    }
+    [[gnu::always_inline]] friend Pack atan2(const Pack& y, const Pack& x) {
+        return lanewise([](double u, double v) { return std::atan2(u, v); }, y, x);
+    }
+    [[gnu::always_inline]] friend Pack pow(const Pack& a, const Pack& b) {
+        return lanewise([](double x, double y) { return std::pow(x, y); }, a, b);
+    }
+
+private:
+    template <class F>
+    [[gnu::always_inline]] static Pack each(const F& f, const Pack& a) {
+        Pack r;
+        for (std::size_t i = 0; i < R; ++i)
+            r.part_[i] = f(a.part_[i]);
+        return r;
+    }
+    template <class F>
+    [[gnu::always_inline]] static Pack each(const F& f, const Pack& a, const Pack& b) {
+        Pack r;
+        for (std::size_t i = 0; i < R; ++i)
+            r.part_[i] = f(a.part_[i], b.part_[i]);
+        return r;
+    }
+    template <class F>
+    [[gnu::always_inline]] static Mask compare(const F& f, const Pack& a, const Pack& b) {
+        Mask r;
+        for (std::size_t i = 0; i < R; ++i)
+            r.part_[i] = f(a.part_[i], b.part_[i]);
+        return r;
+    }
+    /// Functions that models seldom use, by the standard library: those of xsimd 8.1 are wrong by more than 2 ulp (tan
+    /// 2.5, atan 2.2, pow 33) or reduce an argument in a way that depends on the other lanes.
+    template <class F, class... Packs>
+    static Pack lanewise(const F& f, const Packs&... packs) {
+        std::array<double, width> result;
+        [&](const auto&... lanes) {
+            for (std::size_t i = 0; i < width; ++i)
+                result[i] = f(lanes[i]...);
+        }(packs.lanes()...);
+        return load(result.data());
+    }
+
+    /// sin of a (quarter = 0) or of a + pi/2 (quarter = 1).
+    ///
+    ///     a = (k + quarter/2) pi + r,  |r| <= pi/2,   sin(a + quarter pi/2) = (-1)^(k + quarter) sin r
+    ///
+    /// With fused operations a - k pi_1 has no rounding error: both are multiples of 2^-52, and the difference is below
+    /// 2. pi_1 + pi_2 is pi but for 3e-33; so close to a multiple k pi the error is 3e-33 k where that exceeds 2 ulp.
+    /// sin r = r + r^3 P(r^2), P the polynomial of degree 7 with the least relative error on [0, (pi/2)^2], 2.8e-19
+    /// (exchange algorithm in 50 digits). xsimd reduces by pi/2, evaluates two polynomials and asks all lanes which
+    /// reduction to take.
+    template <int quarter>
+    [[gnu::always_inline]] Pack sine() const {
+        using Bits = xsimd::batch<std::int64_t, Arch>;
+        if constexpr (!fused) {
+            return lanewise([](double x) { return quarter == 0 ? std::sin(x) : std::cos(x); }, *this);
+        } else {
+            constexpr double inverse_pi = 0.31830988618379069, pi_1 = 3.1415926535897931, pi_2 = 1.2246467991473532e-16;
+            // Adding 1.5 2^52 rounds to a whole number, whose last bit is then that of the sum.
+            constexpr double round = 0x1.8p52;
+            constexpr double p[] = {-0.16666666666666666,    0.0083333333333331944,  -0.00019841269841209072,
+                                    2.755731921111125e-06,   -2.505210687035718e-08, 1.6058939580014569e-10,
+                                    -7.6429881393809621e-13, 2.7211389437411986e-15};
+            Register whole[R], turns[R], r[R], square[R], sum[R];
+            Pack result;
+            for (std::size_t i = 0; i < R; ++i) {
+                if constexpr (quarter == 0)
+                    whole[i] = xsimd::fma(part_[i], Register(inverse_pi), Register(round));
+                else
+                    whole[i] = xsimd::fma(part_[i], Register(inverse_pi), Register(-0.5)) + Register(round);
+                turns[i] = whole[i] - Register(round);
+                if constexpr (quarter == 1) turns[i] = turns[i] + Register(0.5);
+            }
+            for (std::size_t i = 0; i < R; ++i)
+                r[i] = xsimd::fnma(turns[i], Register(pi_1), part_[i]);
+            for (std::size_t i = 0; i < R; ++i)
+                r[i] = xsimd::fnma(turns[i], Register(pi_2), r[i]);
+            for (std::size_t i = 0; i < R; ++i) {
+                square[i] = r[i] * r[i];
+                sum[i] = Register(p[7]);
+            }
+            for (int j = 6; j >= 0; --j)
+                for (std::size_t i = 0; i < R; ++i)
+                    sum[i] = xsimd::fma(sum[i], square[i], Register(p[j]));
+            for (std::size_t i = 0; i < R; ++i) {
+                const Register magnitude = xsimd::fma(sum[i], r[i] * square[i], r[i]);
+                Bits sign = xsimd::bitwise_cast<Bits>(whole[i]) << 63;
+                if constexpr (quarter == 1) sign = sign ^ Bits(std::numeric_limits<std::int64_t>::min());
+                const Register signed_value =
+                    xsimd::bitwise_cast<Register>(xsimd::bitwise_cast<Bits>(magnitude) ^ sign);
+                // Beyond, the sum has no bits left for the last whole number; all bits set are a nan.
+                const auto beyond = !(xsimd::abs(part_[i]) <= Register(0x1p50));
+                result.part_[i] =
+                    xsimd::select(beyond, Register(std::numeric_limits<double>::quiet_NaN()), signed_value);
+            }
+            return result;
+        }
+    }
+
+#ifdef __FMA__
+    static constexpr bool fused = true;
+#else
+    static constexpr bool fused = false;
+#endif
+
+    Register part_[R];
+};
+
+}  // namespace orbid::models
