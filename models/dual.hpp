@@ -283,7 +283,15 @@ const Dual<N>& first_order(const Dual<N>& x) {
     return x;
 }
 template <std::size_t N>
+Dual<N>& first_order(Dual<N>& x) {
+    return x;
+}
+template <std::size_t N>
 const Dual<N>& first_order(const Dual<1, Dual<N>>& x) {
+    return x.value;
+}
+template <std::size_t N>
+Dual<N>& first_order(Dual<1, Dual<N>>& x) {
     return x.value;
 }
 

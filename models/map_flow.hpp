@@ -10,16 +10,17 @@ namespace orbid::models {
 
 /// Iterates of a map with derivatives in N directions, as flow_pass() does for flows. Durations are whole numbers of
 /// iterations; each counts as a step.
-template <MapModel M, std::size_t N>
+template <MapModel M, std::size_t N, std::size_t order = 1>
 FlowEnd map_pass(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
-                 std::size_t first, const FlowOutput& output) {
+                 std::size_t first, const FlowOutput& output, [[maybe_unused]] std::size_t second = 0) {
     constexpr std::size_t n = dimension_of<M>;
     constexpr std::size_t q = parameter_count_of<M>;
-    auto x = array_from<Scalar<N>, n>(start.state);
-    auto p = array_from<Scalar<N>, q>(start.theta);
+    auto x = array_from<Scalar<N, order>, n>(start.state);
+    auto p = array_from<Scalar<N, order>, q>(start.theta);
     seed<N, n, q>(x, p, free, first);
+    if constexpr (order == 2) seed_second<N, n, q>(x, p, free, second);
     const std::size_t directions = n + free.size();
-    const auto c = constants_from<M, Scalar<N>>(p);
+    const auto c = constants_from<M, Scalar<N, order>>(p);
     FlowEnd end;
     const auto finite = [&x] {
         for (const auto& component : x)
@@ -42,6 +43,9 @@ FlowEnd map_pass(const FlowStart& start, std::span<const double> durations, std:
             output.states[k * n + i] = value_of(x[i]);
         if (output.sensitivities != nullptr)
             store_partials<N, n>(x, first, directions, output.sensitivities + k * directions * n);
+        if constexpr (order == 2)
+            store_second<N, n>(x, first, directions,
+                               output.second_derivatives + (k * directions + second) * directions * n);
     }
     for (std::size_t i = 0; i < n; ++i)
         output.stopped_state[i] = value_of(x[i]);

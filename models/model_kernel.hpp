@@ -81,6 +81,15 @@ public:
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                  const FlowOutput& output) const override {
         FlowEnd end;
+        if (output.second_derivatives != nullptr) {
+            in_second_order_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first, std::size_t direction) {
+                if constexpr (MapModel<M>)
+                    end = map_pass<M, N, 2>(start, durations, free, first, output, direction);
+                else
+                    end = flow_pass<M, N, 2>(start, durations, free, first, output, direction);
+            });
+            return end;
+        }
         in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
             if constexpr (MapModel<M>)
                 end = map_pass<M, N>(start, durations, free, first, output);
