@@ -64,7 +64,8 @@ std::optional<Release> release_after(const Field<M, 0>& field, const State<doubl
         double before = r0;  // pull one sample before s0
         double s_before = from;
         while (s0 < end) {
-            const double s1 = std::min(s0 + spacing, end);
+            // The end of a short piece: rounding must not stop the samples before it.
+            const double s1 = s0 + spacing > s0 ? std::min(s0 + spacing, end) : end;
             const double r1 = pull(s1);
             if (r1 > 0.0) return released(s0, s1);
             // A maximum near s0 that the samples may have missed: golden section where the samples are close to 0. A
