@@ -144,17 +144,17 @@ Errors worst_errors(double tolerance) {
 }  // namespace
 
 TEST_CASE("the pendulum across crossings and sticking agrees with 30 digits", "[models][reference]") {
-    // Measured, then times ten. At the default tolerance 1e-12: values 6.2e-10 in a flow that stretches a disturbance
-    // 730 times, at most 3.5e-11 in the others, 8.5e-13 of the stretching; derivatives 7.1e-10.
+    // Measured, then times ten. At the default tolerance 1e-12: values 2.3e-11 in a flow that stretches a disturbance
+    // 730 times, at most 9.5e-13 in the others, 3.1e-14 of the stretching; derivatives 5.3e-12.
     const Errors usual = worst_errors(FlowOptions{}.relative_tolerance);
-    CHECK(usual.values < 6.2e-9);
-    CHECK(usual.unstretched < 8.5e-12);
-    CHECK(usual.derivatives < 7.1e-9);
-    // At the tightest, where errors still fall with the tolerance: 8.6e-13 and 8.8e-14, 1.9e-15; 1.8e-12.
+    CHECK(usual.values < 2.3e-10);
+    CHECK(usual.unstretched < 3.1e-13);
+    CHECK(usual.derivatives < 5.3e-11);
+    // At the tightest, where errors still fall with the tolerance: 5.3e-14 and at most 3.1e-15, 3.9e-16; 1.5e-14.
     const Errors fine = worst_errors(1e-15);
-    CHECK(fine.values < 8.6e-12);
-    CHECK(fine.unstretched < 1.9e-14);
-    CHECK(fine.derivatives < 1.8e-11);
+    CHECK(fine.values < 5.3e-13);
+    CHECK(fine.unstretched < 3.9e-15);
+    CHECK(fine.derivatives < 1.5e-13);
 }
 
 TEST_CASE("in time, too, the pendulum across crossings and sticking agrees with 30 digits", "[models][reference]") {
@@ -178,9 +178,42 @@ TEST_CASE("in time, too, the pendulum across crossings and sticking agrees with 
                                                       {.relative_tolerance = 1e-15, .absolute_tolerance = 1e-15}),
                       r, sensitivities));
     }
-    // The bounds of the same flows in phase; measured 2.8e-14 and 2.1e-13.
-    CHECK(worst.values < 8.6e-12);
-    CHECK(worst.derivatives < 1.8e-11);
+    // Measured 1.2e-13 and 1.7e-14, times ten.
+    CHECK(worst.values < 1.2e-12);
+    CHECK(worst.derivatives < 1.7e-13);
+}
+
+TEST_CASE("second derivatives across crossings agree with 28 digits", "[models][reference]") {
+    const auto system = make_system("parametric_pendulum");
+    // Measured 3.1e-12 and 5.9e-15, times ten.
+    constexpr std::array<std::array<double, 2>, 2> tolerance_and_bound{{{1e-12, 3.1e-11}, {1e-15, 5.9e-14}}};
+    for (const auto& [tolerance, bound] : tolerance_and_bound) {
+        double worst = 0.0;
+        std::size_t compared = 0;
+        for (const ReferenceFlow& r : reference_flows(*system)) {
+            if (r.second_directions.empty()) continue;
+            CAPTURE(r.name);
+            ++compared;
+            std::vector<Eigen::Index> free;
+            for (const Eigen::Index direction : r.second_directions)
+                if (direction >= 2) free.push_back(direction - 2);
+            const auto d = static_cast<Eigen::Index>(r.second_directions.size());
+            REQUIRE(d == static_cast<Eigen::Index>(free.size()) + 2);
+            const auto flow = system->flow_with_second_derivatives(
+                r.start, r.phase, std::array{r.durations.back()}, r.theta, free, Clock::phase,
+                {.relative_tolerance = tolerance, .absolute_tolerance = tolerance});
+            REQUIRE(flow.status == FlowStatus::ok);
+            REQUIRE(flow.second_derivatives.allFinite());
+            for (Eigen::Index i = 0; i < 2; ++i) {
+                Eigen::MatrixXd second(d, d);
+                for (Eigen::Index a = 0; a < d; ++a)
+                    second.row(a) = flow.second_derivatives.row(i).segment(a * d, d);
+                worst = std::max(worst, error_of_columns(second, r.second_derivatives[static_cast<std::size_t>(i)]));
+            }
+        }
+        REQUIRE(compared == 2);
+        CHECK(worst < bound);
+    }
 }
 
 }  // namespace orbid::models
