@@ -140,10 +140,7 @@ public:
     [[gnu::always_inline]] friend Mask operator!=(const Pack& a, const Pack& b) { return !(a == b); }
     /// a where the mask holds, b elsewhere.
     [[gnu::always_inline]] friend Pack select(const Mask& mask, const Pack& a, const Pack& b) {
-        Pack r;
-        for (std::size_t i = 0; i < R; ++i)
-            r.part_[i] = xsimd::select(mask.part_[i], a.part_[i], b.part_[i]);
-        return r;
+        return choose(mask, a, b);
     }
     [[gnu::always_inline]] friend Mask isfinite(const Pack& a) {
         return abs(a) <= Pack(std::numeric_limits<double>::max());
@@ -221,6 +218,12 @@ private:
         Mask r;
         for (std::size_t i = 0; i < R; ++i)
             r.part_[i] = f(a.part_[i], b.part_[i]);
+        return r;
+    }
+    [[gnu::always_inline]] static Pack choose(const Mask& mask, const Pack& a, const Pack& b) {
+        Pack r;
+        for (std::size_t i = 0; i < R; ++i)
+            r.part_[i] = xsimd::select(mask.part_[i], a.part_[i], b.part_[i]);
         return r;
     }
     /// Functions that models seldom use, by the standard library: those of xsimd 8.1 are wrong by more than 2 ulp (tan

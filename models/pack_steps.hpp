@@ -97,9 +97,11 @@ public:
         return steps;
     }
 
-    /// The step k of the period.
+    /// The step k of the period. Flattened: the model's functions too have to be inlined, as the operations of packs
+    /// are.
     template <class P>
-    [[nodiscard]] PackStep<P, n> tabulated(const PeriodSteps& steps, std::size_t k, const State<P, n>& x) const {
+    [[nodiscard, gnu::flatten]] PackStep<P, n> tabulated(const PeriodSteps& steps, std::size_t k,
+                                                         const State<P, n>& x) const {
         const Constants<M, P>& constants = constants_of<P>();
         const P side = side_of(x);
         const double* forcing = steps.forcing[k].data();
@@ -115,7 +117,8 @@ public:
 
     /// Each lane a step of its own ds [rad] from s on its own side.
     template <class P>
-    [[nodiscard]] PackStep<P, n> free(const State<P, n>& x, const P& s, const P& ds, const P& side) const {
+    [[nodiscard, gnu::flatten]] PackStep<P, n> free(const State<P, n>& x, const P& s, const P& ds,
+                                                    const P& side) const {
         const P time = ds / omega_;
         State<P, n> slopes[verner98.stages], error;
         PackStep<P, n> step;

@@ -12,7 +12,7 @@
 namespace orbid::models {
 
 /// Sections of many trajectories of a forced model over whole periods.
-template <ForcedModel M>
+template <ForcedModel M, class Arch = xsimd::default_arch>
 class SectionEnsemble {
 public:
     static constexpr std::size_t n = dimension_of<M>;
@@ -61,8 +61,8 @@ private:
 };
 
 /// The same in packs.
-template <PackModel M>
-class SectionEnsemble<M> {
+template <PackModel M, class Arch>
+class SectionEnsemble<M, Arch> {
 public:
     static constexpr std::size_t n = dimension_of<M>;
     static constexpr std::size_t q = parameter_count_of<M>;
@@ -76,7 +76,8 @@ public:
 
     void advance(const double* starts, std::size_t count, std::size_t periods, double* const* sections,
                  std::size_t* columns, FlowStatus* status) const {
-        PackBlock<M>(p_, phase_, options_, steps_, period_, starts, count, sections, columns, status).advance(periods);
+        PackBlock<M, Arch>(p_, phase_, options_, steps_, period_, starts, count, sections, columns, status)
+            .advance(periods);
     }
 
     /// In each step some hundredths of the trajectories meet the switching surface, and have to fill a pack; 256 states
@@ -94,7 +95,7 @@ private:
     Values<double, q> p_;
     double phase_;
     FlowOptions options_;
-    PackSteps<M> steps_;
+    PackSteps<M, Arch> steps_;
     PeriodSteps period_;
 };
 
