@@ -12,8 +12,8 @@ namespace orbid::models {
 ///     x' = -y - z,   y' = x + a y,   z' = b + z (x - c)
 ///
 /// State, shape (3): x, y, z, without units.
-/// Source: O. E. Roessler, "An equation for continuous chaos", Physics Letters A 57:397-398 (1976); the defaults are the
-/// values of that paper.
+/// Source: O. E. Roessler, "An equation for continuous chaos", Physics Letters A 57:397-398 (1976); the defaults are
+/// the values of that paper.
 struct Rossler {
     static constexpr std::string_view name = "rossler";
     static constexpr std::string_view summary = "spiral that is folded once per turn";
