@@ -1,6 +1,7 @@
 #include "orbits/section_record.hpp"
 
 #include <algorithm>
+#include <array>
 #include <numbers>
 #include <optional>
 
@@ -15,6 +16,8 @@ namespace {
 /// Sections between two looks at what became of the trajectories: long enough that starting anew costs nothing, short
 /// enough that a captured trajectory does not run on for long.
 constexpr std::size_t chunk = 8192;
+/// The same for crossings of a plane: the time within a chunk is a sum of steps, whose rounding grows with it.
+constexpr std::size_t crossing_chunk = 1024;
 
 /// Losses in a row, without one point delivered, after which a trajectory is given up: nearly all starts then lead to a
 /// stable orbit or to rest.
@@ -25,6 +28,8 @@ struct Walker {
     std::size_t index = 0;
     Eigen::VectorXd state;     ///< where it is
     Eigen::MatrixXd sections;  ///< since the last start, transient included
+    Eigen::VectorXd times;     ///< of crossings, since the last start
+    double clock = 0.0;        ///< [s] since the last start
     Eigen::Index filled = 0;
     Eigen::Index remaining = 0;  ///< sections still to be delivered
     std::size_t elapsed = 0;     ///< sections since the very first start
@@ -45,8 +50,13 @@ struct Loss {
 class SectionRecorder {
 public:
     SectionRecorder(const models::System& system, const Eigen::VectorXd& theta, const VirtualExperimentOptions& options,
-                    const Eigen::VectorXd& range)
-        : system_(system), theta_(theta), options_(options), plan_(std::get<SectionPlan>(options.plan)), range_(range) {
+                    const Eigen::VectorXd& range, double longest_return)
+        : system_(system),
+          theta_(theta),
+          options_(options),
+          plan_(std::get<SectionPlan>(options.plan)),
+          range_(range),
+          longest_return_(longest_return) {
         measure_ = 2.0 * range;
         for (const models::Coordinate& coordinate : system.coordinates())
             angle_.push_back(coordinate.angle);
@@ -73,7 +83,7 @@ public:
         }
         for (std::size_t i = 0; i < walkers_.size(); ++i) {
             for (auto& piece : pieces_[i])
-                record_.pieces.push_back({i, std::move(piece), {}});
+                record_.pieces.push_back(std::move(piece));
             for (auto& event : events_[i])
                 record_.events.push_back(std::move(event));
         }
@@ -85,12 +95,19 @@ private:
         return static_cast<Eigen::Index>(plan_.transient) + walker.remaining;
     }
 
-    /// The start is section 0 of what follows.
+    /// The start is section 0 of what follows; of crossings it is none.
     void start(Walker& walker, const Eigen::VectorXd& state) {
         walker.state = state;
         walker.sections.resize(system_.dimension(), needed(walker));
-        walker.sections.col(0) = state;
-        walker.filled = 1;
+        walker.filled = 0;
+        walker.reported = false;
+        if (plan_.section) {
+            walker.times.resize(needed(walker));
+            walker.clock = 0.0;
+        } else {
+            walker.sections.col(0) = state;
+            walker.filled = 1;
+        }
         finish(walker);
     }
 
@@ -114,27 +131,47 @@ private:
         for (std::size_t a = 0; a < active.size(); ++a) {
             starts.col(static_cast<Eigen::Index>(a)) = walkers_[active[a]].state;
         }
-        const std::size_t periods = std::min(chunk, static_cast<std::size_t>(longest));
-        const auto result = system_.ensemble(starts, options_.phase, periods, theta_, options_.flow);
+        const std::size_t sections =
+            std::min(plan_.section ? crossing_chunk : chunk, static_cast<std::size_t>(longest));
+        const auto result = plan_.section ? system_.crossing_ensemble(starts, *plan_.section, sections, longest_return_,
+                                                                      theta_, options_.flow)
+                                          : system_.ensemble(starts, options_.phase, sections, theta_, options_.flow);
         for (std::size_t a = 0; a < active.size(); ++a) {
-            take(walkers_[active[a]], result.sections[a], result.status[a]);
+            take(walkers_[active[a]], result, a);
         }
         return true;
     }
 
-    void take(Walker& walker, const Eigen::MatrixXd& sections, models::FlowStatus status) {
+    void take(Walker& walker, const models::EnsembleResult& result, std::size_t member) {
+        const Eigen::MatrixXd& sections = result.sections[member];
+        const models::FlowStatus status = result.status[member];
         const Eigen::Index fresh = std::min(sections.cols() - 1, needed(walker) - walker.filled);
         walker.sections.middleCols(walker.filled, fresh) = sections.middleCols(1, fresh);
+        if (plan_.section) {
+            walker.times.segment(walker.filled, fresh) = result.times[member].segment(1, fresh).array() + walker.clock;
+            walker.clock += result.times[member][fresh];
+        }
         walker.filled += fresh;
         walker.elapsed += static_cast<std::size_t>(fresh);
         walker.state = sections.col(fresh);
 
         if (walker.filled < needed(walker) && status != models::FlowStatus::ok) {
-            lose(walker, {TrajectoryEvent::Kind::failed, 0, status, walker.filled});
+            const bool rests = plan_.section && comes_to_rest(walker.state);
+            lose(walker,
+                 {rests ? TrajectoryEvent::Kind::at_rest : TrajectoryEvent::Kind::failed, 0, status, walker.filled});
         } else if (!walker.reported) {
             if (const auto loss = settled(walker)) lose(walker, *loss);
         }
         if (walker.active) finish(walker);
+    }
+
+    /// Does a flow that crosses the plane no more settle on an equilibrium? It is then at the same place, within what
+    /// captured() calls the same, at four late instants that no cycle has in common.
+    [[nodiscard]] bool comes_to_rest(const Eigen::VectorXd& state) const {
+        const std::array<double, 4> durations{0.61803 * longest_return_, 0.75 * longest_return_,
+                                              0.86603 * longest_return_, longest_return_};
+        const auto run = system_.flow(state, 0.0, durations, theta_, models::Clock::time, options_.flow);
+        return run.status == models::FlowStatus::ok && settled_at_last(run.states, angle_, measure_) == 0;
     }
 
     [[nodiscard]] std::optional<Loss> settled(const Walker& walker) const {
@@ -151,7 +188,9 @@ private:
     void deliver(Walker& walker, Eigen::Index end) {
         const auto transient = static_cast<Eigen::Index>(plan_.transient);
         if (end <= transient) return;
-        pieces_[walker.index].push_back(walker.sections.middleCols(transient, end - transient));
+        StateRecord::Piece piece{walker.index, walker.sections.middleCols(transient, end - transient), {}};
+        if (plan_.section) piece.times = walker.times.segment(transient, end - transient);
+        pieces_[walker.index].push_back(std::move(piece));
         walker.remaining -= end - transient;
         walker.fruitless = 0;
     }
@@ -163,7 +202,8 @@ private:
         const bool failed = loss.kind == TrajectoryEvent::Kind::failed;
         if (options_.restart == Restart::never) {
             walker.reported = true;
-            if (!failed) return;
+            // Resting where the plane is not met brings no more sections.
+            if (!failed && loss.status == models::FlowStatus::ok) return;
             deliver(walker, walker.filled);
             give_up(walker, fmt::format("it cannot be continued ({})", models::description(loss.status)));
             return;
@@ -196,10 +236,11 @@ private:
     const VirtualExperimentOptions& options_;
     const SectionPlan plan_;
     const Eigen::VectorXd& range_;
+    const double longest_return_;
     Eigen::VectorXd measure_;
     std::vector<bool> angle_;
     std::vector<Walker> walkers_;
-    std::vector<std::vector<Eigen::MatrixXd>> pieces_;
+    std::vector<std::vector<StateRecord::Piece>> pieces_;
     std::vector<std::vector<TrajectoryEvent>> events_;
     StateRecord record_;
 };
@@ -222,8 +263,9 @@ Eigen::VectorXd random_state(const models::System& system, const Eigen::VectorXd
 }
 
 StateRecord record_sections(const models::System& system, const Eigen::VectorXd& theta,
-                            const VirtualExperimentOptions& options, const Eigen::VectorXd& range) {
-    return SectionRecorder(system, theta, options, range).run();
+                            const VirtualExperimentOptions& options, const Eigen::VectorXd& range,
+                            double longest_return) {
+    return SectionRecorder(system, theta, options, range, longest_return).run();
 }
 
 }  // namespace orbid::orbits

@@ -14,7 +14,7 @@ struct StateRecord {
     struct Piece {
         std::size_t trajectory = 0;
         Eigen::MatrixXd states;  ///< shape (n, m)
-        Eigen::VectorXd times;   ///< samples: shape (m) [s]
+        Eigen::VectorXd times;   ///< samples, crossings of a plane: shape (m) [s]
     };
     std::vector<Piece> pieces;  ///< by trajectory, then in time
     std::vector<TrajectoryEvent> events;
@@ -28,8 +28,10 @@ struct StateRecord {
                                            std::uint64_t seed, std::size_t trajectory, std::size_t attempt);
 
 /// Sections of several trajectories with capture, rest and restarts as `simulate` describes. Options are valid.
-/// @param range  shape (n): half the range of random starts, also the measure of capture.
+/// @param range           shape (n): half the range of random starts, also the measure of capture.
+/// @param longest_return  [s], > 0: without a crossing for so long a trajectory is lost; of crossings only.
 [[nodiscard]] StateRecord record_sections(const models::System& system, const Eigen::VectorXd& theta,
-                                          const VirtualExperimentOptions& options, const Eigen::VectorXd& range);
+                                          const VirtualExperimentOptions& options, const Eigen::VectorXd& range,
+                                          double longest_return);
 
 }  // namespace orbid::orbits

@@ -10,6 +10,9 @@
 #include <fmt/format.h>
 
 #include "estimator/random_stream.hpp"
+#include "models/argument_check.hpp"
+#include "orbits/phase_rate.hpp"
+#include "orbits/return_probe.hpp"
 #include "orbits/section_record.hpp"
 
 namespace orbid::orbits {
@@ -25,8 +28,23 @@ void require(bool rule, const std::string& message) {
 void validate_plan(const models::System& system, const VirtualExperimentOptions& options) {
     if (const auto* plan = std::get_if<SectionPlan>(&options.plan)) {
         require(plan->sections > 0, "sections is 0, must be > 0");
-        require(system.kind() != models::Kind::autonomous,
-                fmt::format("model {} is not forced and has no sections at a phase; record samples", system.name()));
+        const bool autonomous = system.kind() == models::Kind::autonomous;
+        require(!autonomous || plan->section,
+                fmt::format("model {} is not forced and has no sections at a phase; name a plane, or record samples",
+                            system.name()));
+        require(autonomous || !plan->section,
+                fmt::format("model {} is not autonomous: its sections are {}, not crossings of a plane", system.name(),
+                            system.kind() == models::Kind::map ? "its iterates" : "at a phase of the forcing"));
+        require(
+            !plan->section || system.inputs().empty(),
+            fmt::format("model {} reads measured inputs, which tell the time: it has no sections by a plane; record "
+                        "samples",
+                        system.name()));
+        require(plan->longest_return >= 0.0 && std::isfinite(plan->longest_return),
+                fmt::format("longest return time is {} s, must be > 0, or 0 to have it found", plan->longest_return));
+        // 1 s stands for a time that is found later.
+        if (plan->section)
+            models::check_section(system, *plan->section, plan->longest_return > 0.0 ? plan->longest_return : 1.0);
     } else {
         const auto& samples = std::get<SamplePlan>(options.plan);
         require(samples.count > 0, "count of samples is 0, must be > 0");
@@ -79,8 +97,7 @@ StateRecord record_samples(const models::System& system, const Eigen::VectorXd& 
     const auto plan = std::get<SamplePlan>(options.plan);
     const std::size_t count = options.trajectories;
     std::vector<StateRecord> parts(count);
-    const bool forced = system.kind() == models::Kind::forced;
-    const double omega = forced ? 2.0 * std::numbers::pi / system.period(theta, models::Clock::time) : 0.0;
+    const double rate = phase_rate(system, theta);
     oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t trajectory) {
         StateRecord& part = parts[trajectory];
         StateRecord::Piece piece;
@@ -102,7 +119,7 @@ StateRecord record_samples(const models::System& system, const Eigen::VectorXd& 
                 durations[k] = at - time;
             }
             const auto flow =
-                system.flow(state, options.phase + omega * time, durations, theta, models::Clock::time, options.flow);
+                system.flow(state, options.phase + rate * time, durations, theta, models::Clock::time, options.flow);
             std::size_t good = size;
             if (flow.status != models::FlowStatus::ok) {
                 good = static_cast<std::size_t>(
@@ -168,6 +185,45 @@ void add_reading_errors(Eigen::MatrixXd& readings, const models::Sensor& sensor,
     }
 }
 
+/// What record_sections() needs to know of crossings and was not told. Starts that are given are the best probes.
+ReturnProbe probe_of(const models::System& system, const Eigen::VectorXd& theta,
+                     const VirtualExperimentOptions& options, const models::Section& section) {
+    const Eigen::VectorXd half =
+        options.random_range.size() > 0 ? options.random_range : Eigen::VectorXd::Ones(system.dimension());
+    const Eigen::MatrixXd starts =
+        options.initial.cols() > 0
+            ? Eigen::MatrixXd(options.initial.leftCols(std::min(probe_count, options.initial.cols())))
+            : probe_starts(system, half, options.seed);
+    ReturnProbe probe = probe_returns(system, theta, section, starts, options.flow);
+    if (options.random_range.size() > 0) probe.range = options.random_range;
+    return probe;
+}
+
+StateRecord record_plan(const models::System& system, const Eigen::VectorXd& theta,
+                        const VirtualExperimentOptions& options) {
+    if (const auto* plan = std::get_if<SectionPlan>(&options.plan)) {
+        if (plan->section) {
+            ReturnProbe probe{options.random_range, plan->longest_return};
+            if (probe.range.size() == 0 || !(probe.longest_return > 0.0))
+                probe = probe_of(system, theta, options, *plan->section);
+            return record_sections(system, theta, options, probe.range,
+                                   plan->longest_return > 0.0 ? plan->longest_return : probe.longest_return);
+        }
+    }
+    double duration = 0.0;
+    const auto* samples = std::get_if<SamplePlan>(&options.plan);
+    if (samples != nullptr) {
+        // Measured inputs end with the last sample.
+        const std::size_t after = system.inputs().empty() ? 0 : 1;
+        duration = samples->step * static_cast<double>(samples->transient + samples->count - after);
+    }
+    const Eigen::VectorXd range = options.random_range.size() > 0 ? options.random_range
+                                                                  : typical_range(system, theta, options.phase,
+                                                                                  duration, options.seed, options.flow);
+    return samples != nullptr ? record_samples(system, theta, options, range)
+                              : record_sections(system, theta, options, range, 0.0);
+}
+
 }  // namespace
 
 std::string_view name(TrajectoryEvent::Kind kind) {
@@ -184,59 +240,11 @@ std::string_view name(TrajectoryEvent::Kind kind) {
     return "";
 }
 
-Eigen::VectorXd typical_range(const models::System& system, const Eigen::VectorXd& theta, double phase, double duration,
-                              std::uint64_t seed, const models::FlowOptions& flow) {
-    constexpr Eigen::Index probes = 16;
-    constexpr std::size_t periods = 64;
-    constexpr std::size_t looks = 256;  // instants at which a system without sections is looked at
-    const Eigen::Index n = system.dimension();
-    Eigen::MatrixXd starts(n, probes);
-    for (Eigen::Index p = 0; p < probes; ++p) {
-        estimator::RandomStream stream(seed, estimator::RandomPurpose::range_probe, static_cast<std::uint64_t>(p));
-        for (Eigen::Index i = 0; i < n; ++i) {
-            const double half = system.coordinates()[static_cast<std::size_t>(i)].angle ? std::numbers::pi : 1.0;
-            starts(i, p) = stream.uniform(-half, half);
-        }
-    }
-    Eigen::VectorXd range = Eigen::VectorXd::Zero(n);
-    if (system.kind() == models::Kind::autonomous) {
-        std::vector<double> durations(looks);
-        for (std::size_t k = 0; k < looks; ++k)
-            durations[k] = duration * static_cast<double>(k) / (looks - 1);
-        std::vector<Eigen::VectorXd> reached(probes, Eigen::VectorXd::Zero(n));
-        oneapi::tbb::parallel_for(Eigen::Index{0}, probes, [&](Eigen::Index p) {
-            const auto result = system.flow(starts.col(p), phase, durations, theta, models::Clock::time, flow);
-            if (result.status == models::FlowStatus::ok) {
-                reached[static_cast<std::size_t>(p)] = result.states.cwiseAbs().rowwise().maxCoeff();
-            }
-        });
-        for (const auto& values : reached)
-            range = range.cwiseMax(values);
-    } else {
-        const auto result = system.ensemble(starts, phase, periods, theta, flow);
-        for (std::size_t p = 0; p < result.sections.size(); ++p) {
-            if (result.status[p] != models::FlowStatus::ok) continue;
-            range = range.cwiseMax(result.sections[p].cwiseAbs().rowwise().maxCoeff());
-        }
-    }
-    for (Eigen::Index i = 0; i < n; ++i) {
-        if (system.coordinates()[static_cast<std::size_t>(i)].angle) range[i] = std::numbers::pi;
-        if (!(range[i] > 0.0)) range[i] = 1.0;
-    }
-    return range;
-}
-
 VirtualExperiment simulate(const models::System& system, const Eigen::VectorXd& theta,
                            const VirtualExperimentOptions& options) {
     validate(system, options);
     const auto* samples = std::get_if<SamplePlan>(&options.plan);
-    const double duration =
-        samples != nullptr ? samples->step * static_cast<double>(samples->transient + samples->count) : 0.0;
-    const Eigen::VectorXd range = options.random_range.size() > 0 ? options.random_range
-                                                                  : typical_range(system, theta, options.phase,
-                                                                                  duration, options.seed, options.flow);
-    StateRecord record = samples != nullptr ? record_samples(system, theta, options, range)
-                                            : record_sections(system, theta, options, range);
+    StateRecord record = record_plan(system, theta, options);
 
     VirtualExperiment experiment;
     experiment.events = std::move(record.events);
@@ -245,17 +253,17 @@ VirtualExperiment simulate(const models::System& system, const Eigen::VectorXd& 
     Series& series = experiment.series;
     series.sampling = samples != nullptr ? Series::Sampling::samples : Series::Sampling::section;
     series.phase = options.phase;
-    for (const models::Coordinate& coordinate : system.coordinates()) {
-        series.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
+    for (std::size_t i = 0; i < system.coordinates().size(); ++i) {
+        const models::Coordinate& coordinate = system.coordinates()[i];
+        series.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit),
+                                      models::reads_angle(options.sensor, system.coordinates(), i)});
     }
-    const double omega = samples != nullptr && system.kind() == models::Kind::forced
-                             ? 2.0 * std::numbers::pi / system.period(theta, models::Clock::time)
-                             : 0.0;
+    const double rate = samples != nullptr ? phase_rate(system, theta) : 0.0;
     for (std::size_t s = 0; s < record.pieces.size(); ++s) {
         StateRecord::Piece& piece = record.pieces[s];
         std::vector<double> phases(static_cast<std::size_t>(piece.states.cols()), options.phase);
         for (Eigen::Index k = 0; k < piece.times.size(); ++k) {
-            phases[static_cast<std::size_t>(k)] += omega * piece.times[k];
+            phases[static_cast<std::size_t>(k)] += rate * piece.times[k];
         }
         auto read = system.readings(options.sensor, piece.states, phases, theta, std::nullopt, options.flow);
         if (read.status != models::FlowStatus::ok) {

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -14,10 +15,16 @@
 
 namespace orbid::orbits {
 
-/// Record of states at a phase of the forcing.
+/// Record of states at a phase of the forcing, of iterates of a map, or of crossings of a plane by an autonomous flow.
 struct SectionPlan {
     std::size_t sections = 0;     ///< of all trajectories together, > 0; spread over them as evenly as possible
-    std::size_t transient = 300;  ///< sections left out at every start and restart; the start itself is the first
+    std::size_t transient = 300;  ///< sections left out at every start and restart; the start itself is the first,
+                                  ///< but no crossing of a plane
+    /// Of an autonomous flow, and only there. The record keeps the times of the crossings, since the start or restart.
+    std::optional<models::Section> section = {};
+    /// [s], > 0: without a crossing for so long a trajectory is at rest or cannot be continued. 0: 100 times the median
+    /// return of a few trajectories, see probe_returns().
+    double longest_return = 0.0;
 };
 
 /// Record of samples in time.
@@ -37,10 +44,13 @@ struct VirtualExperimentOptions {
     /// Shape (n, trajectories): one start per trajectory. Empty (0 columns): random starts, angles uniform on the
     /// circle, other coordinates uniform in +- random_range.
     Eigen::MatrixXd initial;
-    /// Shape (n), > 0 for coordinates that are no angles. Empty: typical_range().
+    /// Shape (n), > 0 for coordinates that are no angles. Empty: typical_range(), or what 16 trajectories from random
+    /// starts within one unit reach in 64 returns to a plane.
     Eigen::VectorXd random_range;
     Restart restart = Restart::when_captured_or_at_rest;
-    double phase = 0.0;     ///< [rad] of the section; samples: of the forcing at time 0
+    /// [rad] of the section; samples: of the forcing at time 0; with measured inputs the time [s] of the start on the
+    /// clock of their signal.
+    double phase = 0.0;
     models::Sensor sensor;  ///< what is recorded of a state
     /// Shape (n): sd of the normal error of a reading, >= 0, in the coordinate's unit. Empty: none. With an
     /// angle_difference sensor the error of an angle reading enters the angle once and the difference twice, and the
@@ -57,13 +67,13 @@ struct TrajectoryEvent {
     std::size_t trajectory = 0;
     std::size_t section = 0;  ///< sections (samples) since the trajectory's very first start, transients included
     int period = 0;           ///< captured: sections until the orbit repeats
-    models::FlowStatus status = models::FlowStatus::ok;  ///< failed: why
+    models::FlowStatus status = models::FlowStatus::ok;  ///< failed: why; at_rest: no_crossing where that ended it
     Eigen::VectorXd state;  ///< shape (n): a point of the orbit, the place of rest, the last state; the new start
 };
 [[nodiscard]] std::string_view name(TrajectoryEvent::Kind kind);
 
 struct VirtualExperiment {
-    Series series;                        ///< coordinates as the system names them
+    Series series;  ///< coordinates as the system names them; formulas of the sensor are no angles
     std::vector<TrajectoryEvent> events;  ///< by trajectory, then by section
     bool complete = true;                 ///< every trajectory delivered all its points
     std::string message;                  ///< why not, when it is not complete
@@ -77,14 +87,17 @@ struct VirtualExperiment {
 /// time unless its largest multiplier is below 1.065 per section.) What it recorded after it had settled is cut off
 /// when it is restarted, from a new random state with a new transient, in a new segment; a trajectory that is lost 20
 /// times before it delivers one point is given up (complete = false). With Restart::never everything is kept and the
-/// event only reported; a trajectory that cannot be continued then ends early.
+/// event only reported; a trajectory that cannot be continued then ends early. A flow that meets its plane no more is
+/// at rest when it has settled on an equilibrium by the longest return time (event at_rest with status no_crossing),
+/// and has failed otherwise.
 ///
 /// Random numbers come from counter-based streams keyed by (seed, purpose, index): the same bytes with any number of
 /// threads. Parallel over trajectories, for noise over segments.
 ///
 /// @param theta  shape (q), all parameters of the system.
-/// @throws std::invalid_argument naming value and rule: wrong shapes, nothing to record, sections of a system without
-///         forcing, negative noise, noise on a rate that is a difference of readings, starts that are not finite.
+/// @throws std::invalid_argument naming value and rule: wrong shapes, nothing to record, an autonomous flow without a
+///         plane or another system with one, a plane for measured inputs (they tell the time), negative noise, noise on
+///         a rate that is a difference of readings, starts that are not finite.
 [[nodiscard]] VirtualExperiment simulate(const models::System& system, const Eigen::VectorXd& theta,
                                          const VirtualExperimentOptions& options);
 
