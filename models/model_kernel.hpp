@@ -105,10 +105,13 @@ public:
                       [[maybe_unused]] const FlowOutput& output) const override {
         FlowEnd end;
         // KernelSystem asks autonomous models only.
-        if constexpr (!MapModel<M> && !ForcedModel<M>)
+        if constexpr (!MapModel<M> && !ForcedModel<M>) {
+            // Many returns are asked for without derivatives, which would leave the range of numbers on chaotic motion.
+            if (output.sensitivities == nullptr) return crossing_pass<M, 0>(start, plane, count, longest, {}, 0, output);
             in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
                 end = crossing_pass<M, N>(start, plane, count, longest, free, first, output);
             });
+        }
         return end;
     }
 
