@@ -277,7 +277,8 @@ private:
     FlowStatus status_ = FlowStatus::ok;
 };
 
-/// As flow_pass(), for Kernel::crossings(). The step budget holds for each return.
+/// As flow_pass(), for Kernel::crossings(). The step budget holds for each return. N = 0 delivers no derivatives, and
+/// the errors of the values alone decide on the steps: as in ensembles of forced models.
 template <Model M, std::size_t N>
 FlowEnd crossing_pass(const FlowStart& start, const SectionPlane& plane, std::size_t count, double longest,
                       std::span<const std::ptrdiff_t> free, std::size_t first, const FlowOutput& output) {
@@ -285,8 +286,7 @@ FlowEnd crossing_pass(const FlowStart& start, const SectionPlane& plane, std::si
     constexpr std::size_t q = parameter_count_of<M>;
     auto x = array_from<Scalar<N>, n>(start.state);
     auto p = array_from<Scalar<N>, q>(start.theta);
-    seed<N, n, q>(x, p, free, first);
-    const std::size_t directions = n + free.size();
+    if constexpr (N > 0) seed<N, n, q>(x, p, free, first);
     TrajectoryOf<M, N> path(p, x, start.phase, start.clock, start.options, start.input);
     SectionCrossing<M, N> section(plane, path);
     FlowEnd end;
@@ -300,10 +300,14 @@ FlowEnd crossing_pass(const FlowStart& start, const SectionPlane& plane, std::si
         state = values_of<N, n>(crossing->state);
         std::copy(state.begin(), state.end(), output.states + end.crossings * n);
         output.times[end.crossings] = time;
-        if (output.sensitivities == nullptr) continue;
-        store_partials<N, n>(crossing->state, first, directions, output.sensitivities + end.crossings * directions * n);
-        for (std::size_t j = 0; j < N && (j < n || first + j < directions); ++j)
-            output.time_sensitivities[end.crossings * directions + (j < n ? j : first + j)] = crossing->time.partial[j];
+        if constexpr (N > 0) {
+            const std::size_t directions = n + free.size();
+            store_partials<N, n>(crossing->state, first, directions,
+                                 output.sensitivities + end.crossings * directions * n);
+            for (std::size_t j = 0; j < N && (j < n || first + j < directions); ++j)
+                output.time_sensitivities[end.crossings * directions + (j < n ? j : first + j)] =
+                    crossing->time.partial[j];
+        }
     }
     end.status = section.status();
     if (end.crossings < count) {
