@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -57,14 +56,17 @@ public:
 
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                  const FlowOutput& output) const override {
-        if (output.second_derivatives != nullptr)
-            throw std::logic_error("model " + std::string(M::name) + " offers no second derivatives");
         // The values come first and alone when nothing else is asked for; every pass finds the same ones.
         if (output.sensitivities == nullptr) return flow_pass<1>(start, durations, free, 0, output);
+        const std::size_t directions = coordinates_.size() + free.size();
         FlowEnd end;
-        for (std::size_t first = 0; first < coordinates_.size() + free.size(); first += chunk - 1) {
-            end = flow_pass<chunk>(start, durations, free, first, output);
-            if (end.status != FlowStatus::ok) break;
+        for (std::size_t first = 0; first < directions && end.status == FlowStatus::ok; first += chunk - 1) {
+            if (output.second_derivatives == nullptr) {
+                end = flow_pass<chunk>(start, durations, free, first, output);
+                continue;
+            }
+            for (std::size_t second = 0; second < directions && end.status == FlowStatus::ok; ++second)
+                end = flow_pass<chunk, 2>(start, durations, free, first, output, second);
         }
         return end;
     }
@@ -73,10 +75,9 @@ public:
                       std::span<const std::ptrdiff_t> free, const FlowOutput& output) const override {
         if (output.sensitivities == nullptr) return crossing_pass<1>(start, plane, count, longest, free, 0, output);
         FlowEnd end;
-        for (std::size_t first = 0; first < coordinates_.size() + free.size(); first += chunk - 1) {
+        const std::size_t directions = coordinates_.size() + free.size();
+        for (std::size_t first = 0; first < directions && end.status == FlowStatus::ok; first += chunk - 1)
             end = crossing_pass<chunk>(start, plane, count, longest, free, first, output);
-            if (end.status != FlowStatus::ok) break;
-        }
         return end;
     }
 
@@ -101,53 +102,68 @@ private:
     /// hold the eight partials.
     static constexpr std::size_t chunk = 8;
 
-    /// The start with partials in the directions [first, first + N - 1), which follow the probe's.
-    template <std::size_t N>
-    static DynamicTrajectory<M, N> trajectory_from(const FlowStart& start, std::size_t n,
-                                                   std::span<const std::ptrdiff_t> free, std::size_t first) {
-        std::vector<Dual<N>> x(start.state, start.state + n);
-        typename DynamicTrajectory<M, N>::Parameters p;
+    /// The start with partials in the directions [first, first + N - 1), which follow the probe's; of order 2 also in
+    /// the direction `second`.
+    template <std::size_t N, std::size_t order = 1>
+    static DynamicTrajectory<M, N, order> trajectory_from(const FlowStart& start, std::size_t n,
+                                                          std::span<const std::ptrdiff_t> free, std::size_t first,
+                                                          [[maybe_unused]] std::size_t second = 0) {
+        using Path = DynamicTrajectory<M, N, order>;
+        std::vector<typename Path::T> x(start.state, start.state + n);
+        typename Path::Parameters p;
         std::copy(start.theta, start.theta + q, p.begin());
-        for (std::size_t i = 1; i < N && first + i - 1 < n + free.size(); ++i) {
-            const std::size_t direction = first + i - 1;
-            Dual<N>& seeded = direction < n ? x[direction] : p[static_cast<std::size_t>(free[direction - n])];
-            seeded.partial[i] = 1.0;
-        }
+        const auto seeded = [&](std::size_t direction) -> typename Path::T& {
+            return direction < n ? x[direction] : p[static_cast<std::size_t>(free[direction - n])];
+        };
+        for (std::size_t i = 1; i < N && first + i - 1 < n + free.size(); ++i)
+            first_order(seeded(first + i - 1)).partial[i] = 1.0;
+        if constexpr (order == 2) seeded(second).partial[0].value = 1.0;
         return {p, std::move(x), start.options};
     }
 
-    /// Copies a state, and its partials but the probe's into the columns of their directions.
-    /// @return false when a derivative has left the range of finite numbers
-    template <std::size_t N>
-    static bool store(const std::vector<Dual<N>>& x, std::size_t first, std::size_t directions, double* state,
-                      double* columns) {
-        const std::size_t n = x.size();
-        for (std::size_t i = 0; i < n; ++i)
-            state[i] = x[i].value;
+    /// Copies partials but the probe's into the columns of their directions.
+    /// @param get  the dual number of coordinate i
+    /// @return false when one has left the range of finite numbers
+    template <std::size_t N, class Get>
+    static bool store(std::size_t n, const Get& get, std::size_t first, std::size_t directions, double* columns) {
         bool finite = true;
-        if (columns != nullptr) {
-            for (std::size_t j = 1; j < N && first + j - 1 < directions; ++j) {
-                for (std::size_t i = 0; i < n; ++i) {
-                    columns[(first + j - 1) * n + i] = x[i].partial[j];
-                    finite = finite && std::isfinite(x[i].partial[j]);
-                }
+        for (std::size_t j = 1; j < N && first + j - 1 < directions; ++j) {
+            for (std::size_t i = 0; i < n; ++i) {
+                const double partial = get(i).partial[j];
+                columns[(first + j - 1) * n + i] = partial;
+                finite = finite && std::isfinite(partial);
             }
         }
         return finite;
     }
+    template <class T>
+    static void store_values(const std::vector<T>& x, double* state) {
+        for (std::size_t i = 0; i < x.size(); ++i)
+            state[i] = value_of(x[i]);
+    }
 
-    template <std::size_t N>
+    template <std::size_t N, std::size_t order = 1>
     FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
-                      std::size_t first, const FlowOutput& output) const {
+                      std::size_t first, const FlowOutput& output, std::size_t second = 0) const {
         const std::size_t n = coordinates_.size(), directions = n + free.size();
-        auto trajectory = trajectory_from<N>(start, n, free, first);
+        auto trajectory = trajectory_from<N, order>(start, n, free, first, second);
         FlowEnd end;
         for (std::size_t k = 0; k < durations.size() && end.status == FlowStatus::ok; ++k) {
             end.status = trajectory.advance(durations[k]);
             if (end.status != FlowStatus::ok) break;
-            double* columns = output.sensitivities == nullptr ? nullptr : output.sensitivities + k * directions * n;
-            if (!store<N>(trajectory.state(), first, directions, output.states + k * n, columns))
-                end.status = FlowStatus::not_finite;
+            const auto& x = trajectory.state();
+            store_values(x, output.states + k * n);
+            bool finite = true;
+            if (output.sensitivities != nullptr)
+                finite = store<N>(
+                    n, [&x](std::size_t i) -> const Dual<N>& { return first_order(x[i]); }, first, directions,
+                    output.sensitivities + k * directions * n);
+            if constexpr (order == 2)
+                finite = store<N>(
+                             n, [&x](std::size_t i) -> const Dual<N>& { return x[i].partial[0]; }, first, directions,
+                             output.second_derivatives + (k * directions + second) * directions * n) &&
+                         finite;
+            if (!finite) end.status = FlowStatus::not_finite;
         }
         finish(trajectory, output, end);
         return end;
@@ -167,8 +183,11 @@ private:
             latest = section.time().value;
             output.times[k] = latest;
             const bool derivatives = output.sensitivities != nullptr;
-            bool finite = store<N>(section.state(), first, directions, output.states + k * n,
-                                   derivatives ? output.sensitivities + k * directions * n : nullptr);
+            const auto& x = section.state();
+            store_values(x, output.states + k * n);
+            bool finite = !derivatives || store<N>(
+                                              n, [&x](std::size_t i) -> const Dual<N>& { return x[i]; }, first,
+                                              directions, output.sensitivities + k * directions * n);
             for (std::size_t j = 1; derivatives && j < N && first + j - 1 < directions; ++j) {
                 output.time_sensitivities[k * directions + first + j - 1] = section.time().partial[j];
                 finite = finite && std::isfinite(section.time().partial[j]);
@@ -180,11 +199,11 @@ private:
         return end;
     }
 
-    template <std::size_t N>
-    static void finish(const DynamicTrajectory<M, N>& trajectory, const FlowOutput& output, FlowEnd& end) {
+    template <class Path>
+    static void finish(const Path& trajectory, const FlowOutput& output, FlowEnd& end) {
         end.stopped_after = trajectory.time();
         end.steps = trajectory.steps();
-        store<N>(trajectory.state(), 0, 0, output.stopped_state, nullptr);
+        store_values(trajectory.state(), output.stopped_state);
     }
 
     std::vector<std::string> names_;

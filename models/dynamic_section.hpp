@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -19,13 +20,9 @@ public:
 
     DynamicSection(const SectionPlane& plane, DynamicTrajectory<M, N>& trajectory)
         : plane_(plane), trajectory_(trajectory), x_(trajectory.state()), f_(x_.size()) {
+        // A start on the section is no crossing, nor is one that rounding has put a little below it.
         h_ = height(trajectory.state());
-        // A start on the section is no crossing, nor is one that rounding has put a little below it: 1e-14 of the terms
-        // of the sum.
-        double terms = std::abs(plane.offset);
-        for (std::size_t i = 0; i < x_.size(); ++i)
-            terms += std::abs(plane.normal[i] * x_[i].value);
-        if (std::abs(h_) <= 1e-14 * terms) h_ = 0.0;
+        if (std::abs(h_) <= rounding(trajectory.state())) h_ = 0.0;
     }
 
     /// Looks for the next crossing, until the time `latest` at most.
@@ -38,15 +35,18 @@ public:
             const double from = h_, to = height(trajectory_.end());
             trajectory_.evaluate(trajectory_.end(), f_);
             const double slope_from = rise(trajectory_.slope()), slope_to = rise(f_);
+            rounding_ = std::max(rounding(trajectory_.state()), rounding(trajectory_.end()));
             double lo = 0.0, hi = dt;
             bool crossed = from < 0.0 && to >= 0.0;
             if ((from < 0.0) == (to < 0.0) && (slope_from > 0.0) == (from < 0.0) && (slope_to > 0.0) != (from < 0.0))
                 crossed = turns_beyond(from, to, slope_from, slope_to, lo, hi);
             if (crossed) locate(lo, hi);
+            const double bend = std::abs(slope_to - slope_from) / dt;
             const double start = trajectory_.time();
             trajectory_.accept();
             h_ = to;
-            if (crossed) return crossing_at(start);
+            if (touched_) return FlowStatus::grazing;
+            if (crossed) return crossing_at(start, bend);
         }
         return FlowStatus::no_crossing;
     }
@@ -62,6 +62,13 @@ private:
             sum += plane_.normal[i] * x[i].value;
         return plane_.direction * sum;
     }
+    /// What rounding leaves open of h: 1e-14 of the terms of the sum.
+    [[nodiscard]] double rounding(const std::vector<T>& x) const {
+        double terms = std::abs(plane_.offset);
+        for (std::size_t i = 0; i < x.size(); ++i)
+            terms += std::abs(plane_.normal[i] * x[i].value);
+        return 1e-14 * terms;
+    }
     /// dh/dt for x' = f.
     [[nodiscard]] double rise(const std::vector<T>& f) const {
         double sum = 0.0;
@@ -70,8 +77,9 @@ private:
         return plane_.direction * sum;
     }
 
-    /// Both ends of the step lie on the same side and h turns in between: finds the turning point, and whether it lies
-    /// beyond the plane; [lo, hi] is then narrowed to the rise through 0.
+    /// Both ends of the step lie on the same side and h turns in between: whether the turning point lies beyond the
+    /// plane; [lo, hi] is then narrowed to the rise through 0. When rounding decides whether it does, touched_ is set;
+    /// but leaving a start on the plane is no touch.
     bool turns_beyond(double from, double to, double slope_from, double slope_to, double& lo, double& hi) {
         // The tangents at both ends bound a curve that bends one way; only one that may come near is looked at.
         const double side = from < 0.0 ? -1.0 : 1.0;
@@ -82,7 +90,7 @@ private:
         for (int i = 0; i < 50 && behind - before > 1e-12 * hi; ++i) {
             const double middle = 0.5 * (before + behind);
             trajectory_.after(middle, x_);
-            if (side * height(x_) < 0.0) {
+            if (side * height(x_) < -rounding_) {
                 // Below the plane h comes from here up to the end; above it, it has come up from the start.
                 (side > 0.0 ? lo : hi) = middle;
                 return true;
@@ -90,6 +98,7 @@ private:
             trajectory_.evaluate(x_, f_);
             ((rise(f_) > 0.0) == (slope_from > 0.0) ? before : behind) = middle;
         }
+        touched_ = from != 0.0 && std::abs(height(x_)) <= rounding_;
         return false;
     }
 
@@ -114,15 +123,11 @@ private:
 
     /// The solution at a fixed time becomes the point of crossing: the time is made a dual number by one Newton step,
     /// t_j = -(normal . x_j) / (normal . f), and the point moves along with it.
-    FlowStatus crossing_at(double start) {
-        double speed = 0.0, terms = 0.0;
-        for (std::size_t i = 0; i < x_.size(); ++i) {
-            speed += plane_.normal[i] * f_[i].value;
-            terms += std::abs(plane_.normal[i] * f_[i].value);
-        }
-        // Touched without speed: rounding decides whether there is a crossing at all, and its time is lost to it. 1e-8:
-        // half of the digits.
-        if (!(plane_.direction * speed > 1e-8 * terms)) return FlowStatus::grazing;
+    FlowStatus crossing_at(double start, double bend) {
+        // Without rounding h would pass 0 by speed^2 / (2 bend): a touch when rounding decides.
+        const double rising = rise(f_);
+        if (!(rising > 0.0 && rising * rising > 2.0 * bend * rounding_)) return FlowStatus::grazing;
+        const double speed = plane_.direction * rising;
         time_ = T(start + at_);
         for (std::size_t j = 0; j < N; ++j) {
             double sum = 0.0;
@@ -142,6 +147,8 @@ private:
     std::vector<T> f_;
     double h_;
     double at_ = 0.0;
+    double rounding_ = 0.0;  ///< of h at both ends of the step
+    bool touched_ = false;
     T time_{0.0};
 };
 

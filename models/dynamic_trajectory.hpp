@@ -1,22 +1,24 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
 #include <numbers>
 #include <span>
+#include <utility>
 #include <vector>
 
-#include <boost/numeric/odeint/stepper/runge_kutta_fehlberg78.hpp>
-
+#include "models/explicit_method.hpp"
 #include "models/model.hpp"
 #include "models/simulation.hpp"
 
 namespace orbid::models {
 
-/// One solution of a DynamicModel on its way, with N >= 1 directions of derivative: error-controlled steps of the
-/// Runge-Kutta-Fehlberg 7(8) method of Boost.Odeint. A step is first found, then accepted, as in ControlledStep.
+/// One solution of a DynamicModel on its way, with N >= 1 directions of derivative (of order 2 also their derivatives
+/// in one more): error-controlled steps of the method of all flows. A step is first found, then accepted, as in
+/// ControlledStep.
 ///
 /// Derivatives with respect to all n coordinates of the start are too many to be carried along always, so the steps do
 /// not look at them. Nor may they look at the values alone, which allow any step at an equilibrium (see error_ratio in
@@ -25,27 +27,29 @@ namespace orbid::models {
 /// bit-identical values, whatever the other directions are.
 ///
 /// Memory is allocated when a trajectory is made, and not again.
-template <DynamicModel M, std::size_t N>
+template <DynamicModel M, std::size_t N, std::size_t order = 1>
 class DynamicTrajectory {
 public:
-    using T = Dual<N>;
+    using T = Scalar<N, order>;
     using Parameters = Values<T, parameter_count_of<M>>;
 
     /// @param x0  partial 0 is overwritten by that of the probe
     /// @param p   partial 0 is 0
     DynamicTrajectory(const Parameters& p, std::vector<T> x0, const FlowOptions& options)
-        : p_(p), options_(options), x_(std::move(x0)), slope_(x_.size()), end_(x_.size()), error_(x_.size()) {
+        : p_(p), options_(options), x_(std::move(x0)), end_(x_.size()), sum_(x_.size()) {
+        for (auto& slope : slopes_)
+            slope.resize(x_.size());
         // A chirp, whose spectrum is flat: no Fourier mode of a ring or a chain is missing in it. The golden ratio is
         // the number whose multiples stay away most from whole numbers.
         for (std::size_t i = 0; i < x_.size(); ++i) {
             const double turns = static_cast<double>((i + 1) * (i + 1)) * (std::numbers::phi - 1.0);
-            x_[i].partial[0] = 2.0 * (turns - std::floor(turns)) - 1.0;
+            probe(x_[i]) = 2.0 * (turns - std::floor(turns)) - 1.0;
         }
-        evaluate(x_, slope_);
+        evaluate(x_, slopes_[0]);
         // A hundredth of the time in which the state would change by its own size; the first error corrects it.
         double rate = 0.0;
         for (std::size_t i = 0; i < x_.size(); ++i)
-            rate = std::max(rate, std::abs(slope_[i].value) / (std::abs(x_[i].value) + 1e-3));
+            rate = std::max(rate, std::abs(value_of(slopes_[0][i])) / (std::abs(value_of(x_[i])) + 1e-3));
         step_ = std::isfinite(rate) && rate > 0.0 ? 0.01 / rate : 0.01;
     }
 
@@ -70,8 +74,8 @@ public:
             if (!(time_ + dt_ > time_)) return FlowStatus::not_finite;
             step(dt_, end_);
             const double ratio = error_ratio();
-            // Order 8: the local error goes with the eighth power of the step. Safety 0.9, change at most 5 times.
-            factor_ = ratio > 0.0 ? std::clamp(0.9 * std::pow(ratio, -0.125), 0.2, 5.0) : 5.0;
+            // Safety 0.9, change at most 5 times.
+            factor_ = ratio > 0.0 ? std::clamp(0.9 * std::pow(ratio, -1.0 / method.error_order), 0.2, 5.0) : 5.0;
             if (ratio <= 1.0) {
                 // The very target, whatever rounding would make of time + (target - time).
                 time_at_end_ = dt_ == remaining ? target : time_ + dt_;
@@ -86,12 +90,12 @@ public:
         std::swap(x_, end_);
         time_ = time_at_end_;
         rescale_probe();
-        evaluate(x_, slope_);
+        evaluate(x_, slopes_[0]);
         // A step that was cut to land must not shorten the next one.
         step_ = dt_ < step_ ? std::max(step_, dt_ * factor_) : dt_ * factor_;
     }
 
-    /// The state dt after the present one, dt inside the step attempted; its error is not looked at.
+    /// The state dt after the present one, dt inside the step attempted, which remains attempted.
     void after(double dt, std::vector<T>& x) { step(dt, x); }
 
     /// f at a state.
@@ -100,7 +104,7 @@ public:
     }
 
     [[nodiscard]] const std::vector<T>& state() const { return x_; }
-    [[nodiscard]] const std::vector<T>& slope() const { return slope_; }
+    [[nodiscard]] const std::vector<T>& slope() const { return slopes_[0]; }
     [[nodiscard]] double time() const { return time_; }
     [[nodiscard]] const std::vector<T>& end() const { return end_; }
     [[nodiscard]] double attempted() const { return dt_; }
@@ -108,10 +112,34 @@ public:
     [[nodiscard]] std::size_t steps() const { return steps_; }
 
 private:
-    /// Every operation of the method on a dual number gives each of its parts what plain numbers would get.
+    static constexpr const auto& method = verner98;
+
+    static double& probe(T& x) { return first_order(x).partial[0]; }
+    static double probe(const T& x) { return first_order(x).partial[0]; }
+
+    /// One step from the present state; leaves the other slopes and, in sum_, the estimated error over dt.
     void step(double dt, std::vector<T>& end) {
-        const auto system = [this](const std::vector<T>& x, std::vector<T>& f, double /*t*/) { evaluate(x, f); };
-        method_.do_step(system, x_, slope_, time_, end, dt, error_);
+        for (std::size_t i = 1; i < method.stages; ++i) {
+            combine(method.matrix[i], i);
+            for (std::size_t c = 0; c < x_.size(); ++c)
+                end[c] = multiply_add(dt, sum_[c], x_[c]);
+            evaluate(end, slopes_[i]);
+        }
+        combine(method.weights.data(), method.stages);
+        for (std::size_t c = 0; c < x_.size(); ++c)
+            end[c] = multiply_add(dt, sum_[c], x_[c]);
+        combine(method.error.data(), method.stages);
+    }
+
+    /// sum_ = sum_j row_j slope_j, j < count.
+    void combine(const double* row, std::size_t count) {
+        for (std::size_t c = 0; c < x_.size(); ++c)
+            sum_[c] = row[0] * slopes_[0][c];
+        for (std::size_t j = 1; j < count; ++j) {
+            if (row[j] == 0.0) continue;
+            for (std::size_t c = 0; c < x_.size(); ++c)
+                sum_[c] = multiply_add(row[j], slopes_[j][c], sum_[c]);
+        }
     }
 
     /// Largest ratio of estimated to allowed local error: of a value, absolute + relative |x|, where an angle counts
@@ -119,17 +147,18 @@ private:
     /// finite.
     [[nodiscard]] double error_ratio() const {
         double worst = 0.0;
-        const auto judge = [&worst](double size, double allowed) {
-            const double ratio = std::abs(size) / allowed;
+        const auto judge = [&worst, this](double slope, double allowed) {
+            const double ratio = std::abs(dt_ * slope) / allowed;
             // nan must come out as a failed step: max(worst, nan) would drop it.
             if (!(ratio <= worst)) worst = std::isnan(ratio) ? std::numeric_limits<double>::infinity() : ratio;
         };
         for (std::size_t i = 0; i < x_.size(); ++i) {
-            if (!std::isfinite(end_[i].value)) return std::numeric_limits<double>::infinity();
-            double size = std::max(std::abs(x_[i].value), std::abs(end_[i].value));
+            const double end = value_of(end_[i]);
+            if (!std::isfinite(end)) return std::numeric_limits<double>::infinity();
+            double size = std::max(std::abs(value_of(x_[i])), std::abs(end));
             if (M::coordinate.angle) size = std::min(size, std::numbers::pi);
-            judge(error_[i].value, options_.absolute_tolerance + options_.relative_tolerance * size);
-            judge(error_[i].partial[0], 10.0 * options_.relative_tolerance);
+            judge(value_of(sum_[i]), options_.absolute_tolerance + options_.relative_tolerance * size);
+            judge(probe(sum_[i]), 10.0 * options_.relative_tolerance);
         }
         return worst;
     }
@@ -139,21 +168,20 @@ private:
     void rescale_probe() {
         double size = 0.0;
         for (const T& x : x_)
-            size = std::max(size, std::abs(x.partial[0]));
+            size = std::max(size, std::abs(probe(x)));
         int exponent = 0;
         std::frexp(size, &exponent);
         const double scale = std::ldexp(1.0, -exponent);
         for (T& x : x_)
-            x.partial[0] *= scale;
+            probe(x) *= scale;
     }
 
     Parameters p_;
     FlowOptions options_;
-    boost::numeric::odeint::runge_kutta_fehlberg78<std::vector<T>, double> method_;
     std::vector<T> x_;
-    std::vector<T> slope_;
     std::vector<T> end_;
-    std::vector<T> error_;
+    std::vector<T> sum_;
+    std::array<std::vector<T>, method.stages> slopes_;  ///< the first is that of x_
     double time_ = 0.0;
     double step_ = 0.0;
     double dt_ = 0.0;
