@@ -28,7 +28,15 @@ orbits::VirtualExperimentOptions simulation_options(const Job& job, const DataJo
     const SimulationJob& simulation = *data.simulation;
     orbits::VirtualExperimentOptions options;
     if (simulation.sampling == orbits::Series::Sampling::section) {
-        options.plan = orbits::SectionPlan{simulation.sections, simulation.transient};
+        orbits::SectionPlan plan;
+        plan.sections = simulation.sections;
+        plan.transient = simulation.transient;
+        if (job.section_plane) {
+            plan.section =
+                models::Section{Eigen::VectorXd::Unit(job.model.system->dimension(), job.section_plane->coordinate),
+                                job.section_plane->value, job.section_plane->direction};
+        }
+        options.plan = plan;
     } else {
         options.plan = orbits::SamplePlan{simulation.step, simulation.count, simulation.transient};
     }
@@ -99,8 +107,19 @@ Origin origin_of(const std::string& text) {
     return origin;
 }
 
-orbits::Series read_stored(const std::filesystem::path& file, SeriesOutput format, const orbits::Series& shape) {
-    return format == SeriesOutput::csv ? orbits::read_csv(file, orbits::table_layout(shape)) : orbits::read_hdf5(file);
+orbits::Series read_stored(const std::filesystem::path& file, SeriesOutput format, const orbits::Series& shape,
+                           bool timed) {
+    if (format != SeriesOutput::csv) return orbits::read_hdf5(file);
+    orbits::TableLayout layout = orbits::table_layout(shape);
+    if (timed) layout.time = "t";
+    return orbits::read_csv(file, layout);
+}
+
+/// A coordinate as the sensor of an experiment reads it.
+orbits::SeriesCoordinate series_coordinate(const Job& job, const DataJob& data, std::size_t index) {
+    const auto coordinates = job.model.system->coordinates();
+    return {std::string(coordinates[index].name), std::string(coordinates[index].unit),
+            models::reads_angle(data.sensor, coordinates, index)};
 }
 
 /// A series without data: what the coordinates of a simulated series are called.
@@ -108,9 +127,8 @@ orbits::Series empty_series(const Job& job, const DataJob& data) {
     orbits::Series series;
     series.sampling = data.sampling();
     series.phase = job.section_phase;
-    for (const models::Coordinate& coordinate : job.model.system->coordinates()) {
-        series.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
-    }
+    for (std::size_t i = 0; i < job.model.system->coordinates().size(); ++i)
+        series.coordinates.push_back(series_coordinate(job, data, i));
     return series;
 }
 
@@ -122,9 +140,11 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     const auto file =
         work.file(job.data.size() == 1 ? "series" + ending : fmt::format("series_{}{}", data.name, ending));
     const std::string place = work.document["data"].is_array() ? fmt::format("/data/{}", index) : "/data";
-    const Fingerprint wanted = stage_fingerprint(
-        work.document, {"/model", "/seed", "/section", place + "/simulate", place + "/sensor", place + "/parameters"});
+    const Fingerprint wanted =
+        stage_fingerprint(work.document, {"/model", "/seed", "/section", place + "/simulate", place + "/inputs",
+                                          place + "/interpolation", place + "/sensor", place + "/parameters"});
 
+    const Inputs inputs = load_inputs(job, data);
     if (stored && std::filesystem::exists(file)) {
         // An unreadable file of ours is one to be replaced, unless a later stage alone was asked for.
         std::optional<Origin> origin;
@@ -134,7 +154,11 @@ Experiment simulated(const Workspace& work, std::size_t index) {
             origin = Origin{};
         }
         if (reusable(work, Stage::simulate, file, origin->fingerprint, wanted)) {
-            Experiment experiment{read_stored(file, job.series_output, empty_series(job, data)), origin->captured};
+            Experiment experiment{
+                read_stored(file, job.series_output, empty_series(job, data), job.section_plane.has_value()),
+                origin->captured,
+                {}};
+            experiment.inputs = by_segment(inputs, experiment.series.segments.size());
             work.progress.reused("simulate",
                                  fmt::format("{} points from {}", experiment.series.size(), file.filename().string()));
             return experiment;
@@ -142,9 +166,10 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     }
 
     work.progress.begin("simulate");
-    auto run = orbits::simulate(work.system(), experiment_values(job, data), simulation_options(job, data));
+    auto run = orbits::simulate(*system_with(job, inputs), experiment_values(job, data), simulation_options(job, data));
     if (!run.complete) throw orbits::DataError(fmt::format("{}: cannot be simulated: {}", data.name, run.message));
-    Experiment experiment{std::move(run.series), captures(data.name, run.events)};
+    Experiment experiment{std::move(run.series), captures(data.name, run.events), {}};
+    experiment.inputs = by_segment(inputs, experiment.series.segments.size());
     experiment.series.origin = origin_text(wanted, experiment.captured);
     if (stored) {
         work.folder.store(file.filename().string(), [&](const std::filesystem::path& temporary) {
@@ -192,13 +217,9 @@ Experiment measured(const Workspace& work, std::size_t index) {
         layout.phase = work.job.section_phase;
         layout.minimum_points = 2;
         for (const ColumnJob& column : file.columns) {
-            const auto& coordinate = work.system().coordinates()[static_cast<std::size_t>(column.coordinate)];
             layout.coordinates.push_back(
-                {{std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle},
-                 column.column,
-                 column.unit,
-                 static_cast<double>(column.sign),
-                 column.offset,
+                {series_coordinate(work.job, data, static_cast<std::size_t>(column.coordinate)), column.column,
+                 column.unit, static_cast<double>(column.sign), column.offset,
                  sd_column(work.job, index, column.coordinate)});
         }
         experiment.series = orbits::read_csv(file.path, layout);
@@ -217,6 +238,7 @@ Experiment measured(const Workspace& work, std::size_t index) {
             }
         }
     }
+    experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments.size());
     work.progress.end(fmt::format("{} points in {} segments from {}", experiment.series.size(),
                                   experiment.series.segments.size(), file.path.filename().string()));
     return experiment;

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "apps/input_record.hpp"
 #include "apps/workspace.hpp"
 #include "orbits/series.hpp"
 
@@ -11,6 +12,7 @@ namespace orbid::apps {
 struct Experiment {
     orbits::Series series;
     std::vector<Capture> captured;
+    Inputs inputs;  ///< one per segment of the series; empty when the model reads none
 };
 
 /// Reads or simulates the records of all experiments of the job, in their order; simulated ones are stored as

@@ -38,6 +38,13 @@ double relative_of(const estimator::EstimatedScale& scale) {
     return 0.0;
 }
 
+/// Phase [rad] of the k-th point of a cycle; of a map the number of the iteration.
+double at_section(const Workspace& work, Eigen::Index k) {
+    const auto count = static_cast<double>(k);
+    if (work.system().kind() == models::Kind::map) return count;
+    return work.job.section_phase + 2.0 * std::numbers::pi * count;
+}
+
 double nearest_prediction(double observed, double e, bool angle) {
     const double predicted = observed - e;
     return angle ? models::wrapped(predicted) : predicted;
@@ -62,7 +69,7 @@ void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual
             const double shape = layout.shape.size() > 0 ? std::sqrt(layout.shape(i, i)) : 1.0;
             const double observed = cycle.points(i % n, i / n);
             rows.push_back({experiment, fmt::format("cycle {}", residual.cycle_of(b)), std::string(coordinate.name),
-                            work.job.section_phase + 2.0 * std::numbers::pi * static_cast<double>(i / n), observed,
+                            at_section(work, i / n), observed,
                             nearest_prediction(observed, values[b].e[i], coordinate.angle),
                             scale != nullptr ? scale->value * shape : nan});
         }

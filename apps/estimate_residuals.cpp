@@ -56,11 +56,13 @@ orbits::InitialStateRule initial_rule(const InitialValueJob& job, const std::vec
 }
 
 std::unique_ptr<orbits::SeriesResidual> series_residual(const Job& job, std::size_t experiment,
-                                                        const EstimateSetup& setup, const orbits::Series& series) {
+                                                        const EstimateSetup& setup, const Experiment& measured) {
+    const orbits::Series& series = measured.series;
     const DataJob& data = job.data[experiment];
     orbits::SeriesResidualOptions options;
     options.name = job.estimate->series->data.size() > 1 ? "series." + data.name : "series";
     options.sensor = data.sensor;
+    options.inputs = measured.inputs;
     for (const Eigen::Index coordinate : data.observe) {
         options.observe.emplace_back(job.model.system->coordinates()[static_cast<std::size_t>(coordinate)].name);
         for (const ErrorJob& error : job.estimate->series->errors) {
@@ -141,7 +143,7 @@ orbits::CycleTargetOptions cycle_targets(const CyclesResidualJob& job) {
 void add_series(const Job& job, const std::vector<Experiment>& data, EstimateSetup& setup, JobResiduals& residuals) {
     if (!job.estimate->series) return;
     for (const std::size_t experiment : job.estimate->series->data) {
-        residuals.series.push_back(series_residual(job, experiment, setup, data[experiment].series));
+        residuals.series.push_back(series_residual(job, experiment, setup, data[experiment]));
         residuals.experiments.push_back(experiment);
         guess_starts(job, experiment, *residuals.series.back(), setup);
     }

@@ -9,6 +9,7 @@
 #include "apps/estimate_records.hpp"
 #include "apps/estimate_residuals.hpp"
 #include "apps/estimate_setup.hpp"
+#include "apps/first_use.hpp"
 #include "apps/orbits_stage.hpp"
 #include "apps/posterior_stage.hpp"
 #include "apps/segment_choice.hpp"
@@ -77,6 +78,9 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     std::vector<estimator::FreeParameter> parameters = setup.parameters;
     const models::ParameterBinding& cycle_binding =
         job.orbits && !job.orbits->file ? setup.experiments[job.orbits->data] : setup.model;
+    if (const auto flow = first_flow(job, data, search, setup, residuals, cycle_binding)) {
+        work.progress.log(compare_derivatives(*flow));
+    }
     CycleStart start;
     if (job.estimate->cycles && !search.cycles.empty()) {
         const auto targets = cycle_targets(*job.estimate->cycles);

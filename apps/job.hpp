@@ -17,6 +17,7 @@
 #include "estimator/prior.hpp"
 #include "estimator/residual.hpp"
 #include "models/expression.hpp"
+#include "models/input_signal.hpp"
 #include "models/sensor.hpp"
 #include "models/system.hpp"
 #include "orbits/cycle_search.hpp"
@@ -80,6 +81,16 @@ struct FileJob {
     std::string sha256;              ///< expected, lower-case hex; empty: not given
 };
 
+/// Measured inputs of the model, from the table of the experiment itself or from one of their own.
+struct InputJob {
+    std::optional<std::filesystem::path> file;  ///< absolute; empty: the table of the data
+    std::string sha256;                         ///< of `file`, expected; empty: not given
+    std::string time_column = "t";              ///< of `file`
+    std::string time_unit = "s";
+    std::vector<ColumnJob> columns;  ///< one per input of the model, in its order; `coordinate` is the input's index
+    models::InputSignal::Interpolation interpolation = models::InputSignal::Interpolation::linear;
+};
+
 /// Where one coordinate of a segment's initial state comes from.
 struct InitialValueJob {
     bool estimate = true;
@@ -109,6 +120,7 @@ struct DataJob {
     std::string name;
     std::optional<SimulationJob> simulation;  ///< exactly one of simulation and file
     std::optional<FileJob> file;
+    std::optional<InputJob> inputs;  ///< of a model that reads some
     models::Sensor sensor;
     std::vector<Eigen::Index> observe;            ///< coordinates used as data, ascending
     std::vector<ParameterValue> parameters;       ///< values that hold for this experiment only
@@ -137,6 +149,13 @@ struct OrbitStart {
 
 struct PeriodicJob {
     std::vector<OrbitStart> orbits;
+};
+
+/// A section of an autonomous flow: coordinate = value, crossed in one direction.
+struct SectionPlaneJob {
+    Eigen::Index coordinate = 0;
+    double value = 0.0;
+    int direction = 1;  ///< +1 while the coordinate rises, -1 while it falls
 };
 
 struct FreeParameterJob {
@@ -230,7 +249,8 @@ struct Job {
     std::string title;
     ModelJob model;
     std::uint64_t seed = 1;
-    double section_phase = 0.0;  ///< [rad], forced models
+    double section_phase = 0.0;                    ///< [rad], forced models
+    std::optional<SectionPlaneJob> section_plane;  ///< autonomous models
     std::vector<DataJob> data;
     std::optional<OrbitsJob> orbits;
     std::optional<PeriodicJob> periodic;

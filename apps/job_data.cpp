@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "apps/job_parts.hpp"
@@ -9,44 +8,6 @@ namespace orbid::apps {
 namespace {
 
 using Sampling = orbits::Series::Sampling;
-
-models::Sensor read_sensor(const ValueReader& value, const Job& job) {
-    models::Sensor sensor;
-    ObjectReader object(value);
-    const auto type = object.require("type", "\"state\" or \"angle_difference\"");
-    const auto choice = type ? type->choice({"state", "angle_difference"}) : std::nullopt;
-    if (choice == 1) {
-        sensor.type = models::Sensor::Type::angle_difference;
-        const auto coordinate = [&](std::string_view key, std::string_view meaning) -> std::optional<Eigen::Index> {
-            const auto entry = object.require(key, meaning);
-            const auto name = entry ? entry->text() : std::nullopt;
-            return name ? coordinate_named(*name, *entry, job) : std::nullopt;
-        };
-        const auto angle = coordinate("angle", "the coordinate that is read");
-        const auto rate = coordinate("rate", "the coordinate that the difference quotient stands for");
-        if (angle) {
-            sensor.angle = static_cast<std::size_t>(*angle);
-            const auto& entry = job.model.system->coordinates()[sensor.angle];
-            if (!entry.angle) object.report("angle", fmt::format("{} is no angle", entry.name));
-        }
-        if (rate) sensor.rate = static_cast<std::size_t>(*rate);
-        if (angle && rate && *angle == *rate) object.report("rate", "must be another coordinate than the angle");
-        if (const auto delay = object.require("delay", "seconds between the two readings of the angle, > 0")) {
-            sensor.delay = delay->positive().value_or(1.0);
-        }
-        if (const auto step = object.find("step")) sensor.step = step->nonnegative().value_or(0.0);
-        if (const auto rounding = object.find("rounding")) {
-            using Rounding = models::Sensor::Rounding;
-            if (rounding->choice({"none", "nearest"}) == 1) sensor.rounding = Rounding::nearest;
-            if (sensor.rounding == Rounding::nearest && !(sensor.step > 0)) {
-                rounding->report("rounding needs the encoder's \"step\" > 0");
-            }
-        }
-    }
-    // Without a known type every other key would be called unknown.
-    if (choice) object.finish();
-    return sensor;
-}
 
 /// Labels of segments: texts, or numbers as they stand in the file.
 std::vector<std::string> read_labels(const ValueReader& value) {
@@ -225,6 +186,7 @@ DataJob read_experiment(const ValueReader& value, const std::string& default_nam
         if (text && is_name(*text, *name)) data.name = *text;
     }
     read_source(object, job, data);
+    read_inputs(object, job, data);
     if (const auto sensor = object.find("sensor")) data.sensor = read_sensor(*sensor, job);
     // The difference of two readings has the error of the angle, none of its own.
     if (data.simulation && data.sensor.type == models::Sensor::Type::angle_difference && job.model.system &&

@@ -146,7 +146,7 @@ bool has_size(const ErrorJob& error) {
 void check_use(const ErrorEntry& entry, const ErrorUse& use, const Job& job) {
     const ErrorJob& error = *entry.error;
     const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(error.coordinate)];
-    if (has_size(error) && coordinate.angle) {
+    if (has_size(error) && reads_angle(job, use.data, error.coordinate)) {
         entry.at.report(
             fmt::format("{} is an angle: it has no size that such errors could be relative to", coordinate.name));
     }

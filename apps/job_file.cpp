@@ -18,11 +18,44 @@ std::string extension(const std::filesystem::path& path) {
     return text;
 }
 
-/// "theta", or { "column": "theta", "unit": "deg", "sign": -1, "offset": 3.14 }.
-ColumnJob read_column(const ValueReader& value, Eigen::Index coordinate, const Job& job) {
-    const models::Coordinate& entry = job.model.system->coordinates()[static_cast<std::size_t>(coordinate)];
+void read_columns(const ValueReader& value, const Job& job, FileJob& file) {
+    for (const auto& [name, member] : value.members()) {
+        if (name == "segment") {
+            file.segment_column = member.text().value_or("");
+        } else if (name == "time") {
+            read_time(member, file.time_column, file.time_unit);
+        } else if (const auto coordinate = coordinate_named(name, member, job)) {
+            const auto& entry = job.model.system->coordinates()[static_cast<std::size_t>(*coordinate)];
+            file.columns.push_back(read_column(member, *coordinate, entry));
+        }
+    }
+    std::sort(file.columns.begin(), file.columns.end(),
+              [](const ColumnJob& a, const ColumnJob& b) { return a.coordinate < b.coordinate; });
+    if (job.model.system && file.columns.empty() && value.is(JsonValue::Kind::object)) {
+        value.report("must name the column of at least one coordinate of the model");
+    }
+    if (file.sampling == Sampling::samples && file.time_column.empty()) {
+        value.report("samples need the column of the time: \"time\": \"t\"");
+    }
+}
+
+/// What write_csv of orbid names its columns.
+void take_default_columns(const Job& job, FileJob& file) {
+    file.segment_column = "segment";
+    const bool autonomous = job.model.system && job.model.system->kind() == models::Kind::autonomous;
+    if (file.sampling == Sampling::samples || autonomous) file.time_column = "t";
+    if (!job.model.system) return;
+    for (const models::Coordinate& coordinate : job.model.system->coordinates()) {
+        const auto index = static_cast<Eigen::Index>(file.columns.size());
+        file.columns.push_back({index, std::string(coordinate.name), std::string(coordinate.unit), 1, 0.0});
+    }
+}
+
+}  // namespace
+
+ColumnJob read_column(const ValueReader& value, Eigen::Index index, const models::Coordinate& entry) {
     ColumnJob column;
-    column.coordinate = coordinate;
+    column.coordinate = index;
     column.unit = entry.unit;
     if (value.is(JsonValue::Kind::string)) {
         column.column = *value.text();
@@ -51,9 +84,9 @@ ColumnJob read_column(const ValueReader& value, Eigen::Index coordinate, const J
     return column;
 }
 
-void read_time(const ValueReader& value, FileJob& file) {
+void read_time(const ValueReader& value, std::string& column, std::string& time_unit) {
     if (value.is(JsonValue::Kind::string)) {
-        file.time_column = *value.text();
+        column = *value.text();
         return;
     }
     if (!value.is(JsonValue::Kind::object)) {
@@ -61,49 +94,15 @@ void read_time(const ValueReader& value, FileJob& file) {
         return;
     }
     ObjectReader object(value);
-    if (const auto name = object.require("column", "its header in the file"))
-        file.time_column = name->text().value_or("");
+    if (const auto name = object.require("column", "its header in the file")) column = name->text().value_or("");
     if (const auto unit = object.find("unit")) {
-        file.time_unit = unit->text().value_or("s");
-        if (!orbits::unit_factor(file.time_unit, "s")) {
-            unit->report(fmt::format("unit \"{}\" is no time; known: {}", file.time_unit, orbits::units_like("s")));
+        time_unit = unit->text().value_or("s");
+        if (!orbits::unit_factor(time_unit, "s")) {
+            unit->report(fmt::format("unit \"{}\" is no time; known: {}", time_unit, orbits::units_like("s")));
         }
     }
     object.finish();
 }
-
-void read_columns(const ValueReader& value, const Job& job, FileJob& file) {
-    for (const auto& [name, member] : value.members()) {
-        if (name == "segment") {
-            file.segment_column = member.text().value_or("");
-        } else if (name == "time") {
-            read_time(member, file);
-        } else if (const auto coordinate = coordinate_named(name, member, job)) {
-            file.columns.push_back(read_column(member, *coordinate, job));
-        }
-    }
-    std::sort(file.columns.begin(), file.columns.end(),
-              [](const ColumnJob& a, const ColumnJob& b) { return a.coordinate < b.coordinate; });
-    if (job.model.system && file.columns.empty() && value.is(JsonValue::Kind::object)) {
-        value.report("must name the column of at least one coordinate of the model");
-    }
-    if (file.sampling == Sampling::samples && file.time_column.empty()) {
-        value.report("samples need the column of the time: \"time\": \"t\"");
-    }
-}
-
-/// What write_csv of orbid names its columns.
-void take_default_columns(const Job& job, FileJob& file) {
-    file.segment_column = "segment";
-    if (file.sampling == Sampling::samples) file.time_column = "t";
-    if (!job.model.system) return;
-    for (const models::Coordinate& coordinate : job.model.system->coordinates()) {
-        const auto index = static_cast<Eigen::Index>(file.columns.size());
-        file.columns.push_back({index, std::string(coordinate.name), std::string(coordinate.unit), 1, 0.0});
-    }
-}
-
-}  // namespace
 
 void read_file(ObjectReader& data, const ValueReader& path, const Job& job, FileJob& file) {
     const auto read = read_path(path, job);
@@ -118,6 +117,11 @@ void read_file(ObjectReader& data, const ValueReader& path, const Job& job, File
     file.sha256 = read_sha256(data);
     if (const auto kind = data.require("kind", "\"section\" or \"samples\"")) {
         if (kind->choice({"section", "samples"}) == 1) file.sampling = Sampling::samples;
+        const bool map = job.model.system && job.model.system->kind() == models::Kind::map;
+        if (map && file.sampling == Sampling::samples) {
+            kind->report(fmt::format("the model {} is a map: it has no samples in time; its iterates are a \"section\"",
+                                     job.model.name));
+        }
     }
     const auto columns = data.find("columns");
     if (columns && !file.table) {

@@ -75,21 +75,6 @@ void read_model(ObjectReader& root, Job& job) {
     model.finish();
 }
 
-void read_section(ObjectReader& root, Job& job) {
-    const auto value = root.find("section");
-    if (!value) return;
-    ObjectReader section(*value);
-    section.reserve({"coordinate", "value", "direction"});
-    if (const auto phase = section.find("phase")) {
-        const auto number = phase->number();
-        if (job.model.system && job.model.system->kind() != models::Kind::forced) {
-            phase->report(fmt::format("the model {} is not forced: it has no phase", job.model.name));
-        }
-        job.section_phase = number.value_or(0.0);
-    }
-    section.finish();
-}
-
 void read_reference(ObjectReader& root, Job& job) {
     const auto value = root.find("reference");
     if (!value) return;

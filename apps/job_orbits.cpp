@@ -56,6 +56,9 @@ void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
         return;
     }
     orbits.data = static_cast<std::size_t>(series - job.data.begin());
+    if (series->sensor.type == models::Sensor::Type::function) {
+        object.self().report(fmt::format("cycles read by a sensor \"function\": {}", not_in_this_version));
+    }
     const bool another = std::any_of(series + 1, job.data.end(), [](const DataJob& data) {
         return data.sampling() == orbits::Series::Sampling::section;
     });
@@ -121,10 +124,10 @@ OrbitStart read_start(const ValueReader& value, const Job& job) {
     return start;
 }
 
-bool is_forced(const ValueReader& at, const Job& job, std::string_view what) {
-    if (!job.model.system || job.model.system->kind() == models::Kind::forced) return true;
+/// Cycles are those of a map: an iterated one, or a period of the forcing.
+void refuse_autonomous(const ValueReader& at, const Job& job, std::string_view what) {
+    if (!job.model.system || job.model.system->kind() != models::Kind::autonomous) return;
     at.report(fmt::format("{} of the model {}, which is not forced: {}", what, job.model.name, not_in_this_version));
-    return false;
 }
 
 }  // namespace
@@ -134,7 +137,7 @@ void read_orbits(ObjectReader& root, Job& job) {
     if (!value) return;
     OrbitsJob orbits;
     ObjectReader object(*value);
-    (void)is_forced(*value, job, "cycles");
+    refuse_autonomous(*value, job, "cycles");
     if (const auto file = object.find("file")) {
         orbits.file = read_path(*file, job);
         orbits.sha256 = read_sha256(object);
@@ -151,7 +154,7 @@ void read_periodic(ObjectReader& root, Job& job) {
     PeriodicJob periodic;
     ObjectReader object(*value);
     object.reserve({"search", "continuation"});
-    (void)is_forced(*value, job, "periodic orbits");
+    refuse_autonomous(*value, job, "periodic orbits");
     if (const auto method = object.find("method")) {
         (void)method->choice({"multiple_shooting"}, {"finite_difference", "collocation"});
     }

@@ -26,6 +26,18 @@ void read_reference(ObjectReader& root, Job& job);
 void read_simulation(const ValueReader& value, const Job& job, SimulationJob& simulation);
 void read_file(ObjectReader& data, const ValueReader& path, const Job& job, FileJob& file);
 
+/// "theta", or { "column": "theta", "unit": "deg", "sign": -1, "offset": 3.14 }.
+[[nodiscard]] ColumnJob read_column(const ValueReader& value, Eigen::Index index, const models::Coordinate& entry);
+/// "t", or { "column": "t", "unit": "ms" }.
+void read_time(const ValueReader& value, std::string& column, std::string& time_unit);
+/// "inputs" and "interpolation", after the source of the data.
+void read_inputs(ObjectReader& object, const Job& job, DataJob& data);
+[[nodiscard]] models::Sensor read_sensor(const ValueReader& value, const Job& job);
+
+/// Some of these experiments (indices into Job::data) read an angle in the place of the coordinate; of none: the
+/// coordinate is an angle.
+[[nodiscard]] bool reads_angle(const Job& job, const std::vector<std::size_t>& data, Eigen::Index coordinate);
+
 /// Parts of estimate.
 [[nodiscard]] std::optional<estimator::Prior> read_prior(const ValueReader& value);
 /// "linear", "log", "log10" or "logit".

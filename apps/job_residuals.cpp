@@ -13,7 +13,8 @@ void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     const bool searched = job.orbits && !job.orbits->file;
     if (!job.orbits) object.self().report("needs \"orbits\": { ... }, a search for cycles or a file of them");
     if (searched) cycles.periods = job.orbits->search.periods;
-    // Their points carry the bias of the difference quotient; compared with states they would bias the parameters.
+    // Points of a difference quotient carry its bias; compared with states they would bias the parameters. Formulas
+    // are refused where the series is searched.
     if (searched && job.orbits->data < job.data.size() &&
         job.data[job.orbits->data].sensor.type == models::Sensor::Type::angle_difference) {
         object.self().report(fmt::format("cycles read by a sensor \"angle_difference\": {}", not_in_this_version));

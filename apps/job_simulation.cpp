@@ -12,6 +12,10 @@ using Sampling = orbits::Series::Sampling;
 constexpr std::uint64_t most_points = std::uint64_t{1} << 40U;
 constexpr std::uint64_t most_trajectories = 1000000;
 
+bool has_kind(const Job& job, models::Kind kind) {
+    return job.model.system && job.model.system->kind() == kind;
+}
+
 void read_samples(const ValueReader& value, SimulationJob& simulation) {
     simulation.sampling = Sampling::samples;
     ObjectReader samples(value);
@@ -56,11 +60,17 @@ void read_simulation(const ValueReader& value, const Job& job, SimulationJob& si
     if (sections && samples) {
         samples->report("stands beside \"sections\": a simulation yields one of the two");
     } else if (samples) {
+        if (has_kind(job, models::Kind::map)) {
+            samples->report(
+                fmt::format("the model {} is a map: it has no samples in time; use \"sections\"", job.model.name));
+        }
         read_samples(*samples, simulation);
     } else if (sections) {
-        if (job.model.system && job.model.system->kind() != models::Kind::forced) {
-            sections->report(fmt::format("sections of the model {}, which is not forced: {}; use \"samples\"",
-                                         job.model.name, not_in_this_version));
+        if (has_kind(job, models::Kind::autonomous) && !job.section_plane) {
+            sections->report(
+                fmt::format("the model {} is not forced: name the section beside \"data\", \"section\": "
+                            "{{ \"coordinate\": ..., \"value\": ..., \"direction\": 1 }}",
+                            job.model.name));
         }
         simulation.sections = sections->whole(simulation.trajectories, most_points).value_or(simulation.trajectories);
     } else if (object.valid()) {

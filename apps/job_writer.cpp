@@ -97,6 +97,11 @@ Json job_document(const Job& job, const std::filesystem::path& folder, const Ver
     document["model"] = model_document(job);
     document["seed"] = job.seed;
     if (job.model.system->kind() == models::Kind::forced) document["section"]["phase"] = job.section_phase;
+    if (job.section_plane) {
+        document["section"] = {{"coordinate", detail::coordinate_name(job, job.section_plane->coordinate)},
+                               {"value", job.section_plane->value},
+                               {"direction", job.section_plane->direction}};
+    }
     for (const DataJob& data : job.data)
         document["data"].push_back(detail::data_document(job, data, folder));
     if (job.orbits) document["orbits"] = orbits_document(*job.orbits, folder);

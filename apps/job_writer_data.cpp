@@ -31,6 +31,10 @@ Json simulation_document(const Job& job, const SimulationJob& simulation) {
     return object;
 }
 
+Json column_document(const ColumnJob& column) {
+    return {{"column", column.column}, {"unit", column.unit}, {"sign", column.sign}, {"offset", column.offset}};
+}
+
 void add_file(const Job& job, const FileJob& file, const std::filesystem::path& folder, Json& object) {
     object["file"] = path_text(file.path, folder);
     if (!file.sha256.empty()) object["sha256"] = file.sha256;
@@ -40,22 +44,48 @@ void add_file(const Job& job, const FileJob& file, const std::filesystem::path& 
         if (!file.segment_column.empty()) columns["segment"] = file.segment_column;
         if (!file.time_column.empty()) columns["time"] = {{"column", file.time_column}, {"unit", file.time_unit}};
         for (const ColumnJob& column : file.columns) {
-            columns[coordinate_name(job, column.coordinate)] = {
-                {"column", column.column}, {"unit", column.unit}, {"sign", column.sign}, {"offset", column.offset}};
+            columns[coordinate_name(job, column.coordinate)] = column_document(column);
         }
         object["columns"] = std::move(columns);
     }
     object["missing"] = file.nan_is_missing ? "nan" : "empty";
 }
 
+void add_inputs(const Job& job, const InputJob& input, const std::filesystem::path& folder, Json& object) {
+    Json inputs = Json::object();
+    if (input.file) {
+        inputs["file"] = path_text(*input.file, folder);
+        if (!input.sha256.empty()) inputs["sha256"] = input.sha256;
+        inputs["time"] = {{"column", input.time_column}, {"unit", input.time_unit}};
+    }
+    for (const ColumnJob& column : input.columns) {
+        const auto& entry = job.model.system->inputs()[static_cast<std::size_t>(column.coordinate)];
+        inputs[std::string(entry.name)] = column_document(column);
+    }
+    object["inputs"] = std::move(inputs);
+    const bool cubic = input.interpolation == models::InputSignal::Interpolation::cubic;
+    object["interpolation"] = cubic ? "cubic" : "linear";
+}
+
 Json sensor_document(const Job& job, const models::Sensor& sensor) {
-    if (sensor.type == models::Sensor::Type::state) return {{"type", "state"}};
-    return {{"type", "angle_difference"},
-            {"angle", coordinate_name(job, static_cast<Eigen::Index>(sensor.angle))},
-            {"rate", coordinate_name(job, static_cast<Eigen::Index>(sensor.rate))},
-            {"delay", sensor.delay},
-            {"step", sensor.step},
-            {"rounding", sensor.rounding == models::Sensor::Rounding::nearest ? "nearest" : "none"}};
+    using Type = models::Sensor::Type;
+    Json object{{"type", sensor.type == Type::state      ? "state"
+                         : sensor.type == Type::function ? "function"
+                                                         : "angle_difference"}};
+    for (const models::FunctionReading& reading : sensor.functions) {
+        object["readings"][coordinate_name(job, static_cast<Eigen::Index>(reading.coordinate))] =
+            reading.expression.text();
+    }
+    const bool difference = sensor.type == Type::angle_difference;
+    if (!difference && sensor.step == 0.0) return object;
+    object["angle"] = coordinate_name(job, static_cast<Eigen::Index>(sensor.angle));
+    if (difference) {
+        object["rate"] = coordinate_name(job, static_cast<Eigen::Index>(sensor.rate));
+        object["delay"] = sensor.delay;
+    }
+    object["step"] = sensor.step;
+    object["rounding"] = sensor.rounding == models::Sensor::Rounding::nearest ? "nearest" : "none";
+    return object;
 }
 
 Json initial_value_document(const InitialValueJob& initial) {
@@ -75,6 +105,7 @@ Json data_document(const Job& job, const DataJob& data, const std::filesystem::p
     Json object{{"name", data.name}};
     if (data.simulation) object["simulate"] = simulation_document(job, *data.simulation);
     if (data.file) add_file(job, *data.file, folder, object);
+    if (data.inputs) add_inputs(job, *data.inputs, folder, object);
     object["sensor"] = sensor_document(job, data.sensor);
     object["observe"] = Json::array();
     for (const Eigen::Index i : data.observe)

@@ -56,7 +56,7 @@ std::string sensors_text(const models::System& system) {
     const bool angle = std::any_of(table.begin(), table.end(), [](const auto& entry) { return entry.angle; });
     // Its rate is another coordinate than the angle; a map has no time between two readings.
     const bool quotient = angle && table.size() > 1 && system.kind() != models::Kind::map;
-    return quotient ? "state angle_difference" : "state";
+    return quotient ? "state function angle_difference" : "state function";
 }
 
 }  // namespace

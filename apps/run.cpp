@@ -10,6 +10,7 @@
 #include "apps/data_stage.hpp"
 #include "apps/estimate_stage.hpp"
 #include "apps/fingerprint.hpp"
+#include "apps/first_use.hpp"
 #include "apps/interruption.hpp"
 #include "apps/job_writer.hpp"
 #include "apps/orbits_stage.hpp"
@@ -47,6 +48,7 @@ void sign(const std::filesystem::path& path, std::string& expected) {
 void sign_files(Job& job) {
     for (DataJob& data : job.data) {
         if (data.file) sign(data.file->path, data.file->sha256);
+        if (data.inputs && data.inputs->file) sign(*data.inputs->file, data.inputs->sha256);
     }
     if (job.orbits && job.orbits->file) sign(*job.orbits->file, job.orbits->sha256);
 }
@@ -159,6 +161,9 @@ int run_job(const Job& asked, const RunOptions& options) {
         fmt::print(stderr, "{}\n", error.what());
         return wrong_call;
     } catch (const StaleFile& error) {
+        fmt::print(stderr, "{}\n", error.what());
+        return wrong_call;
+    } catch (const WrongModel& error) {
         fmt::print(stderr, "{}\n", error.what());
         return wrong_call;
     } catch (const orbits::DataError& error) {

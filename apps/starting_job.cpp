@@ -1,6 +1,7 @@
 #include "apps/starting_job.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -24,13 +25,18 @@ std::string parameter_lines(const models::System& system) {
     return text;
 }
 
-/// The size of a model whose dimension is chosen; nothing for all others.
-std::string size_line(std::string_view model) {
+/// A number of cells with which a first run takes seconds, for a model whose dimension is chosen.
+std::optional<std::size_t> starting_size(std::string_view model) {
     const auto entries = models::registered_models();
     const auto entry = std::find_if(entries.begin(), entries.end(), [&](const auto& e) { return e.name == model; });
-    if (entry == entries.end() || !entry->size) return "";
-    return fmt::format("    \"size\": {},                 // number of coordinates, {} to {}\n", entry->size->standard,
-                       entry->size->smallest, models::ModelSize::largest);
+    if (entry == entries.end() || !entry->size) return std::nullopt;
+    return std::max<std::size_t>(entry->size->smallest, 6);
+}
+
+std::string size_line(std::optional<std::size_t> size) {
+    if (!size) return "";
+    return fmt::format("    \"size\": {},                  // number of coordinates; `orbid models` shows the usual one\n",
+                       *size);
 }
 
 /// A state that every model can start from: every coordinate 1 (populations must be > 0, a pendulum must not hang) but
@@ -51,6 +57,19 @@ std::string coordinate_names(const models::System& system, bool cells) {
 }
 
 std::string data_block(const models::System& system, bool sections, bool cells) {
+    if (system.kind() == models::Kind::map) {
+        const std::vector<std::string_view> small(system.coordinates().size(), "0.1");
+        return fmt::format(R"(  "data": {{
+    // Measured data instead: "file": "series.csv", "kind": "section", "columns": {{ "NAME": "HEADER", ... }}
+    "simulate": {{
+      "sections": 65536,                          // iterates of all trajectories together
+      "transient": 300,                           // iterates left out at the start
+      "initial": [[{}]]                  // one state per trajectory: {}
+    }}
+  }},
+)",
+                           fmt::join(small, ", "), coordinate_names(system, cells));
+    }
     if (sections) {
         return R"(  "data": {
     // Measured data instead: "file": "series.csv", "kind": "section", "columns": { "NAME": "HEADER", ... }
@@ -78,6 +97,10 @@ const models::Parameter& first_free(const models::System& system) {
 }
 
 std::string estimate_block(const models::System& system, bool cycles) {
+    const bool map = system.kind() == models::Kind::map;
+    const std::string orbits =
+        fmt::format("  \"orbits\": {{ \"periods\": {} }},       // in {}\n", map ? "[1, 2, 4, 6]" : "[1, 2, 3]",
+                    map ? "iterations" : "periods of the forcing");
     const models::Parameter& free = first_free(system);
     const std::string residual = cycles ? "\"type\": \"cycles\"" : "\"type\": \"series\"";
     return fmt::format(R"({}  "estimate": {{
@@ -88,8 +111,7 @@ std::string estimate_block(const models::System& system, bool cycles) {
     "residuals": [ {{ {} }} ]      // "errors" left out: normal, with standard deviations that are estimated
   }},
 )",
-                       cycles ? "  \"orbits\": { \"periods\": [1, 2, 3] },       // in periods of the forcing\n" : "",
-                       free.name, 1.1 * free.default_value, residual);
+                       cycles ? orbits : "", free.name, 1.1 * free.default_value, residual);
 }
 
 }  // namespace
@@ -100,16 +122,20 @@ const std::vector<std::string>& starting_tasks() {
 }
 
 std::string starting_job(std::string_view model, std::string_view task) {
-    const auto system = models::make_system(model);
+    const auto size = starting_size(model);
+    const auto system = models::make_system(model, "", size);
     if (std::find(starting_tasks().begin(), starting_tasks().end(), task) == starting_tasks().end()) {
         throw std::invalid_argument(
             fmt::format("there is no task \"{}\"; tasks: {}", task, fmt::join(starting_tasks(), ", ")));
     }
     const bool cycles = task == "cycles";
-    if (cycles && system->kind() != models::Kind::forced) {
+    if (cycles && system->kind() == models::Kind::autonomous) {
         throw std::invalid_argument(fmt::format("cycles of {}, which is not forced: not in this version", model));
     }
-    const std::string size = size_line(model);
+    if (task == "series" && system->kind() == models::Kind::map) {
+        throw std::invalid_argument(
+            fmt::format("series of {}, which is a map: not in this version; estimate from its cycles", model));
+    }
     std::string text = fmt::format(
         R"(// Check with `orbid check FILE`, run with `orbid run FILE`; `orbid models {0}` explains the model.
 {{
@@ -121,8 +147,8 @@ std::string starting_job(std::string_view model, std::string_view task) {
   }},
   "seed": 1,
 )",
-        model, task, parameter_lines(*system), size);
-    text += data_block(*system, cycles, !size.empty());
+        model, task, parameter_lines(*system), size_line(size));
+    text += data_block(*system, cycles, size.has_value());
     if (task != "simulate") text += estimate_block(*system, cycles);
     return text + "  \"output\": { \"series\": \"csv\" }      // h5 | csv | none\n}\n";
 }

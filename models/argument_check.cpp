@@ -13,6 +13,28 @@ namespace {
     throw std::invalid_argument(fmt::format("model {}: {}", system.name(), message));
 }
 
+void check_functions(const System& system, const Sensor& sensor) {
+    const std::size_t n = system.coordinates().size();
+    const std::size_t names = n + system.parameters().size();
+    if (sensor.functions.empty()) refuse(system, "sensor function: has no formula, must have at least one");
+    for (std::size_t i = 0; i < sensor.functions.size(); ++i) {
+        const FunctionReading& reading = sensor.functions[i];
+        if (!(reading.coordinate < n))
+            refuse(system, fmt::format("sensor function: formula {} stands in the place of coordinate {}, there are {}",
+                                       i, reading.coordinate, n));
+        for (std::size_t j = 0; j < i; ++j)
+            if (sensor.functions[j].coordinate == reading.coordinate)
+                refuse(system, fmt::format("sensor function: coordinate {} has two formulas",
+                                           system.coordinates()[reading.coordinate].name));
+        if (reading.expression.steps().empty()) refuse(system, fmt::format("sensor function: formula {} is empty", i));
+        // Parsed with other names than reading_names() of this system.
+        if (!reading.expression.used().empty() && reading.expression.used().back() >= names)
+            refuse(system, fmt::format("sensor function: formula {} uses name {}, there are {} coordinates and "
+                                       "parameters",
+                                       i, reading.expression.used().back(), names));
+    }
+}
+
 }  // namespace
 
 void check_parameters(const System& system, const Eigen::VectorXd& theta) {
@@ -76,10 +98,16 @@ void check_options(const FlowOptions& options) {
 }
 
 void check_sensor(const System& system, const Sensor& sensor) {
-    if (sensor.type == Sensor::Type::state) return;
     const auto table = system.coordinates();
-    if (!(sensor.angle < table.size() && table[sensor.angle].angle))
-        refuse(system, fmt::format("sensor angle_difference: coordinate {} is not an angle", sensor.angle));
+    const bool encodes = sensor.step != 0.0 || sensor.rounding != Sensor::Rounding::none;
+    if (!(std::isfinite(sensor.step) && sensor.step >= 0.0))
+        refuse(system, fmt::format("sensor: step of the encoder is {}, must be >= 0", sensor.step));
+    if (sensor.type == Sensor::Type::angle_difference || encodes)
+        if (!(sensor.angle < table.size() && table[sensor.angle].angle))
+            refuse(system, fmt::format("sensor: coordinate {} is not an angle", sensor.angle));
+    if (sensor.type == Sensor::Type::function) return check_functions(system, sensor);
+    if (sensor.type == Sensor::Type::state) return;
+    if (system.kind() == Kind::map) refuse(system, "sensor angle_difference: a map has no time between two readings");
     if (!(sensor.rate < table.size() && sensor.rate != sensor.angle))
         refuse(system, fmt::format("sensor angle_difference: rate is coordinate {}, must be another one than the angle",
                                    sensor.rate));

@@ -47,7 +47,13 @@ public:
     /// Value at the given quantities; any scalar with + - * / pow and the functions above found by its own namespace
     /// (double, dual numbers).
     template <class T>
-    [[nodiscard]] T evaluate(std::span<const T> values) const;
+    [[nodiscard]] T evaluate(std::span<const T> values) const {
+        std::vector<T> stack;
+        return evaluate(values, stack);
+    }
+    /// The same on a stack that is kept from one evaluation to the next: what it holds does not matter.
+    template <class T>
+    [[nodiscard]] T evaluate(std::span<const T> values, std::vector<T>& stack) const;
 
     [[nodiscard]] double value(const Eigen::VectorXd& values) const;
 
@@ -87,7 +93,7 @@ private:
 };
 
 template <class T>
-T Expression::evaluate(std::span<const T> values) const {
+T Expression::evaluate(std::span<const T> values, std::vector<T>& stack) const {
     using std::abs;
     using std::cos;
     using std::exp;
@@ -96,7 +102,7 @@ T Expression::evaluate(std::span<const T> values) const {
     using std::sin;
     using std::sqrt;
     using std::tan;
-    std::vector<T> stack;
+    stack.clear();
     stack.reserve(steps_.size());
     for (const Step& step : steps_) {
         if (step.operation == Operation::constant) {

@@ -20,34 +20,6 @@ void keep_columns(Eigen::MatrixXd& columns, Eigen::Index count) {
     columns.conservativeResize(Eigen::NoChange, count);
 }
 
-/// Replaces the rate by [angle(t + delay) - angle(t)] / delay; both angles as the instrument reads them.
-FlowStatus difference_quotient(const KernelSystem& system, const Kernel& kernel, const Sensor& sensor,
-                               const Eigen::VectorXd& state, double phase, const Eigen::VectorXd& theta,
-                               const std::optional<std::span<const Eigen::Index>>& free, const FlowOptions& options,
-                               Eigen::Ref<Eigen::VectorXd> reading, Eigen::Ref<Eigen::MatrixXd> derivative) {
-    const std::array<double, 1> delay{sensor.delay};
-    const auto angle = static_cast<Eigen::Index>(sensor.angle);
-    const auto rate = static_cast<Eigen::Index>(sensor.rate);
-    const FlowResult later =
-        free ? system.flow_with_sensitivities(state, phase, delay, theta, *free, Clock::time, options)
-             : system.flow(state, phase, delay, theta, Clock::time, options);
-    if (later.status != FlowStatus::ok) return later.status;
-    const Eigen::Index n = system.dimension();
-    const Eigen::Index directions = derivative.cols();
-    Eigen::VectorXd later_reading(n);
-    Eigen::MatrixXd at_later = Eigen::MatrixXd::Zero(n, directions);
-    kernel.instrument(later.states.data(), theta.data(), free.value_or(std::span<const Eigen::Index>{}),
-                      later_reading.data(), free ? at_later.data() : nullptr);
-    reading[rate] = (later_reading[angle] - reading[angle]) / sensor.delay;
-    if (free) {
-        // Chain rule: through the later state, and directly through the parameters of the instrument.
-        Eigen::RowVectorXd total = at_later.row(angle).leftCols(n) * later.sensitivities;
-        total.rightCols(directions - n) += at_later.row(angle).rightCols(directions - n);
-        derivative.row(rate) = (total - derivative.row(angle)) / sensor.delay;
-    }
-    return FlowStatus::ok;
-}
-
 }  // namespace
 
 KernelSystem::KernelSystem(std::shared_ptr<const Kernel> kernel, std::shared_ptr<const InputSignal> signal)
@@ -240,48 +212,6 @@ CrossingResult KernelSystem::crossings(const Eigen::VectorXd& x0, const Section&
     return result;
 }
 
-ReadingResult KernelSystem::readings(const Sensor& sensor, const Eigen::MatrixXd& states,
-                                     std::span<const double> phases, const Eigen::VectorXd& theta,
-                                     std::optional<std::span<const Eigen::Index>> free,
-                                     const FlowOptions& options) const {
-    check_parameters(*this, theta);
-    check_columns(*this, states, phases);
-    check_sensor(*this, sensor);
-    check_options(options);
-    if (free) check_free(*this, *free);
-    const Eigen::Index n = dimension();
-    const Eigen::Index directions = free ? n + static_cast<Eigen::Index>(free->size()) : 0;
-    ReadingResult result;
-    result.readings.resize(n, states.cols());
-    result.derivatives.setZero(n, states.cols() * directions);
-    // Columns are independent; one that cannot be continued gives the status of all, the first one winning.
-    std::vector<FlowStatus> status(static_cast<std::size_t>(states.cols()), FlowStatus::ok);
-    const auto one = [&](Eigen::Index k) {
-        Eigen::Ref<Eigen::VectorXd> reading = result.readings.col(k);
-        Eigen::Ref<Eigen::MatrixXd> derivative = result.derivatives.middleCols(k * directions, directions);
-        kernel_->instrument(states.col(k).data(), theta.data(), free.value_or(std::span<const Eigen::Index>{}),
-                            reading.data(), free ? derivative.data() : nullptr);
-        if (sensor.type == Sensor::Type::angle_difference)
-            status[static_cast<std::size_t>(k)] =
-                difference_quotient(*this, *kernel_, sensor, states.col(k), phases[static_cast<std::size_t>(k)], theta,
-                                    free, options, reading, derivative);
-    };
-    if (sensor.type == Sensor::Type::state) {
-        for (Eigen::Index k = 0; k < states.cols(); ++k)
-            one(k);
-    } else {
-        // 64 short flows: some ten microseconds, well above the cost of a task.
-        oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<Eigen::Index>(0, states.cols(), 64),
-                                  [&](const oneapi::tbb::blocked_range<Eigen::Index>& range) {
-                                      for (Eigen::Index k = range.begin(); k != range.end(); ++k)
-                                          one(k);
-                                  });
-    }
-    for (const FlowStatus s : status)
-        if (s != FlowStatus::ok && result.status == FlowStatus::ok) result.status = s;
-    return result;
-}
-
 EnsembleResult KernelSystem::ensemble(const Eigen::MatrixXd& starts, double phase, std::size_t periods,
                                       const Eigen::VectorXd& theta, const FlowOptions& options) const {
     check_parameters(*this, theta);
@@ -314,7 +244,7 @@ EnsembleResult KernelSystem::ensemble(const Eigen::MatrixXd& starts, double phas
     return result;
 }
 
-EnsembleResult KernelSystem::ensemble(const Eigen::MatrixXd& starts, const Section& section, std::size_t count,
+EnsembleResult KernelSystem::crossing_ensemble(const Eigen::MatrixXd& starts, const Section& section, std::size_t count,
                                       double longest, const Eigen::VectorXd& theta, const FlowOptions& options) const {
     require_autonomous();
     const std::vector<double> phases(static_cast<std::size_t>(starts.cols()), 0.0);

@@ -69,16 +69,21 @@ void validate(const TableLayout& layout) {
     }
 }
 
-double value_of(const TextTable& table, std::string_view cell, const Reading& reading, bool nan_is_missing) {
+double value_of(const TextTable& table, std::string_view cell, const Reading& reading, const TableLayout& layout) {
     constexpr double missing = std::numeric_limits<double>::quiet_NaN();
+    if (layout.complete && cell.empty()) {
+        throw DataError(table.place(table.line(), reading.column, "is empty; this column must be complete"));
+    }
     if (cell.empty()) return missing;
     const double number = table.number(cell, reading.column);
     if (!std::isfinite(number)) {
-        if (std::isnan(number) && nan_is_missing) return missing;
-        throw DataError(table.place(
-            table.line(), reading.column,
-            fmt::format("\"{}\" is not a finite number; a missing sample is an empty cell{}", cell,
-                        std::isnan(number) ? ", or declare that nan means missing (\"missing\": \"nan\")" : "")));
+        if (std::isnan(number) && layout.nan_is_missing && !layout.complete) return missing;
+        std::string_view rule = "; a missing sample is an empty cell";
+        if (std::isnan(number))
+            rule = "; a missing sample is an empty cell, or declare that nan means missing (\"missing\": \"nan\")";
+        if (layout.complete) rule = "; this column must be complete";
+        throw DataError(
+            table.place(table.line(), reading.column, fmt::format("\"{}\" is not a finite number{}", cell, rule)));
     }
     return reading.sign * (number * reading.factor - reading.offset);
 }
@@ -93,8 +98,10 @@ double deviation_of(const TextTable& table, std::string_view cell, const Reading
                     fmt::format("\"{}\" is the sd of a reading that is there: must be a number > 0", cell)));
 }
 
-/// Times of a segment ascend in equal steps. The median step is the measure: it stays right when rows are missing.
-void check_times(const TextTable& table, std::size_t column, const Rows& rows, double tolerance) {
+/// Times of a segment ascend, samples in equal steps. The median step is the measure: it stays right when rows are
+/// missing.
+void check_times(const TextTable& table, std::size_t column, const Rows& rows, const TableLayout& layout) {
+    const double tolerance = layout.time_tolerance;
     std::vector<double> steps;
     for (std::size_t k = 1; k < rows.times.size(); ++k) {
         const double step = rows.times[k] - rows.times[k - 1];
@@ -105,7 +112,8 @@ void check_times(const TextTable& table, std::size_t column, const Rows& rows, d
         }
         steps.push_back(step);
     }
-    if (steps.empty()) return;
+    const bool equidistant = layout.sampling == Series::Sampling::samples && layout.equidistant;
+    if (steps.empty() || !equidistant) return;
     const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
     std::nth_element(steps.begin(), middle, steps.end());
     const double median = *middle;
@@ -147,7 +155,8 @@ Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
     for (const CoordinateColumn& column : layout.coordinates) {
         factors.push_back(factor_of(column.unit, column.coordinate.unit, column.coordinate.name));
     }
-    const double time_factor = sampled ? factor_of(layout.time_unit, "s", "time") : 1.0;
+    const bool timed = sampled || !layout.time.empty();
+    const double time_factor = timed ? factor_of(layout.time_unit, "s", "time") : 1.0;
 
     TextTable table(file);
     Series series;
@@ -164,7 +173,7 @@ Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
         std::any_of(readings.begin(), readings.end(), [](const Reading& reading) { return reading.sd.has_value(); });
     const bool labelled = !layout.segment.empty();
     const std::size_t label_column = labelled ? table.column(layout.segment) : 0;
-    const std::size_t time_column = sampled ? table.column(layout.time) : 0;
+    const std::size_t time_column = timed ? table.column(layout.time) : 0;
 
     std::vector<std::string_view> cells;
     std::unordered_set<std::string> labels;
@@ -172,7 +181,7 @@ Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
     Rows rows;
     std::size_t points = 0;
     const auto finish = [&] {
-        if (sampled) check_times(table, time_column, rows, layout.time_tolerance);
+        if (timed) check_times(table, time_column, rows, layout);
         close_segment(series, label, rows);
     };
     while (table.next(cells)) {
@@ -191,12 +200,12 @@ Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
             }
         }
         for (const Reading& reading : readings) {
-            rows.values.push_back(value_of(table, cells[reading.column], reading, layout.nan_is_missing));
+            rows.values.push_back(value_of(table, cells[reading.column], reading, layout));
             if (!with_sds) continue;
             const std::string_view sd = reading.sd ? cells[*reading.sd] : std::string_view();
             rows.deviations.push_back(deviation_of(table, sd, reading, rows.values.back()));
         }
-        if (sampled) {
+        if (timed) {
             const double time = table.number(cells[time_column], time_column) * time_factor;
             if (!std::isfinite(time)) {
                 throw DataError(table.place(table.line(), time_column, "a time must be a finite number"));
@@ -233,7 +242,7 @@ TableLayout table_layout(const Series& series) {
     layout.sampling = series.sampling;
     layout.phase = series.phase;
     layout.segment = "segment";
-    if (series.sampling == Series::Sampling::samples) layout.time = std::string("t");
+    if (series.timed()) layout.time = std::string("t");
     for (const SeriesCoordinate& coordinate : series.coordinates) {
         layout.coordinates.push_back({coordinate, coordinate.name, coordinate.unit, 1.0, 0.0, {}});
     }

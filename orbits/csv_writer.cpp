@@ -38,7 +38,7 @@ void append_number(fmt::memory_buffer& out, double value, const Segment& segment
 
 std::string header_of(const Series& series) {
     std::set<std::string> names{"segment", "t"};
-    std::string header = series.sampling == Series::Sampling::samples ? "segment,t" : "segment";
+    std::string header = series.timed() ? "segment,t" : "segment";
     for (const SeriesCoordinate& coordinate : series.coordinates) {
         if (!names.insert(coordinate.name).second) {
             throw std::invalid_argument(
@@ -68,7 +68,7 @@ void write_csv(const std::filesystem::path& file, const Series& series) {
     };
 
     constexpr std::size_t chunk = 1 << 20;  // bytes between two writes: large enough that they cost nothing
-    const bool sampled = series.sampling == Series::Sampling::samples;
+    const bool timed = series.timed();
     fmt::memory_buffer text;
     if (!series.origin.empty()) text.append("# origin: " + series.origin + '\n');
     text.append(header);
@@ -76,7 +76,7 @@ void write_csv(const std::filesystem::path& file, const Series& series) {
         const std::string label = cell(segment.label);
         for (Eigen::Index k = 0; k < segment.values.cols(); ++k) {
             text.append(label);
-            if (sampled) {
+            if (timed) {
                 text.push_back(',');
                 append_number(text, segment.times[k], segment, k);
             }

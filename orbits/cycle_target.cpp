@@ -80,7 +80,9 @@ bool rests(const SectionMap& map, const VectorXd& theta, std::span<const Index> 
     const auto near = [&](const VectorXd& other) {
         return (wrapped_difference(system, other, point).array() / scale.array()).abs().maxCoeff() < nearness;
     };
-    if (image && system.at_rest(image->state, theta) && near(image->state)) return true;
+    // Every fixed point of a map is at rest: only that it stays where it is for all parameters makes it tell nothing.
+    const bool can_rest = system.kind() != models::Kind::map;
+    if (can_rest && image && system.at_rest(image->state, theta) && near(image->state)) return true;
 
     periodic::ShootingOptions options;
     options.scale = scale;
@@ -89,7 +91,7 @@ bool rests(const SectionMap& map, const VectorXd& theta, std::span<const Index> 
     const periodic::PeriodicOrbit orbit =
         periodic::solve_multiple_shooting(system, theta, map.phase(), point, {}, free, options);
     if (orbit.status != periodic::OrbitStatus::converged) return false;
-    if (system.at_rest(orbit.points.col(0), theta)) return true;
+    if (can_rest && system.at_rest(orbit.points.col(0), theta)) return true;
     if (free.empty()) return false;
     double movement = 0.0;
     for (Index k = 0; k < orbit.sensitivities.cols(); ++k) {

@@ -55,7 +55,8 @@ struct CycleTargets {
 
 /// Chooses the cycles that take part. A cycle of period 1 is a state of rest when the orbit solved from its point at
 /// the start parameters, or the point one period later, is at rest for ever (System::at_rest), or when that orbit does
-/// not move with any of the free parameters. (Longer prime periods cannot be at rest.)
+/// not move with any of the free parameters; a fixed point of a map only by the latter. (Longer prime periods cannot be
+/// at rest.)
 ///
 /// @param theta  full parameter vector of the system (start of the estimate).
 /// @param free   free parameters.

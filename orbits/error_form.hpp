@@ -1,5 +1,7 @@
 #pragma once
 
+#include <variant>
+
 #include "estimator/residual.hpp"
 
 namespace orbid::orbits {
@@ -11,5 +13,11 @@ struct ErrorForm {
     /// The sds of the readings are known (Segment::deviations): the scale is a factor on them.
     bool known_sds = false;
 };
+
+/// Errors that refer to the size of what is read.
+[[nodiscard]] inline bool is_sized(const estimator::ErrorDistribution& distribution) {
+    return std::holds_alternative<estimator::LogNormalErrors>(distribution) ||
+           std::holds_alternative<estimator::RelativeErrors>(distribution);
+}
 
 }  // namespace orbid::orbits

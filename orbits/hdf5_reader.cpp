@@ -165,7 +165,7 @@ void read_header(const Reader& read, hid_t file, Series& series) {
         series.coordinates.push_back({names[i], units[i], angles[i] != 0.0});
 }
 
-Segment read_segment(const Reader& read, hid_t file, std::size_t index, Eigen::Index n, bool sampled) {
+Segment read_segment(const Reader& read, hid_t file, std::size_t index, Eigen::Index n, bool timed) {
     Segment segment;
     const std::string path = fmt::format("segments/{:06}", index);
     const Hdf5Handle values = read.open_dataset(file, path);
@@ -185,7 +185,7 @@ Segment read_segment(const Reader& read, hid_t file, std::size_t index, Eigen::I
         }
     }
     segment.label = read.text(values.id(), "label");
-    if (!sampled) return segment;
+    if (!timed) return segment;
 
     const std::string times_path = fmt::format("times/{:06}", index);
     const Hdf5Handle times = read.open_dataset(file, times_path);
@@ -221,10 +221,11 @@ Series read_hdf5(const std::filesystem::path& file, std::size_t minimum_points) 
     Series series;
     const Hdf5Handle root(H5Gopen2(in.id(), "/", H5P_DEFAULT), H5Gclose);
     read_header(read, root.id(), series);
-    const bool sampled = series.sampling == Series::Sampling::samples;
+    // Crossings of a section may have been timed.
+    const bool timed = series.sampling == Series::Sampling::samples || H5Lexists(in.id(), "times", H5P_DEFAULT) > 0;
     const std::size_t segments = read.members(in.id(), "segments");
     for (std::size_t s = 0; s < segments; ++s) {
-        series.segments.push_back(read_segment(read, in.id(), s, series.dimension(), sampled));
+        series.segments.push_back(read_segment(read, in.id(), s, series.dimension(), timed));
     }
     if (series.size() < minimum_points) {
         read.fail(fmt::format("has {} points, at least {} are needed", series.size(), minimum_points));

@@ -92,16 +92,16 @@ private:
 
 void validate(const Series& series) {
     if (series.coordinates.empty()) throw std::invalid_argument("series: at least one coordinate is needed");
-    const bool sampled = series.sampling == Series::Sampling::samples;
+    const bool timed = series.timed();
     for (const Segment& segment : series.segments) {
         if (segment.values.rows() != series.dimension()) {
             throw std::invalid_argument(fmt::format("segment \"{}\" has {} rows of values, the series {} coordinates",
                                                     segment.label, segment.values.rows(), series.dimension()));
         }
-        if (segment.times.size() != (sampled ? segment.values.cols() : 0)) {
+        if (segment.times.size() != (timed ? segment.values.cols() : 0)) {
             throw std::invalid_argument(fmt::format("segment \"{}\" has {} times and {} points{}", segment.label,
                                                     segment.times.size(), segment.values.cols(),
-                                                    sampled ? "" : " of a section, which needs no times"));
+                                                    timed ? "" : "; all crossings of a section have times, or none"));
         }
     }
 }
@@ -137,7 +137,8 @@ void write_hdf5(const std::filesystem::path& file, const Series& series) {
     if (!series.origin.empty()) write.text_dataset(out.id(), "origin", series.origin);
 
     const Hdf5Handle segments = write.group(out.id(), "segments");
-    const Hdf5Handle times = sampled ? write.group(out.id(), "times") : Hdf5Handle();
+    const bool timed = series.timed();
+    const Hdf5Handle times = timed ? write.group(out.id(), "times") : Hdf5Handle();
     for (std::size_t s = 0; s < series.segments.size(); ++s) {
         const Segment& segment = series.segments[s];
         const std::string name = fmt::format("{:06}", s);
@@ -146,7 +147,7 @@ void write_hdf5(const std::filesystem::path& file, const Series& series) {
         const Hdf5Handle values = write.dataset(
             segments.id(), name, {points, static_cast<hsize_t>(segment.values.rows())}, segment.values.data());
         write.strings(values.id(), "label", {segment.label}, true);
-        if (sampled) write.dataset(times.id(), name, {points}, segment.times.data());
+        if (timed) write.dataset(times.id(), name, {points}, segment.times.data());
     }
     write.check(H5Fflush(out.id(), H5F_SCOPE_GLOBAL), "the file");
 }

@@ -38,46 +38,83 @@ Fit polynomial(const std::vector<double>& t, const std::vector<double>& y, std::
     return {c[0], coefficients > 1 ? c[1] / length : 0.0, std::sqrt((design * c - right).squaredNorm() / freedom)};
 }
 
-/// State whose reading is `wanted` in the coordinates that are read; the others are kept. The instruments we know are
-/// shifts, for which one step is exact; more steps serve those that bend.
+/// The sensor whose readings are inverted. A difference of readings says of the state what the rate itself says, to
+/// first order in the delay.
+models::Sensor inverted_sensor(const SegmentReading& reading) {
+    return reading.sensor.type == models::Sensor::Type::function ? reading.sensor : models::Sensor();
+}
+
+/// What the readings miss, and its slope with respect to the coordinates that are read; empty where there is none.
+struct Miss {
+    Eigen::VectorXd defect;
+    Eigen::MatrixXd slope;
+};
+std::optional<Miss> miss(const models::System& system, const Eigen::VectorXd& theta, const SegmentReading& reading,
+                         const std::vector<Eigen::Index>& read, const Eigen::VectorXd& wanted,
+                         const Eigen::VectorXd& x) {
+    const std::array<double, 1> phase{reading.phase};
+    const models::Sensor sensor = inverted_sensor(reading);
+    const auto now = system.readings(sensor, x, phase, theta, std::span<const Eigen::Index>{});
+    if (now.status != models::FlowStatus::ok) return std::nullopt;
+    const auto m = static_cast<Eigen::Index>(read.size());
+    Miss result{Eigen::VectorXd(m), now.derivatives(read, read)};
+    for (Eigen::Index i = 0; i < m; ++i) {
+        const Eigen::Index row = read[static_cast<std::size_t>(i)];
+        result.defect[i] = wanted[row] - now.readings(row, 0);
+        if (models::reads_angle(sensor, system.coordinates(), static_cast<std::size_t>(row))) {
+            result.defect[i] = models::wrapped(result.defect[i]);
+        }
+    }
+    return result;
+}
+
+/// State whose reading is `wanted` in the coordinates that are read; the others are kept. The instruments of models are
+/// shifts, for which one step is exact; more steps serve formulas, which bend: there a step that leads away is halved.
 Eigen::VectorXd inverted(const models::System& system, const Eigen::VectorXd& theta, const SegmentReading& reading,
                          const std::vector<Eigen::Index>& read, const Eigen::VectorXd& wanted, Eigen::VectorXd x) {
-    constexpr int steps = 5;
-    const std::array<double, 1> phase{reading.phase};
-    const auto m = static_cast<Eigen::Index>(read.size());
-    // A difference of readings says of the state what the rate itself says, to first order in the delay.
-    const models::Sensor plain;
-    for (int step = 0; step < steps; ++step) {
-        const auto now = system.readings(plain, x, phase, theta, std::span<const Eigen::Index>{});
-        if (now.status != models::FlowStatus::ok) return x;
-        Eigen::MatrixXd slope(m, m);
-        Eigen::VectorXd defect(m);
-        for (Eigen::Index i = 0; i < m; ++i) {
-            const Eigen::Index row = read[static_cast<std::size_t>(i)];
-            defect[i] = wanted[row] - now.readings(row, 0);
-            if (system.coordinates()[static_cast<std::size_t>(row)].angle) defect[i] = models::wrapped(defect[i]);
-            for (Eigen::Index j = 0; j < m; ++j)
-                slope(i, j) = now.derivatives(row, read[static_cast<std::size_t>(j)]);
-        }
-        const Eigen::VectorXd change = slope.completeOrthogonalDecomposition().solve(defect);
+    const bool bends = reading.sensor.type == models::Sensor::Type::function;
+    const int steps = bends ? 50 : 5;
+    constexpr int halvings = 30;
+    auto now = miss(system, theta, reading, read, wanted, x);
+    if (!now && bends) {  // a logarithm, say: 1 is a number that most formulas take
+        x(read).setOnes();
+        now = miss(system, theta, reading, read, wanted, x);
+    }
+    for (int step = 0; step < steps && now; ++step) {
+        Eigen::VectorXd change = now->slope.completeOrthogonalDecomposition().solve(now->defect);
         if (!change.allFinite()) return x;
-        for (Eigen::Index j = 0; j < m; ++j)
-            x[read[static_cast<std::size_t>(j)]] += change[j];
+        Eigen::VectorXd next = x;
+        std::optional<Miss> trial;
+        for (int halving = 0; halving < (bends ? halvings : 1); ++halving, change /= 2.0) {
+            next = x;
+            for (std::size_t j = 0; j < read.size(); ++j)
+                next[read[j]] += change[static_cast<Eigen::Index>(j)];
+            trial = miss(system, theta, reading, read, wanted, next);
+            if (!bends || (trial && trial->defect.norm() <= now->defect.norm())) break;
+            trial.reset();
+        }
+        if (bends && !trial) return x;
+        x = next;
+        now = std::move(trial);
         if (change.norm() <= 1e-14 * (1.0 + x.norm())) break;
     }
     return x;
 }
 
-/// Unread coordinates such that f of the read ones equals their slopes.
-void solve_slopes(const models::System& system, const Eigen::VectorXd& theta, double phase,
+/// Unread coordinates such that the read ones change as fast as their slopes say.
+void solve_slopes(const models::System& system, const Eigen::VectorXd& theta, const SegmentReading& reading,
                   const std::vector<Eigen::Index>& read, const std::vector<Eigen::Index>& unread,
                   const Eigen::VectorXd& slopes, Eigen::VectorXd& x) {
     constexpr int steps = 20;
-    const std::array<double, 1> phases{phase};
+    const std::array<double, 1> phases{reading.phase};
     const auto rows = static_cast<Eigen::Index>(read.size());
     const auto columns = static_cast<Eigen::Index>(unread.size());
     const auto defect = [&](const Eigen::VectorXd& state) {
-        const Eigen::MatrixXd f = system.rhs(state, phases, theta);
+        Eigen::MatrixXd f = system.rhs(state, phases, theta);
+        if (reading.sensor.type == models::Sensor::Type::function) {
+            const auto now = system.readings(reading.sensor, state, phases, theta, std::span<const Eigen::Index>{});
+            f = Eigen::MatrixXd(now.derivatives * f);
+        }
         Eigen::VectorXd d(rows);
         for (Eigen::Index i = 0; i < rows; ++i)
             d[i] = slopes[i] - f(read[static_cast<std::size_t>(i)], 0);
@@ -144,8 +181,9 @@ Eigen::VectorXd initial_state(const models::System& system, const Eigen::VectorX
     for (std::size_t i = 0; i < reading.coordinate.size(); ++i) {
         const Eigen::Index coordinate = reading.coordinate[i];
         const Eigen::VectorXd values = reading.segment.values.row(static_cast<Eigen::Index>(i));
-        const auto local = slope_at_start(reading.segment.times, values,
-                                          system.coordinates()[static_cast<std::size_t>(coordinate)].angle);
+        const bool angle =
+            models::reads_angle(reading.sensor, system.coordinates(), static_cast<std::size_t>(coordinate));
+        const auto local = slope_at_start(reading.segment.times, values, angle);
         if (local.samples == 0) continue;
         wanted[coordinate] = std::isfinite(values[0]) ? values[0] : local.value;
         known[static_cast<std::size_t>(coordinate)] = true;
@@ -156,10 +194,14 @@ Eigen::VectorXd initial_state(const models::System& system, const Eigen::VectorX
         if (!known[static_cast<std::size_t>(i)]) unread.push_back(i);
     }
     if (read.empty()) return wanted;
-    Eigen::VectorXd x = inverted(system, theta, reading, read, wanted, wanted);
-    if (!unread.empty()) {
+    // Formulas may read what is unread: both steps settle after a few rounds, or the fit has to do the rest.
+    const int rounds = reading.sensor.type == models::Sensor::Type::function && !unread.empty() ? 4 : 1;
+    Eigen::VectorXd x = wanted;
+    for (int round = 0; round < rounds; ++round) {
+        x = inverted(system, theta, reading, read, wanted, x);
+        if (unread.empty()) break;
         const Eigen::VectorXd rates = Eigen::Map<const Eigen::VectorXd>(slopes.data(), std::ssize(slopes));
-        solve_slopes(system, theta, reading.phase, read, unread, rates, x);
+        solve_slopes(system, theta, reading, read, unread, rates, x);
     }
     return x;
 }

@@ -21,9 +21,11 @@ struct SegmentReading {
 /// A state of the system at the first sample of a segment, good enough to start a fit from. Shape (n).
 ///
 /// Coordinates that are read: value at the first sample (of a local polynomial where it is missing), the instrument
-/// inverted by Newton's method on System::readings. Coordinates that are not read: from the slopes of those that are,
-/// so that f(x)_observed = slope (for a pendulum of which the angle is read: the angular velocity), by Gauss-Newton
-/// from 0 with differences of f; what no slope depends on stays 0.
+/// inverted by damped Newton steps on System::readings. Coordinates that are not read: from the slopes of those that
+/// are, so that the readings change as fast as f(x) says (for a pendulum of which the angle is read: the angular
+/// velocity), by Gauss-Newton from 0 with differences of f; what no slope depends on stays 0. Formulas of a sensor mix
+/// the two: both steps are taken in turn. A formula that bends back has several inverses: the search begins at
+/// the reading itself, taken as a state, or at 1 where the formula has no value there.
 ///
 /// The local polynomial is a cubic over the first samples, as many of 5, 9, 17, 33, 65 as it describes equally well
 /// (its residual grows by less than one half from one width to the next): short where the motion bends, long where

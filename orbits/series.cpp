@@ -32,6 +32,13 @@ std::size_t Series::size() const {
     return points;
 }
 
+bool Series::timed() const {
+    if (sampling == Sampling::samples) return true;
+    return !segments.empty() && std::all_of(segments.begin(), segments.end(), [](const Segment& segment) {
+        return segment.times.size() > 0 && segment.times.size() == segment.values.cols();
+    });
+}
+
 Eigen::VectorXd Series::scale() const {
     Eigen::VectorXd scale(dimension());
     for (Eigen::Index i = 0; i < dimension(); ++i) {

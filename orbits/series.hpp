@@ -21,7 +21,7 @@ struct SeriesCoordinate {
 struct Segment {
     std::string label;       ///< as in the file, or the index
     Eigen::MatrixXd values;  ///< shape (n, m); nan = missing sample; angles as read (not wrapped by the series)
-    Eigen::VectorXd times;   ///< shape (m) [s] for samples; empty for sections
+    Eigen::VectorXd times;   ///< shape (m) [s] for samples and crossings of autonomous flows; else empty
     /// Known sd of every value, in its unit, shape (n, m): > 0, nan where none is known. Empty: of no value.
     Eigen::MatrixXd deviations = {};
 };
@@ -38,6 +38,8 @@ struct Series {
 
     [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(coordinates.size()); }
     [[nodiscard]] std::size_t size() const;  ///< points of all segments
+    /// Every point has a time: samples, and sections whose crossings were timed.
+    [[nodiscard]] bool timed() const;
 
     /// Size of each coordinate's range: 2 pi for angles, the central 99.8 % range otherwise (mathematics.md, section
     /// 2), missing samples left out; 1 for a coordinate that never changes or was never read. Distances between states

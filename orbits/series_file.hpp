@@ -25,7 +25,7 @@ struct TableLayout {
     Series::Sampling sampling = Series::Sampling::section;
     std::vector<CoordinateColumn> coordinates;  ///< at least one; different coordinates
     std::string segment;                        ///< column of segment labels; empty = the whole file is one segment
-    std::string time;                           ///< column of times; needed for samples, not read for sections
+    std::string time;  ///< column of times; samples need it, sections may have one (times of crossings)
     std::string time_unit = "s";
     bool nan_is_missing = false;     ///< a cell "nan" is a missing sample like an empty one, instead of an error
     double phase = 0.0;              ///< [rad] becomes Series::phase
@@ -33,6 +33,8 @@ struct TableLayout {
     /// Samples: times of a segment may leave the equal distance of its median interval by this share of the interval
     /// per row, in (0, 1). Room for rounded times, but not for a row that was left out.
     double time_tolerance = 0.05;
+    bool equidistant = true;  ///< samples: false = times only have to ascend, as for sections
+    bool complete = false;    ///< a missing value is an error, whatever nan_is_missing says
 };
 
 /// Reads a table in text: a header line with the names of the columns, then one row per line.
@@ -50,7 +52,7 @@ struct TableLayout {
 ///         offset not finite, unknown unit, samples without time column.
 [[nodiscard]] Series read_csv(const std::filesystem::path& file, const TableLayout& layout);
 
-/// Writes "segment", for samples "t", and one column per coordinate; shortest decimals that read back to the same
+/// Writes "segment", for timed series "t", and one column per coordinate; shortest decimals that read back to the same
 /// double, missing samples as empty cells; known sds are not stored, for a series that orbid makes has none. Read back
 /// by read_csv with table_layout(series), bit for bit.
 ///
@@ -77,7 +79,7 @@ void write_csv(const std::filesystem::path& file, const Series& series);
 ///
 ///     /                attributes format, sampling ("section" or "samples"), phase [rad], coordinates, units, angles
 ///     /segments/000000 dataset (points, coordinates), attribute label; one per segment, in order
-///     /times/000000    dataset (points) [s], for samples
+///     /times/000000    dataset (points) [s], for timed series
 ///     /origin          one text, when the series has an origin
 ///
 /// Nothing in the file depends on the time of writing: equal series give equal bytes. As write_csv about the name.

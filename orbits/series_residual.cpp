@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <numbers>
 
 #include "models/parameter.hpp"
 #include "orbits/initial_state.hpp"
+#include "orbits/phase_rate.hpp"
 
 namespace orbid::orbits {
 
@@ -19,9 +19,8 @@ estimator::LatentStructure SeriesResidual::structure() const {
     return free_.empty() ? estimator::LatentStructure::none : estimator::LatentStructure::independent_blocks;
 }
 
-double SeriesResidual::omega(const Eigen::VectorXd& all) const {
-    if (system_->kind() != models::Kind::forced) return 0.0;
-    return 2.0 * std::numbers::pi / system_->period(all, models::Clock::time);
+const models::System& SeriesResidual::system_of(std::size_t segment) const {
+    return with_inputs_.empty() ? *system_ : *with_inputs_[segment];
 }
 
 /// d omega / d(parameter) for the estimated parameters: a difference of the model's own period, which in the models we
@@ -35,7 +34,9 @@ Eigen::VectorXd SeriesResidual::omega_slopes(const Eigen::VectorXd& all) const {
         const double h = 1e-5 * std::abs(all[parameter]);  // the truncation of a smooth function: 1e-10 relative
         above[parameter] += h;
         below[parameter] -= h;
-        if (h > 0.0) slopes[static_cast<Eigen::Index>(j)] = (omega(above) - omega(below)) / (2.0 * h);
+        if (h > 0.0)
+            slopes[static_cast<Eigen::Index>(j)] =
+                (phase_rate(*system_, above) - phase_rate(*system_, below)) / (2.0 * h);
     }
     return slopes;
 }
@@ -67,8 +68,8 @@ Eigen::VectorXd SeriesResidual::guess(std::size_t segment, const Eigen::VectorXd
         known.values.bottomRows(1) = data.values.row(row);
         coordinates.push_back(index);
     }
-    const double phase = series_.phase + omega(all) * data.times[0];
-    Eigen::VectorXd x = initial_state(*system_, all, {known, coordinates, options_.sensor, phase});
+    const double phase = series_.phase + phase_rate(*system_, all) * data.times[0];
+    Eigen::VectorXd x = initial_state(system_of(segment), all, {known, coordinates, options_.sensor, phase});
     for (std::size_t i = 0; i < options_.initial.size(); ++i) {
         const InitialStateRule& rule = options_.initial[i];
         if (rule.kind == InitialStateRule::Kind::fixed) {
@@ -119,7 +120,7 @@ void SeriesResidual::add_phase_shift(const Eigen::VectorXd& all, double first_ti
     if (slopes.isZero(0.0)) return;
     const Eigen::Index n = system_->dimension();
     const Eigen::Index directions = n + slopes.size();
-    const double shift = first_time / omega(all);
+    const double shift = first_time / phase_rate(*system_, all);
     const Eigen::VectorXd f0 = system_->rhs(x0, phases.first(1), all);
     const Eigen::MatrixXd f = system_->rhs(flow.states, phases, all);
     for (Eigen::Index k = 0; k < f.cols(); ++k) {
@@ -140,21 +141,22 @@ BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all,
     const Segment& data = series_.segments[block.segment];
     const auto samples = static_cast<std::size_t>(data.times.size());
     const double first = data.times[0];
-    const double frequency = omega(all);
+    const double frequency = phase_rate(*system_, all);
     std::vector<double> durations(samples), phases(samples);
     for (std::size_t k = 0; k < samples; ++k) {
         durations[k] = data.times[static_cast<Eigen::Index>(k)] - first;
         phases[k] = series_.phase + frequency * data.times[static_cast<Eigen::Index>(k)];
     }
     const std::span<const Eigen::Index> free(binding_.parameter);
-    auto flow = derivatives ? system_->flow_with_sensitivities(x0, phases[0], durations, all, free, models::Clock::time,
-                                                               options_.flow)
-                            : system_->flow(x0, phases[0], durations, all, models::Clock::time, options_.flow);
+    const models::System& system = system_of(block.segment);
+    auto flow = derivatives ? system.flow_with_sensitivities(x0, phases[0], durations, all, free, models::Clock::time,
+                                                             options_.flow)
+                            : system.flow(x0, phases[0], durations, all, models::Clock::time, options_.flow);
     if (flow.status != models::FlowStatus::ok) return failed;
     if (derivatives) add_phase_shift(all, first, phases, x0, flow);
-    const auto read = system_->readings(options_.sensor, flow.states, phases, all,
-                                        derivatives ? std::optional<std::span<const Eigen::Index>>(free) : std::nullopt,
-                                        options_.flow);
+    const auto read =
+        system.readings(options_.sensor, flow.states, phases, all,
+                        derivatives ? std::optional<std::span<const Eigen::Index>>(free) : std::nullopt, options_.flow);
     if (read.status != models::FlowStatus::ok) return failed;
 
     const Eigen::Index n = system_->dimension();
@@ -177,7 +179,7 @@ BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all,
             total[coordinate] = 1.0;
         } else {
             result.e[r] = block.observed[r] - read.readings(coordinate, k);
-            if (system_->coordinates()[static_cast<std::size_t>(coordinate)].angle) {
+            if (models::reads_angle(options_.sensor, system_->coordinates(), static_cast<std::size_t>(coordinate))) {
                 result.e[r] = models::wrapped(result.e[r]);
             }
             if (!derivatives) continue;

@@ -41,6 +41,9 @@ struct SeriesResidualOptions {
     std::vector<ErrorForm> forms;               ///< likewise; empty = all normal with one sd
     /// Full covariances; groups = positions in `observe`. Their coordinates are read at the same samples.
     std::vector<estimator::JointCovariance> covariances;
+    /// Of models with measured inputs: one signal per segment of the series, on the clock of its times, which it covers
+    /// (and the delay of a difference sensor after them). Empty otherwise.
+    std::vector<std::shared_ptr<const models::InputSignal>> inputs;
     Eigen::VectorXd start;  ///< estimator's parameters from which initial states are guessed; empty = base
     models::FlowOptions flow;
 };
@@ -60,10 +63,12 @@ struct SegmentPrediction {
 ///
 /// One block per fitted segment; its records are the samples of the first observed coordinate in time, then those of
 /// the second, ..., then one record per normal prior of the initial state. Missing samples have no record; differences
-/// of angles lie in (-pi, pi]. Latent states: the free coordinates of z that are no estimated parameters, in the order
-/// of the model's. Groups: one per observed coordinate ("<name>.<coordinate>", ordered in time), then one per normal
-/// prior
-/// ("<name>.initial.<coordinate>", scale fixed). Known sds of readings become BlockLayout::deviation.
+/// of angles lie in (-pi, pi] (formulas of a sensor are no angles). Latent states: the free coordinates of z that are
+/// no estimated parameters, in the order of the model's. Groups: one per observed coordinate ("<name>.<coordinate>",
+/// ordered in time), then one per normal prior ("<name>.initial.<coordinate>", scale fixed). Known sds of readings
+/// become BlockLayout::deviation.
+///
+/// Models with measured inputs are simulated on the clock of the series' times; their series.phase is 0.
 ///
 /// Forced models: the phase at time t is series.phase + omega t. When omega is estimated and a segment does not begin
 /// at time 0, its first phase moves with omega; that is contained in the derivatives for the state sensor. With a
@@ -80,7 +85,7 @@ public:
     ///         by more than 5 %, wrong lengths, sd of a prior not > 0; log-normal or relative errors of an angle,
     ///         log-normal errors of a reading that is not > 0, known sds that the series does not have, a full
     ///         covariance of coordinates that are not read at the same samples, indices of initial values that no
-    ///         estimated parameter has.
+    ///         estimated parameter has, inputs that are missing, not asked for or too short.
     SeriesResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding, Series series,
                    SeriesResidualOptions options);
 
@@ -167,9 +172,12 @@ private:
     [[nodiscard]] Eigen::VectorXd omega_slopes(const Eigen::VectorXd& all) const;
     [[nodiscard]] SegmentPrediction predict_one(const Eigen::VectorXd& all, const Eigen::VectorXd& scales,
                                                 const Eigen::VectorXd& relative, std::size_t segment) const;
-    [[nodiscard]] double omega(const Eigen::VectorXd& all) const;
+    /// The system, with the inputs of a segment where it reads some.
+    [[nodiscard]] const models::System& system_of(std::size_t segment) const;
+    void give_inputs();
 
     std::shared_ptr<const models::System> system_;
+    std::vector<std::shared_ptr<const models::System>> with_inputs_;  ///< one per segment of the series; or none
     models::ParameterBinding binding_;
     Series series_;
     SeriesResidualOptions options_;

@@ -18,11 +18,6 @@ void require(bool rule, const std::string& message) {
     if (!rule) throw std::invalid_argument("series residual: " + message);
 }
 
-bool is_sized(const estimator::ErrorDistribution& distribution) {
-    return std::holds_alternative<estimator::LogNormalErrors>(distribution) ||
-           std::holds_alternative<estimator::RelativeErrors>(distribution);
-}
-
 double median_interval(const Segment& segment) {
     std::vector<double> steps;
     for (Eigen::Index k = 1; k < segment.times.size(); ++k)
@@ -49,6 +44,7 @@ SeriesResidual::SeriesResidual(std::shared_ptr<const models::System> system, mod
     check_rules();
     choose_coordinates();
     choose_segments();
+    give_inputs();
     check_forms();
     make_groups();
     for (const std::size_t s : options_.segments) {
@@ -56,84 +52,6 @@ SeriesResidual::SeriesResidual(std::shared_ptr<const models::System> system, mod
         layout_.push_back(make_layout(blocks_.back()));
     }
     check_covariances();
-}
-
-void SeriesResidual::check_binding() const {
-    const auto q = std::ssize(system_->parameters());
-    require(binding_.base.size() == q,
-            fmt::format("base has {} parameters, model {} has {}", binding_.base.size(), system_->name(), q));
-    require(binding_.parameter.size() == binding_.estimated.size(),
-            "binding: parameter and estimated must have equal lengths");
-    for (std::size_t i = 0; i < binding_.parameter.size(); ++i) {
-        require(binding_.parameter[i] >= 0 && binding_.parameter[i] < q, "binding: no such parameter of the model");
-        require(binding_.estimated[i] >= 0 && binding_.estimated[i] < binding_.estimated_count,
-                "binding: no such estimated parameter");
-    }
-    require(options_.start.size() == 0 || options_.start.size() == binding_.estimated_count,
-            fmt::format("start has {} entries, must have {} or none", options_.start.size(), binding_.estimated_count));
-    if (options_.sensor.type == models::Sensor::Type::angle_difference && !omega_slopes(binding_.base).isZero(0.0)) {
-        require(false,
-                "the frequency of the forcing cannot be estimated with an angle_difference sensor: its reading depends "
-                "on the phase; hold the frequency, or observe the angle with the state sensor");
-    }
-}
-
-void SeriesResidual::check_rules() const {
-    const auto& rules = options_.initial;
-    require(rules.empty() || std::ssize(rules) == system_->dimension(),
-            fmt::format("{} rules for the initial state, the model has {} coordinates", rules.size(),
-                        system_->dimension()));
-    for (std::size_t i = 0; i < rules.size(); ++i) {
-        const auto name = system_->coordinates()[i].name;
-        require(std::isfinite(rules[i].value), fmt::format("initial {}: value must be a finite number", name));
-        require(!rules[i].start || std::isfinite(*rules[i].start),
-                fmt::format("initial {}: start must be a finite number", name));
-        require(rules[i].kind != InitialStateRule::Kind::normal || (rules[i].sd > 0.0 && std::isfinite(rules[i].sd)),
-                fmt::format("initial {}: sd of the prior is {}, must be > 0", name, rules[i].sd));
-        for (const Eigen::Index parameter : rules[i].parameters) {
-            require(parameter >= 0 && parameter < binding_.estimated_count,
-                    fmt::format("initial {}: no such estimated parameter", name));
-        }
-    }
-}
-
-void SeriesResidual::check_forms() const {
-    require(options_.forms.empty() || options_.forms.size() == observed_.size(),
-            fmt::format("{} error distributions for {} observed coordinates", options_.forms.size(), observed_.size()));
-    for (std::size_t i = 0; i < options_.forms.size(); ++i) {
-        const models::Coordinate& coordinate = system_->coordinates()[static_cast<std::size_t>(observed_[i])];
-        const ErrorForm& form = options_.forms[i];
-        require(!is_sized(form.distribution) || !coordinate.angle,
-                fmt::format("errors of {}: an angle has no size that log-normal or relative errors could refer to",
-                            coordinate.name));
-        require(!form.known_sds || !is_sized(form.distribution),
-                fmt::format("errors of {}: known sds go with normal, Student's t, Laplace or autoregressive errors",
-                            coordinate.name));
-    }
-}
-
-void SeriesResidual::check_covariances() const {
-    for (const estimator::JointCovariance& covariance : options_.covariances) {
-        for (const int group : covariance.groups) {
-            require(group >= 0 && group < static_cast<int>(observed_.size()),
-                    fmt::format("full covariance: there is no observed coordinate {}", group));
-        }
-        for (const Block& block : blocks_) {
-            std::vector<std::vector<Eigen::Index>> samples(covariance.groups.size());
-            for (std::size_t r = 0; r < block.records.size(); ++r) {
-                for (std::size_t k = 0; k < covariance.groups.size(); ++k) {
-                    if (block.group[r] == covariance.groups[k]) samples[k].push_back(block.records[r].sample);
-                }
-            }
-            for (const auto& other : samples) {
-                require(
-                    other == samples.front(),
-                    fmt::format("segment {}: the coordinates of a full covariance must be read at the same samples; "
-                                "here some of them are missing alone",
-                                series_.segments[block.segment].label));
-            }
-        }
-    }
 }
 
 void SeriesResidual::choose_coordinates() {

@@ -8,7 +8,7 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 
-enum class Quantity { angle, angle_rate, time, length, velocity };
+enum class Quantity { angle, angle_rate, time, length, velocity, acceleration };
 
 struct Unit {
     std::string_view name;
@@ -39,7 +39,11 @@ constexpr std::array units{Unit{"rad", Quantity::angle, 1.0},
                            Unit{"m/s", Quantity::velocity, 1.0},
                            Unit{"cm/s", Quantity::velocity, 1e-2},
                            Unit{"mm/s", Quantity::velocity, 1e-3},
-                           Unit{"km/h", Quantity::velocity, 1.0 / 3.6}};
+                           Unit{"km/h", Quantity::velocity, 1.0 / 3.6},
+                           Unit{"m/s^2", Quantity::acceleration, 1.0},
+                           Unit{"cm/s^2", Quantity::acceleration, 1e-2},
+                           Unit{"mm/s^2", Quantity::acceleration, 1e-3},
+                           Unit{"g", Quantity::acceleration, 9.80665}};  // standard gravity, as accelerometers show
 
 const Unit* find(std::string_view name) {
     for (const Unit& unit : units) {

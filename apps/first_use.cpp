@@ -1,0 +1,82 @@
+#include "apps/first_use.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "models/derivative_check.hpp"
+#include "orbits/phase_rate.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+constexpr Eigen::Index most_directions = 100;
+// Long enough that every term of the equations has acted, short enough that chaos has not.
+constexpr Eigen::Index most_intervals = 10;
+
+std::optional<FlowStart> of_series(const Experiment& experiment, const orbits::SeriesResidual& residual,
+                                   const models::ParameterBinding& binding, const Eigen::VectorXd& start) {
+    const std::size_t index = residual.segment(0);
+    const orbits::Segment& segment = residual.series().segments[index];
+    FlowStart flow;
+    flow.system = experiment.inputs.empty() ? nullptr : residual.system().with_input(experiment.inputs[index]);
+    flow.theta = binding.values(start);
+    flow.free = binding.parameter;
+    flow.state = residual.guessed_state(0);
+    flow.phase = residual.series().phase + orbits::phase_rate(residual.system(), flow.theta) * segment.times[0];
+    for (Eigen::Index k = 1; k < std::min(segment.times.size(), most_intervals + 1); ++k)
+        flow.durations.push_back(segment.times[k] - segment.times[0]);
+    if (flow.durations.empty()) return std::nullopt;
+    return flow;
+}
+
+FlowStart of_cycle(const models::System& system, const orbits::Cycle& cycle, double phase,
+                   const models::ParameterBinding& binding, const Eigen::VectorXd& start) {
+    FlowStart flow;
+    flow.theta = binding.values(start);
+    flow.free = binding.parameter;
+    flow.state = cycle.points.col(0);
+    flow.phase = phase;
+    const bool forced = system.kind() == models::Kind::forced;
+    flow.clock = forced ? models::Clock::phase : models::Clock::time;
+    flow.durations = {forced ? system.period(flow.theta, flow.clock) : 1.0};
+    return flow;
+}
+
+}  // namespace
+
+std::optional<FlowStart> first_flow(const Job& job, const std::vector<Experiment>& data,
+                                    const orbits::CycleSearch& search, const EstimateSetup& setup,
+                                    const JobResiduals& residuals, const models::ParameterBinding& cycle_binding) {
+    std::optional<FlowStart> flow;
+    if (!residuals.series.empty()) {
+        const std::size_t experiment = residuals.experiments.front();
+        flow = of_series(data[experiment], *residuals.series.front(), setup.experiments[experiment], setup.start());
+    } else if (job.estimate->cycles && !search.cycles.empty()) {
+        flow = of_cycle(*job.model.system, search.cycles.front(), job.section_phase, cycle_binding, setup.start());
+    }
+    if (flow && !flow->system) flow->system = job.model.system;
+    if (flow && !(flow->state.allFinite() && flow->theta.allFinite())) return std::nullopt;
+    return flow;
+}
+
+std::string compare_derivatives(const FlowStart& start) {
+    const Eigen::Index directions = start.state.size() + static_cast<Eigen::Index>(start.free.size());
+    if (directions > most_directions) {
+        return fmt::format("derivatives of the model were not compared with differences: {} directions, at most {}",
+                           directions, most_directions);
+    }
+    const auto check = models::check_derivatives(*start.system, start.state, start.phase, start.durations, start.theta,
+                                                 start.free, start.clock);
+    if (!check.passed) {
+        throw WrongModel(
+            fmt::format("model {}: its derivatives are not those of its equations: {}; a branch on a value, or a "
+                        "number that is no scalar of the template, loses derivatives",
+                        start.system->name(), check.message));
+    }
+    return fmt::format("{}{}", check.message,
+                       check.inconclusive > 0 ? fmt::format(", {} undecided", check.inconclusive) : "");
+}
+
+}  // namespace orbid::apps
