@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <span>
 
+#include "models/implicit_trajectory.hpp"
 #include "models/kernel.hpp"
 #include "models/surface_trajectory.hpp"
 #include "models/trajectory.hpp"
@@ -93,7 +94,12 @@ struct TrajectoryChoice {
 };
 template <SurfaceModel M, std::size_t N, std::size_t order>
 struct TrajectoryChoice<M, N, order> {
+    static_assert(!StiffModel<M>, "a stiff model must be smooth: implicit steps do not look for switching surfaces");
     using type = SurfaceTrajectory<M, N, order>;
+};
+template <class M, std::size_t N, std::size_t order>
+requires(StiffModel<M> && !SurfaceModel<M>) struct TrajectoryChoice<M, N, order> {
+    using type = ImplicitTrajectory<M, N, order>;
 };
 }  // namespace detail
 

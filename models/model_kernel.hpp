@@ -73,8 +73,7 @@ public:
 
     void rhs(double phase, const double* state, const double* theta, [[maybe_unused]] const double* input,
              double* f) const override {
-        const auto values =
-            value_rhs<M>(phase, array_from<double, n>(state), array_from<double, q>(theta), input);
+        const auto values = value_rhs<M>(phase, array_from<double, n>(state), array_from<double, q>(theta), input);
         std::copy(values.begin(), values.end(), f);
     }
 
@@ -107,7 +106,8 @@ public:
         // KernelSystem asks autonomous models only.
         if constexpr (!MapModel<M> && !ForcedModel<M>) {
             // Many returns are asked for without derivatives, which would leave the range of numbers on chaotic motion.
-            if (output.sensitivities == nullptr) return crossing_pass<M, 0>(start, plane, count, longest, {}, 0, output);
+            if (output.sensitivities == nullptr)
+                return crossing_pass<M, 0>(start, plane, count, longest, {}, 0, output);
             in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
                 end = crossing_pass<M, N>(start, plane, count, longest, free, first, output);
             });
