@@ -148,7 +148,7 @@ TEST_CASE("sections in packs agree with long double to the tolerance", "[models]
         CHECK(parametric[0] < 10.0 * 0.1);
         CHECK(parametric[1] < 10.0 * 2.0);
     }
-    const auto strut = errors_on_attractor<LandingGearDamper>(defaults<LandingGearDamper>(), tolerance);
+    const auto strut = errors_on_attractor<StrutOnHarmonicBase>(defaults<StrutOnHarmonicBase>(), tolerance);
     CHECK(strut[1] < 10.0 * 2.0);
     const auto duffing = errors_on_attractor<Duffing>(defaults<Duffing>(), tolerance);
     CHECK(duffing[1] < 10.0 * 20.0);
@@ -193,7 +193,7 @@ TEST_CASE("a trajectory is the same whatever block it is in", "[models][ensemble
     // So few steps that trajectories end at different sections.
     check_blocks<Crank>(p, FlowOptions{1e-9, 1e-9, 20}, 8.0);
     check_blocks<DrivenPendulum>(defaults<DrivenPendulum>(), FlowOptions{1e-11, 1e-11}, 3.0);
-    check_blocks<LandingGearDamper>(defaults<LandingGearDamper>(), FlowOptions{1e-9, 1e-9}, 1.0);
+    check_blocks<StrutOnHarmonicBase>(defaults<StrutOnHarmonicBase>(), FlowOptions{1e-9, 1e-9}, 1.0);
 }
 
 TEST_CASE("a budget of steps holds for each period and each trajectory", "[models][ensemble]") {
@@ -219,12 +219,12 @@ TEST_CASE("a budget of steps holds for each period and each trajectory", "[model
 
 TEST_CASE("what is not finite ends one trajectory and no other", "[models][ensemble]") {
     // A strut that starts compressed beyond the volume of its gas has no real pressure.
-    const auto p = defaults<LandingGearDamper>();
+    const auto p = defaults<StrutOnHarmonicBase>();
     std::vector<double> starts = spread_starts(20, 0.5);
     for (std::size_t i = 0; i < 20; ++i)
         starts[2 * i] = 0.1;
     starts[10] = 0.21;
-    const auto result = simulate(SectionEnsemble<LandingGearDamper>(p, 0.0, FlowOptions{1e-9, 1e-9}), starts, 5, 20);
+    const auto result = simulate(SectionEnsemble<StrutOnHarmonicBase>(p, 0.0, FlowOptions{1e-9, 1e-9}), starts, 5, 20);
     for (std::size_t i = 0; i < 20; ++i) {
         CAPTURE(i);
         CHECK(result.status[i] == (i == 5 ? FlowStatus::not_finite : FlowStatus::ok));

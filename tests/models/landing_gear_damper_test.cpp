@@ -169,4 +169,75 @@ TEST_CASE("a strut without room for its gas cannot be simulated", "[models][fast
     CHECK(flow.status == FlowStatus::not_finite);
 }
 
+TEST_CASE("a strut over measured ground moves as over the ground that was measured", "[models][reference]") {
+    Strut strut;
+    const double omega = strut["omega"], amplitude = strut["amplitude"], end = 2.0;
+    const auto measured = make_system("landing_gear_damper", "measured_base");
+    REQUIRE(measured->kind() == Kind::autonomous);
+    REQUIRE(measured->inputs().size() == 1);
+    CHECK(measured->inputs()[0].name == "base_acceleration");
+    CHECK_THROWS_AS(
+        measured->flow(Eigen::Vector2d(0.1, 0.0), 0.0, std::array{1.0}, measured->default_parameters(), Clock::time),
+        std::logic_error);
+    for (const double friction : {0.0, 300.0}) {
+        strut["friction"] = friction;
+        const Eigen::VectorXd theta = strut.theta.head(9);
+        const std::vector<Eigen::Index> free{0, 2, 6, 8};
+        const Eigen::Vector2d x0(0.12, 0.1);
+        const double begin = 0.3;
+        const auto exact =
+            strut.system->flow_with_sensitivities(x0, omega * begin, std::array{end}, strut.theta, free, Clock::time);
+        REQUIRE(exact.status == FlowStatus::ok);
+        REQUIRE(exact.crossings > 4);
+        // A record longer than the flow: the spline is natural at its ends, where u'' is not 0.
+        const auto error = [&](int per_second, InputSignal::Interpolation how) {
+            std::vector<double> times, accelerations;
+            for (int k = -per_second; k <= 4 * per_second; ++k) {
+                times.push_back(static_cast<double>(k) / per_second);
+                accelerations.push_back(-amplitude * omega * omega * std::cos(omega * times.back()));
+            }
+            const auto system =
+                measured->with_input(std::make_shared<InputSignal>(times, accelerations, std::size_t{1}, how));
+            const auto flow = system->flow_with_sensitivities(x0, begin, std::array{end}, theta, free, Clock::time);
+            REQUIRE(flow.status == FlowStatus::ok);
+            CHECK(flow.crossings == exact.crossings);
+            // Columns in the units of the parameters: kg, Pa, N s^2/m^2, N.
+            const Eigen::VectorXd scale =
+                (Eigen::VectorXd(6) << 1.0, 1.0, theta[0], theta[2], theta[6], 300.0).finished();
+            const double derivatives = ((flow.sensitivities - exact.sensitivities) * scale.asDiagonal()).norm();
+            return std::max((flow.states - exact.states).norm(), derivatives);
+        };
+        for (const int per_second : {100, 200}) {
+            CAPTURE(friction, per_second);
+            CHECK_THAT(std::log2(error(per_second, InputSignal::Interpolation::linear) /
+                                 error(2 * per_second, InputSignal::Interpolation::linear)),
+                       WithinAbs(2.0, 0.1));
+            CHECK_THAT(std::log2(error(per_second, InputSignal::Interpolation::cubic) /
+                                 error(2 * per_second, InputSignal::Interpolation::cubic)),
+                       WithinAbs(4.0, 0.2));
+        }
+        // At a kilohertz the cubic is as good as the harmonic ground: (omega / 1000)^4 / 384 of the acceleration.
+        CHECK(error(1000, InputSignal::Interpolation::cubic) < 1e-9);
+    }
+}
+
+TEST_CASE("a strut over measured ground is held and let go by its seals", "[models][fast]") {
+    // At rest at the static stroke until the ground's acceleration exceeds friction / m = 0.3 m/s^2.
+    Strut strut;
+    const double middle = strut.static_stroke();
+    const std::vector<double> times{0.0, 1.0, 2.0}, accelerations{0.0, 0.6, 0.0};
+    const auto system = make_system("landing_gear_damper", "measured_base")
+                            ->with_input(std::make_shared<InputSignal>(times, accelerations, std::size_t{1},
+                                                                       InputSignal::Interpolation::linear));
+    const auto flow = system->flow(Eigen::Vector2d(middle, 0.0), 0.0, std::array{0.499999, 0.500001, 1.0, 2.0},
+                                   strut.theta.head(9), Clock::time);
+    REQUIRE(flow.status == FlowStatus::ok);
+    CHECK(flow.states(0, 0) == middle);
+    CHECK(flow.states(1, 0) == 0.0);
+    CHECK(flow.states(1, 1) > 0.0);
+    CHECK(flow.states(0, 2) > middle + 1e-3);
+    // Held at first and, after a swing, where the ground's acceleration has fallen.
+    CHECK(flow.stickings >= 2);
+}
+
 }  // namespace orbid::models
