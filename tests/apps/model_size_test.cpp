@@ -26,6 +26,14 @@ std::string job_of(const std::string& model, const std::string& initial) {
            "] } } }";
 }
 
+/// A state of the default size.
+const std::string forty = [] {
+    std::string state = "[2";
+    for (int i = 1; i < 40; ++i)
+        state += ", 1";
+    return state + "]";
+}();
+
 std::vector<std::string> problems(const std::string& text) {
     std::vector<std::string> result;
     for (const Problem& problem : read_job(text, folder / "job.json").problems)
@@ -59,10 +67,7 @@ TEST_CASE("a job chooses the size of a model", "[apps][job]") {
     CHECK(job_text(*again.job, folder, {}) == written);
 
     // The default is written out too; a model without sizes says nothing of them.
-    std::string forty = "2";
-    for (int i = 1; i < 40; ++i)
-        forty += ", 1";
-    const auto standard = read_job(job_of(R"({ "name": "lorenz96" })", "[" + forty + "]"), folder / "job.json");
+    const auto standard = read_job(job_of(R"({ "name": "lorenz96" })", forty), folder / "job.json");
     REQUIRE(standard.job);
     CHECK(standard.job->model.size == 40);
     CHECK_THAT(job_text(*standard.job, folder, {}), ContainsSubstring("\"size\": 40"));
@@ -79,7 +84,7 @@ TEST_CASE("a wrong size is refused", "[apps][job]") {
         check_only(job_of(std::string(R"({ "name": "lorenz96", "size": )") + size + " }", "[1, 2, 3, 4]"),
                    "/model/size: must be a whole number");
     check_only(job_of(R"({ "name": "lorenz96", "size": "4" })", "[1, 2, 3, 4]"), "/model/size: must be a number");
-    check_only(job_of(R"({ "name": "lorenz96", "sise": 4 })", "[" + std::string("1") + "]"), "did you mean \"size\"?");
+    check_only(job_of(R"({ "name": "lorenz96", "sise": 40 })", forty), "did you mean \"size\"?");
     check_only(job_of(R"({ "name": "lorenz96", "size": 4 })", "[1, 2, 3]"), "[x1, x2, x3, x4]");
 }
 
