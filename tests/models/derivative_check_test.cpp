@@ -68,6 +68,35 @@ struct SlightlyWrong {
     }
 };
 
+/// Ball that bounces on a floor; right, or with a coefficient of restitution that is taken for a number.
+template <bool right>
+struct Ball {
+    static constexpr std::string_view name = right ? "ball" : "ball_without_restitution";
+    static constexpr std::string_view summary = "";
+    static constexpr std::string_view equations = "x'' = -g, v+ = -e v- at x = 0";
+    static constexpr std::array coordinates{real("x", "m"), real("v", "m/s")};
+    static constexpr std::array parameters{Parameter{"g", "m/s^2", positive, 9.81, "gravity"},
+                                           Parameter{"e", "1", nonnegative, 0.8, "restitution"}};
+    static constexpr std::size_t surface_count = 1;
+    static constexpr std::array<bool, 1> impacts{true};
+    static bool smooth(const Values<double, 2>&) { return false; }
+    template <class T>
+    static State<T, 2> rhs(const T&, const State<T, 2>& x, const Values<T, 2>& p, const std::array<double, 1>&) {
+        return {x[1], -p[0]};
+    }
+    template <class T>
+    static Values<T, 1> surfaces(const T&, const State<T, 2>& x, const Values<T, 2>&) {
+        return {x[0]};
+    }
+    template <class T>
+    static State<T, 2> reset(std::size_t, const T&, const State<T, 2>& x, const Values<T, 2>& p) {
+        if constexpr (right)
+            return {x[0], -p[1] * x[1]};
+        else
+            return {x[0], -value_of(p[1]) * x[1]};
+    }
+};
+
 /// |x| in the equations, without a surface: a kink at 0.
 struct Kink {
     static constexpr std::string_view name = "kink";
@@ -214,6 +243,18 @@ TEST_CASE("the check of derivatives names what is wrong", "[models][fast]") {
     // As much may be allowed.
     CHECK(check_of<SlightlyWrong>(Eigen::VectorXd::Constant(1, 2.0), {1.5}, {.relative_tolerance = 2e-4, .flow = {}})
               .passed);
+
+    // Wrong after the first of two impacts only.
+    const auto ball = check_of<Ball<false>>(Eigen::Vector2d(1.0, 0.3), {0.2, 0.6, 1.4});
+    CHECK_FALSE(ball.passed);
+    CHECK(ball.direction == 3);
+    CHECK(ball.duration > 0.2);
+    CHECK_THAT(ball.message, ContainsSubstring(" / d e after "));
+    CHECK(check_of<Ball<false>>(Eigen::Vector2d(1.0, 0.3), {0.2}).passed);
+    const auto right = check_of<Ball<true>>(Eigen::Vector2d(1.0, 0.3), {0.2, 0.6, 1.4});
+    CAPTURE(right.message);
+    CHECK(right.passed);
+    CHECK(right.inconclusive == 0);
 }
 
 TEST_CASE("what cannot be compared is not called wrong", "[models][fast]") {
