@@ -137,6 +137,8 @@ consteval bool tables_of_flow_are_complete() {
     else if constexpr (HasSmooth<M> && !SmoothAnswers<M>)
         static_assert(never<M>, "smooth must be static bool smooth(const Values<double, q>& p) "
                                 "(docs/adding_a_model.md)");
+    else if constexpr (HasPacks<M> && !PacksAnswers<M>)
+        static_assert(never<M>, "packs must be true or false (docs/adding_a_model.md)");
     else if constexpr (HasStiff<M> && !StiffAnswers<M>)
         static_assert(never<M>, "stiff must be true or false (docs/adding_a_model.md)");
     else

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -64,6 +65,15 @@ public:
             for (std::size_t i = 0; i < R; ++i)
                 r.part_[i] = !a.part_[i];
             return r;
+        }
+
+        /// There is none: the lanes may differ. Where a model branches all the same, its author is told.
+        template <std::same_as<bool> B>
+        explicit operator B() const {
+            static_assert(sizeof(B) == 0,
+                          "equations that branch on their numbers cannot be computed in packs: add "
+                          "static constexpr bool packs = false (docs/adding_a_model.md)");
+            return false;
         }
 
     private:

@@ -30,7 +30,7 @@ check() { # name, sentence, argument...
         echo "$name: compiles" >&2
         return 1
     fi
-    errors=$(grep -E '(^|[: ])error: ' "$scratch/$name")
+    errors=$(grep -E '(^|[: ])error: ' "$scratch/$name" | sort -u)
     if [[ $(wc -l <<<"$errors") != 1 || $errors != *"$says"* ]]; then
         printf '%s: must say "%s", says\n%s\n' "$name" "$says" "$errors" >&2
         return 1
@@ -62,6 +62,24 @@ struct Broken {
         orbid::models::Parameter{"k", "1/s", orbid::models::positive, 1.0, "rate"}};
 };
 template orbid::models::ModelInstance orbid::models::instance_of<Broken>();
+EOT
+
+# So does a model that computes with numbers as if they were one: it is instantiated for several widths.
+check branching "equations that branch on their numbers cannot be computed in packs" - <<'EOT' || bad=$((bad + 1))
+#include "models/model_kernel.hpp"
+using namespace orbid::models;
+struct Branching {
+    static constexpr std::string_view name = "branching", summary = "one defect", equations = "x' = w";
+    static constexpr std::array coordinates{real("x", "m")};
+    static constexpr std::array parameters{Parameter{"w", "1/s", positive, 1.0, "frequency"}};
+    static constexpr std::size_t forcing_frequency = 0;
+    template <class T>
+    static State<T, 1> rhs(const T& /*t*/, const State<T, 1>& x, const Values<T, 1>& p) {
+        if (x[0] < 0.0) return {p[0]};
+        return {-p[0]};
+    }
+};
+template ModelInstance orbid::models::instance_of<Branching>();
 EOT
 
 ((bad == 0)) || { echo "broken models: $bad of $count wrong" >&2; exit 1; }
