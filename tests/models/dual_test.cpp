@@ -14,6 +14,7 @@ using tests::WithinAbs;
 namespace {
 
 using D = Dual<3>;
+using Second = Dual<1, Dual<2>>;
 
 struct Function {
     std::string name;
@@ -76,6 +77,60 @@ TEST_CASE("several directions obey the product and quotient rule", "[models][fas
     sum /= y;
     CHECK(sum.value == 0.0);
     CHECK(sum.partial == std::array{-1.5, 0.0, -1.5});
+}
+
+TEST_CASE("nested dual numbers carry second derivatives", "[models][fast]") {
+    // f(x y) with x = 0.6 + e, y = 1.1: d/dx = f' y, d2/dx2 = f'' y^2, d2/dx dy = f' + f'' x y. First and second
+    // derivatives of each f at 0.66 on paper.
+    struct Row {
+        std::string name;
+        std::function<Second(Second)> f;
+        double first, second;
+    };
+    const double a = 0.66, s = std::sin(a), c = std::cos(a), t = s / c, e = std::exp(a);
+    const double sh = std::sinh(a), ch = std::cosh(a), th = sh / ch, q = 1.0 - a * a, ln = std::log(a);
+    const std::vector<Row> rows{
+        {"sin", [](Second x) { return sin(x); }, c, -s},
+        {"cos", [](Second x) { return cos(x); }, -s, -c},
+        {"tan", [](Second x) { return tan(x); }, 1.0 + t * t, 2.0 * t * (1.0 + t * t)},
+        {"asin", [](Second x) { return asin(x); }, 1.0 / std::sqrt(q), a / (q * std::sqrt(q))},
+        {"acos", [](Second x) { return acos(x); }, -1.0 / std::sqrt(q), -a / (q * std::sqrt(q))},
+        {"atan", [](Second x) { return atan(x); }, 1.0 / (1.0 + a * a), -2.0 * a / ((1.0 + a * a) * (1.0 + a * a))},
+        {"sinh", [](Second x) { return sinh(x); }, ch, sh},
+        {"cosh", [](Second x) { return cosh(x); }, sh, ch},
+        {"tanh", [](Second x) { return tanh(x); }, 1.0 - th * th, -2.0 * th * (1.0 - th * th)},
+        {"exp", [](Second x) { return exp(x); }, e, e},
+        {"log", [](Second x) { return log(x); }, 1.0 / a, -1.0 / (a * a)},
+        {"sqrt", [](Second x) { return sqrt(x); }, 0.5 / std::sqrt(a), -0.25 / (a * std::sqrt(a))},
+        {"abs", [](Second x) { return abs(-x); }, 1.0, 0.0},
+        {"pow 3.5", [](Second x) { return pow(x, 3.5); }, 3.5 * std::pow(a, 2.5), 8.75 * std::pow(a, 1.5)},
+        {"x^x", [](Second x) { return pow(x, x); }, std::pow(a, a) * (1.0 + ln),
+         std::pow(a, a) * ((1.0 + ln) * (1.0 + ln) + 1.0 / a)},
+        {"atan2(x, 2)", [](Second x) { return atan2(x, Second(2.0)); }, 2.0 / (4.0 + a * a),
+         -4.0 * a / ((4.0 + a * a) * (4.0 + a * a))},
+        {"x / (1 - x)", [](Second x) { return x / (1.0 - x); }, 1.0 / ((1.0 - a) * (1.0 - a)),
+         2.0 / ((1.0 - a) * (1.0 - a) * (1.0 - a))},
+        {"2 / x - x / 3", [](Second x) { return 2.0 / x - x / 3.0; }, -2.0 / (a * a) - 1.0 / 3.0, 4.0 / (a * a * a)},
+        {"(x + x) * x - 5", [](Second x) { return (x + x) * x - 5.0; }, 4.0 * a, 4.0},
+        {"3 x + x x", [](Second x) { return multiply_add(3.0, x, multiply_add(x, x, Second(0.0))); }, 3.0 + 2.0 * a,
+         2.0}};
+    Second x(0.6), y(1.1);
+    x.value.partial[0] = 1.0;
+    x.partial[0].value = 1.0;  // the one direction is that of x as well
+    y.value.partial[1] = 1.0;
+    for (const Row& row : rows) {
+        CAPTURE(row.name);
+        const Second z = row.f(x * y);
+        const auto near = [](double expected) { return WithinAbs(expected, 1e-14 * (1.0 + std::abs(expected))); };
+        CHECK_THAT(z.value.partial[0], near(row.first * 1.1));
+        CHECK_THAT(z.value.partial[1], near(row.first * 0.6));
+        CHECK_THAT(z.partial[0].value, near(row.first * 1.1));
+        CHECK_THAT(z.partial[0].partial[0], near(row.second * 1.1 * 1.1));
+        CHECK_THAT(z.partial[0].partial[1], near(row.first + row.second * a));
+        CHECK(value_of(z) == z.value.value);
+    }
+    CHECK(vanishes(Second(0.0)));
+    CHECK_FALSE(vanishes(x - 0.6));
 }
 
 TEST_CASE("comparisons look at the value", "[models][fast]") {
