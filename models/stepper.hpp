@@ -55,11 +55,20 @@ struct Field {
             }
             return rhs_of<M, T>(omega * s + phase, x, constants, on_side);
         } else if constexpr (InputModel<M>) {
-            std::array<double, input_count_of<M>> values;
-            input->evaluate(piece, phase + value_of(s), values.data());
-            std::array<T, input_count_of<M>> u;
-            for (std::size_t i = 0; i < u.size(); ++i)
-                u[i] = T(values[i]);
+            constexpr std::size_t count = input_count_of<M>;
+            std::array<T, count> u;
+            if constexpr (std::is_same_v<S, double>) {
+                std::array<double, count> values;
+                input->evaluate(piece, phase + s, values.data());
+                for (std::size_t i = 0; i < count; ++i)
+                    u[i] = T(values[i]);
+            } else {
+                std::array<double, 3 * count> terms;
+                input->expand(piece, phase + value_of(s), terms.data());
+                const S later = s - value_of(s);
+                for (std::size_t i = 0; i < count; ++i)
+                    u[i] = terms[3 * i] + later * (terms[3 * i + 1] + later * terms[3 * i + 2]);
+            }
             return rhs_of<M, T>(T(phase + s), x, constants, on_side, u);
         } else {
             return rhs_of<M, T>(T(s), x, constants, on_side);

@@ -46,6 +46,36 @@ inline double difference_error(const models::System& system, const Eigen::Vector
     return worst;
 }
 
+/// The same for second derivatives, against central differences of the sensitivities.
+inline double second_difference_error(const models::System& system, const Eigen::VectorXd& x0, double phase,
+                                      double duration, const Eigen::VectorXd& theta,
+                                      const std::vector<Eigen::Index>& free, models::Clock clock, double step = 1e-4) {
+    const std::array<double, 1> durations{duration};
+    const auto exact = system.flow_with_second_derivatives(x0, phase, durations, theta, free, clock);
+    REQUIRE(exact.status == models::FlowStatus::ok);
+    const Eigen::Index n = x0.size(), d = n + static_cast<Eigen::Index>(free.size());
+    double worst = 0.0;
+    for (Eigen::Index j = 0; j < d; ++j) {
+        const auto at = [&](double ahead) -> Eigen::MatrixXd {
+            Eigen::VectorXd x = x0, p = theta;
+            if (j < n)
+                x[j] += ahead;
+            else
+                p[free[static_cast<std::size_t>(j - n)]] += ahead;
+            const auto flow = system.flow_with_sensitivities(x, phase, durations, p, free, clock);
+            REQUIRE(flow.status == models::FlowStatus::ok);
+            REQUIRE(flow.crossings == exact.crossings);
+            return flow.sensitivities;
+        };
+        const Eigen::MatrixXd difference =
+            (8.0 * (at(step) - at(-step)) - (at(2 * step) - at(-2 * step))) / (12.0 * step);
+        const Eigen::MatrixXd found = exact.second_derivatives.middleCols(j * d, d);
+        const double error = (difference - found).norm() / (1.0 + found.norm());
+        if (!(error <= worst)) worst = error;
+    }
+    return worst;
+}
+
 /// Expected values and derivatives, from a closed form in dual arithmetic, against a flow: worst error, derivatives
 /// relative to their size.
 template <std::size_t N, std::size_t n>

@@ -12,6 +12,7 @@ namespace {
 
 using tests::closed_form_error;
 using tests::difference_error;
+using tests::second_difference_error;
 using tests::WithinAbs;
 constexpr double pi = std::numbers::pi;
 
@@ -161,6 +162,7 @@ TEST_CASE("a bouncing ball keeps its closed form and derivatives", "[models][ref
         // speeds. Measured 1.7e-12 after fifteen bounces.
         CHECK(closed_form_error(flow, static_cast<Eigen::Index>(k), expected) < 1.7e-11);
     }
+    CHECK(second_difference_error(ball, x0, 0.0, 2.0, theta, all_of(ball), Clock::time) < 1e-8);
     CHECK(bounces >= 8);
     CHECK(flow.crossings == bounces);
     CHECK(flow.stickings == 0);
@@ -338,6 +340,7 @@ TEST_CASE("a moving table: surface and reset depend on time and parameters", "[m
         CHECK(impacts >= 3);
         CHECK(flow.crossings == impacts);
         CHECK(difference_error(system, x0, phase, durations.back(), theta, all_of(system), clock, 1e-5) < 1e-8);
+        CHECK(second_difference_error(system, x0, phase, durations[2], theta, all_of(system), clock, 3e-5) < 1e-7);
     }
 }
 

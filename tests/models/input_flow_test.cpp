@@ -15,6 +15,7 @@ namespace {
 using tests::closed_form_error;
 using tests::ContainsSubstring;
 using tests::difference_error;
+using tests::second_difference_error;
 using tests::WithinAbs;
 constexpr auto linear = InputSignal::Interpolation::linear;
 constexpr auto cubic = InputSignal::Interpolation::cubic;
@@ -213,6 +214,8 @@ TEST_CASE("a block is let go where a measured force exceeds the friction", "[mod
             CHECK(flow.stickings == 1);
             // Moving at first: caught and let go. From v = 0.4 at t = 0.6, v' = t - 1 - c until v = 0.
             CHECK(difference_error(*system, Eigen::Vector2d(0.0, 0.4), 0.6, 2.0, theta, free, Clock::time) < 1e-9);
+            CHECK(second_difference_error(*system, Eigen::Vector2d(0.0, 0.4), 0.6, 2.0, theta, free, Clock::time) <
+                  1e-8);
         }
 }
 

@@ -12,6 +12,7 @@ namespace {
 
 using tests::closed_form_error;
 using tests::difference_error;
+using tests::second_difference_error;
 using tests::WithinAbs;
 constexpr double pi = std::numbers::pi;
 
@@ -241,6 +242,7 @@ TEST_CASE("a relay slides along a moving mark and is left behind where the mark 
         }
         CHECK(flow.stickings == 1);
         CHECK(flow.crossings == 1);
+        CHECK(second_difference_error(system, start, phase, durations.back(), theta, all_of(system), clock) < 1e-8);
         // Held for whole periods: the state is constant under the relay's own field only, so nothing but the mark
         // limits the steps.
         Eigen::VectorXd fast = theta;
@@ -286,6 +288,7 @@ TEST_CASE("sliding along a circle", "[models][reference]") {
         // On the surface to the last digit.
         CHECK_THAT(flow.states.col(2).norm(), WithinAbs(1.0, 4e-16));
         CHECK(difference_error(system, x0, 0.0, 1.0, theta, all_of(system), Clock::time) < 1e-9);
+        CHECK(second_difference_error(system, x0, 0.0, 1.0, theta, all_of(system), Clock::time) < 1e-8);
     }
     // A start on the surface: sliding at once.
     const auto on = system.flow(Eigen::Vector2d(1.0, 0.0), 0.0, durations, theta, Clock::time);
