@@ -8,6 +8,7 @@
 
 #include "models/dynamic_kernel.hpp"
 #include "models/flow.hpp"
+#include "models/map_ensemble.hpp"
 #include "models/map_flow.hpp"
 #include "models/model_check.hpp"
 #include "models/model_instance.hpp"
@@ -143,21 +144,7 @@ public:
                   [[maybe_unused]] double* const* sections, [[maybe_unused]] std::size_t* columns,
                   [[maybe_unused]] FlowStatus* status) const override {
         if constexpr (MapModel<M>) {
-            const auto c = constants_from<M, double>(array_from<double, q>(theta));
-            for (std::size_t i = 0; i < count; ++i) {
-                auto x = array_from<double, n>(starts + i * n);
-                std::copy(x.begin(), x.end(), sections[i]);
-                status[i] = FlowStatus::ok;
-                for (columns[i] = 1; columns[i] <= periods && status[i] == FlowStatus::ok; ++columns[i]) {
-                    x = M::map(x, c);
-                    for (std::size_t j = 0; j < n; ++j) {
-                        if (!std::isfinite(x[j])) status[i] = FlowStatus::not_finite;
-                        if (M::coordinates[j].angle) x[j] = wrapped(x[j]);
-                        sections[i][columns[i] * n + j] = x[j];
-                    }
-                    if (status[i] != FlowStatus::ok) break;
-                }
-            }
+            MapEnsemble<M>(array_from<double, q>(theta)).advance(starts, count, periods, sections, columns, status);
         } else if constexpr (ForcedModel<M>) {
             SectionEnsemble<M>(array_from<double, q>(theta), phase, options)
                 .advance(starts, count, periods, sections, columns, status);
@@ -166,6 +153,8 @@ public:
     std::size_t ensemble_block() const override {
         if constexpr (ForcedModel<M>)
             return SectionEnsemble<M>::block;
+        else if constexpr (MapModel<M>)
+            return MapEnsemble<M>::block;
         else
             return 1;
     }

@@ -7,7 +7,10 @@
 
 #include "models/driven_pendulum.hpp"
 #include "models/duffing.hpp"
+#include "models/henon.hpp"
+#include "models/ikeda.hpp"
 #include "models/landing_gear_damper.hpp"
+#include "models/map_ensemble.hpp"
 #include "models/parametric_pendulum.hpp"
 #include "models/section_ensemble.hpp"
 #include "tests/catch.hpp"
@@ -281,6 +284,51 @@ TEST_CASE("tables that are too coarse are refined", "[models][ensemble]") {
         for (std::size_t k = 2; k < 10; ++k)
             CHECK_THAT(packed.sections[i][k], tests::WithinAbs(single.sections[i][k], 1e-7));
     }
+}
+
+TEST_CASE("maps are iterated in packs as in double", "[models][ensemble]") {
+    // Products and sums are rounded alike: the same bytes. Point 4 leaves the range of numbers at once, points far from
+    // the attractor after some iterations.
+    constexpr std::size_t count = 40, iterations = 200;
+    auto starts = spread_starts(count, 1.4);
+    starts[8] = 1e200;
+    const auto p = defaults<Henon>();
+    const MapEnsemble<Henon> henon(p);
+    const auto together = simulate(henon, starts, iterations, count);
+    std::size_t escaped = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+        CAPTURE(i);
+        State<double, 2> x{starts[2 * i], starts[2 * i + 1]};
+        for (std::size_t k = 1; k < together.columns[i]; ++k) {
+            x = Henon::map(x, p);
+            REQUIRE(std::memcmp(x.data(), &together.sections[i][2 * k], sizeof x) == 0);
+        }
+        if (together.columns[i] == iterations + 1) {
+            CHECK(together.status[i] == FlowStatus::ok);
+        } else {
+            ++escaped;
+            x = Henon::map(x, p);
+            CHECK(!(std::isfinite(x[0]) && std::isfinite(x[1])));
+            CHECK(together.status[i] == FlowStatus::not_finite);
+        }
+    }
+    CHECK(together.columns[4] == 1);
+    CHECK(escaped > 1);
+    CHECK(escaped < count);
+    const auto alone = simulate(henon, starts, iterations, 1);
+    CHECK(together.columns == alone.columns);
+    CHECK(together.status == alone.status);
+
+    // Sines of packs differ from those of the library in the last place: compare single iterations, and blocks.
+    const MapEnsemble<Ikeda> ikeda(defaults<Ikeda>());
+    const auto turns = spread_starts(count, 1.4);
+    const auto light = simulate(ikeda, turns, iterations, count);
+    for (std::size_t i = 0; i < count; ++i) {
+        const State<double, 2> image = Ikeda::map(State<double, 2>{turns[2 * i], turns[2 * i + 1]}, defaults<Ikeda>());
+        CHECK_THAT(light.sections[i][2], tests::WithinAbs(image[0], 1e-14));
+        CHECK_THAT(light.sections[i][3], tests::WithinAbs(image[1], 1e-14));
+    }
+    CHECK(simulate(ikeda, turns, iterations, 7).sections == light.sections);
 }
 
 }  // namespace orbid::models
