@@ -78,31 +78,36 @@ public:
         return true;
     }
 
-    /// Difference to a formula of order 3 in the last step, filtered by (gamma / h - f_x)^-1 so that stiff directions
-    /// count as they should.
-    ///
+    /// Difference to a formula of order 3 in the last step, as it is and filtered.
+    struct Difference {
+        Point plain;
+        Point filtered;  ///< by (1 - h / gamma f_x)^-1: stiff directions count as they should
+    };
+
     /// @param slope   dx/ds at the start
     /// @param refine  filter once more: at the first step, and after a step that failed, stiff directions are not yet
     ///                where they belong
-    [[nodiscard]] Point error(const Point& x, double s, double ds, const Point& slope, bool refine) const {
-        State<T, n> difference;
+    [[nodiscard]] Difference difference(const Point& x, double s, double ds, const Point& slope, bool refine) const {
+        State<T, n> change;
         for (std::size_t k = 0; k < n; ++k) {
-            difference[k] = T(0.0);
+            change[k] = T(0.0);
             for (std::size_t j = 0; j < 3; ++j)
-                difference[k] = difference[k] + z_[j][k] * (RadauMethod::comparison[j] / ds);
+                change[k] = change[k] + z_[j][k] * (RadauMethod::comparison[j] / ds);
         }
-        Point e;
-        for (std::size_t k = 0; k < n; ++k)
-            e[k] = slope[k] + difference[k];
-        start_lu_.solve(e);
+        Difference e;
+        const auto filter = [&](const Point& start_slope) {
+            for (std::size_t k = 0; k < n; ++k) {
+                e.filtered[k] = start_slope[k] + change[k];
+                e.plain[k] = e.filtered[k] * (ds / RadauMethod::real_eigenvalue);
+            }
+            start_lu_.solve(e.filtered);
+        };
+        filter(slope);
         if (!refine) return e;
         Point moved;
         for (std::size_t k = 0; k < n; ++k)
-            moved[k] = x[k] + e[k];
-        e = field_(moved, s);
-        for (std::size_t k = 0; k < n; ++k)
-            e[k] = e[k] + difference[k];
-        start_lu_.solve(e);
+            moved[k] = x[k] + e.filtered[k];
+        filter(field_(moved, s));
         return e;
     }
 

@@ -294,7 +294,7 @@ TEST_CASE("the Robertson reaction has its reference values", "[models][reference
     const auto flow =
         system->flow(Eigen::Vector3d(1.0, 0.0, 0.0), 0.0, Durations{1e11}, theta, Clock::time, {1e-10, 1e-20});
     REQUIRE(flow.status == FlowStatus::ok);
-    CHECK(((flow.states.col(0) - late).array() / late.array()).abs().maxCoeff() < 2e-13);
+    CHECK(((flow.states.col(0) - late).array() / late.array()).abs().maxCoeff() < 2e-13);  // measured 1.7e-14
     CHECK(flow.steps < 3000);
 }
 
@@ -328,6 +328,7 @@ TEST_CASE("a stiff relaxation oscillation has its reference values in few steps"
     CHECK_THAT(period, WithinAbs(asymptotic, 7e-3));
     const auto longer = system->crossings(vector({2.0, 0.0}), section, 3, 3000.0, vector({1001.0}), Free{0});
     const auto shorter = system->crossings(vector({2.0, 0.0}), section, 3, 3000.0, vector({999.0}), Free{0});
+    // Central differences over a thousandth of mu: truncation is 1e-6 of the part that is not linear.
     for (Eigen::Index k = 0; k < 3; ++k)
         CHECK_THAT(returns.time_sensitivities(2, k), WithinRel((longer.times[k] - shorter.times[k]) / 2.0, 1e-6));
 }
@@ -340,15 +341,15 @@ TEST_CASE("stiff flows may be forced, or follow measured inputs", "[models][fast
     REQUIRE(flow.status == FlowStatus::ok);
     for (const Eigen::Index k : {0, 1}) {
         const double s = k == 0 ? 1.0 : 10.0;
-        // Drawn by a large rate, errors of the stages appear divided by it but not smaller: measured 2e-11.
-        CHECK_THAT(flow.states(0, k), WithinAbs(std::cos(tau + s), 1e-9));
+        // Drawn to the cosine the method has the order 3: measured 6.9e-12, in the ensemble 1.2e-11; ten times that.
+        CHECK_THAT(flow.states(0, k), WithinAbs(std::cos(tau + s), 7e-11));
         CHECK_THAT(flow.states(1, k), WithinAbs(std::exp(-s / omega), 1e-11));
         CHECK_THAT(flow.sensitivity(k, 4)(1, 3), WithinAbs(s / (omega * omega) * std::exp(-s / omega), 1e-10));
-        CHECK_THAT(flow.sensitivity(k, 4)(0, 3), WithinAbs(0.0, 1e-9));
+        CHECK_THAT(flow.sensitivity(k, 4)(0, 3), WithinAbs(0.0, 4e-11));
     }
     const auto ensemble = system->ensemble(vector({2.0, 1.0}), tau, 3, vector({a, omega}));
     REQUIRE(ensemble.status[0] == FlowStatus::ok);
-    CHECK_THAT(ensemble.sections[0](0, 3), WithinAbs(std::cos(tau), 1e-9));
+    CHECK_THAT(ensemble.sections[0](0, 3), WithinAbs(std::cos(tau), 1.2e-10));
     CHECK_THAT(ensemble.sections[0](1, 3), WithinAbs(std::exp(-6.0 * std::numbers::pi / omega), 1e-11));
 
     // u = |t - 1|: y = u - u' / a + a rest that decays by exp(-a t).
