@@ -1,3 +1,5 @@
+#include "models/double_pendulum.hpp"
+
 #include <Eigen/Dense>
 #include <cmath>
 #include <fstream>
@@ -12,6 +14,8 @@
 #include "tests/catch.hpp"
 
 namespace orbid::models {
+
+static_assert(InstrumentModel<DoublePendulum> && ReducedModel<DoublePendulum> && SymmetricModel<DoublePendulum>);
 
 using tests::WithinAbs;
 using tests::WithinRel;

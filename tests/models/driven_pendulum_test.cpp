@@ -1,3 +1,5 @@
+#include "models/driven_pendulum.hpp"
+
 #include <Eigen/Dense>
 #include <cmath>
 #include <fstream>
@@ -5,10 +7,13 @@
 #include <numbers>
 #include <string>
 
+#include "models/pack_steps.hpp"
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
 
 namespace orbid::models {
+
+static_assert(TabulatedModel<DrivenPendulum> && SymmetricModel<DrivenPendulum>);
 
 using tests::WithinAbs;
 using tests::WithinRel;

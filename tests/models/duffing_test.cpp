@@ -1,12 +1,16 @@
-#include <cmath>
+#include "models/duffing.hpp"
 
+#include <cmath>
 #include <numbers>
 
+#include "models/pack_steps.hpp"
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
 #include "tests/models/lyapunov.hpp"
 
 namespace orbid::models {
+
+static_assert(TabulatedModel<Duffing> && SymmetricModel<Duffing>);
 
 using tests::WithinAbs;
 

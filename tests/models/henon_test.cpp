@@ -1,3 +1,5 @@
+#include "models/henon.hpp"
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
@@ -10,6 +12,8 @@
 #include "tests/models/lyapunov.hpp"
 
 namespace orbid::models {
+
+static_assert(MapModel<Henon>);
 
 using tests::WithinAbs;
 using tests::WithinRel;

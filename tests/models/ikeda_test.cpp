@@ -1,3 +1,5 @@
+#include "models/ikeda.hpp"
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
@@ -7,6 +9,8 @@
 #include "tests/catch.hpp"
 
 namespace orbid::models {
+
+static_assert(MapModel<Ikeda>);
 
 using tests::WithinAbs;
 

@@ -1,10 +1,15 @@
+#include "models/landing_gear_damper.hpp"
+
 #include <cmath>
 #include <numbers>
 
+#include "models/pack_steps.hpp"
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
 
 namespace orbid::models {
+
+static_assert(TabulatedModel<StrutOnHarmonicBase> && SwitchingModel<StrutOnHarmonicBase>);
 
 using tests::WithinAbs;
 using tests::WithinRel;
@@ -14,7 +19,7 @@ namespace {
 constexpr double pi = std::numbers::pi;
 
 /// The strut with chosen friction, oil and ground.
-struct Strut {
+struct Rig {
     std::shared_ptr<const System> system = make_system("landing_gear_damper");
     Eigen::VectorXd theta = system->default_parameters();
 
@@ -22,17 +27,17 @@ struct Strut {
 
     /// Where the gas carries the weight: p0 area (V0 / (V0 - area s))^kappa = m g.
     double static_stroke() {
-        Strut& p = *this;
+        Rig& p = *this;
         return p["V0"] / p["area"] * (1.0 - std::pow(p["p0"] * p["area"] / (p["m"] * p["g"]), 1.0 / p["kappa"]));
     }
     /// Of small free swings: omega^2 = (dF_gas / ds) / m = kappa g / (V0 / area - s) there.
     double natural_frequency() {
-        Strut& p = *this;
+        Rig& p = *this;
         return std::sqrt(p["kappa"] * p["g"] / (p["V0"] / p["area"] - static_stroke()));
     }
     /// Kinetic energy, work stored in the gas (polytropic, kappa > 1) and height.
     double energy(const Eigen::Vector2d& x) {
-        Strut& p = *this;
+        Rig& p = *this;
         const double compression = 1.0 - p["area"] * x[0] / p["V0"];
         return 0.5 * p["m"] * x[1] * x[1] +
                p["p0"] * p["V0"] / (p["kappa"] - 1.0) * (std::pow(compression, 1.0 - p["kappa"]) - 1.0) -
@@ -43,7 +48,7 @@ struct Strut {
 }  // namespace
 
 TEST_CASE("a strut stands and swings as its gas spring says", "[models][reference]") {
-    Strut strut;
+    Rig strut;
     strut["friction"] = strut["amplitude"] = 0.0;
     const double stroke = strut.static_stroke(), omega = strut.natural_frequency();
     // Round numbers of the defaults: 0.142 m, 2.2 Hz.
@@ -66,7 +71,7 @@ TEST_CASE("a strut stands and swings as its gas spring says", "[models][referenc
 
 TEST_CASE("oil brakes compression and rebound by its own coefficients", "[models][reference]") {
     // Next to no gas, no weight: s'' = -(c / m) s'|s'|, so s' = v / (1 + c |v| t / m).
-    Strut strut;
+    Rig strut;
     strut["friction"] = strut["amplitude"] = strut["g"] = 0.0;
     strut["p0"] = 1e-20;
     const double m = strut["m"], t = 0.1;
@@ -83,7 +88,7 @@ TEST_CASE("oil brakes compression and rebound by its own coefficients", "[models
 TEST_CASE("what a shaken strut takes up goes into friction and oil", "[models][reference]") {
     // Over two periods, with dense samples: E(2 T) - E(0) = integral of force times velocity, by Simpson's
     // rule; in the frame of the ground the ground's acceleration acts as a force -m amplitude omega^2 cos(omega t).
-    Strut strut;
+    Rig strut;
     for (const double friction : {0.0, 300.0}) {
         CAPTURE(friction);
         strut["friction"] = friction;
@@ -113,7 +118,7 @@ TEST_CASE("what a shaken strut takes up goes into friction and oil", "[models][r
 }
 
 TEST_CASE("dry friction alone takes the same from each half swing of a strut", "[models][reference]") {
-    Strut strut;
+    Rig strut;
     strut["amplitude"] = strut["c_compression"] = strut["c_rebound"] = 0.0;
     const double friction = strut["friction"] = 20.0;
     const double middle = strut.static_stroke(), omega = strut.natural_frequency();
@@ -148,7 +153,7 @@ TEST_CASE("dry friction alone takes the same from each half swing of a strut", "
 }
 
 TEST_CASE("a strut at rest is held by its seals", "[models][fast]") {
-    Strut strut;
+    Rig strut;
     strut["amplitude"] = 0.0;
     const double middle = strut.static_stroke();
     const double held = strut["friction"] / (strut["m"] * std::pow(strut.natural_frequency(), 2));
@@ -164,13 +169,13 @@ TEST_CASE("a strut at rest is held by its seals", "[models][fast]") {
 }
 
 TEST_CASE("a strut without room for its gas cannot be simulated", "[models][fast]") {
-    Strut strut;
+    Rig strut;
     const auto flow = strut.system->flow(Eigen::Vector2d(0.21, 0.1), 0.0, std::array{1.0}, strut.theta, Clock::time);
     CHECK(flow.status == FlowStatus::not_finite);
 }
 
 TEST_CASE("a strut over measured ground moves as over the ground that was measured", "[models][reference]") {
-    Strut strut;
+    Rig strut;
     const double omega = strut["omega"], amplitude = strut["amplitude"], end = 2.0;
     const auto measured = make_system("landing_gear_damper", "measured_base");
     REQUIRE(measured->kind() == Kind::autonomous);
@@ -223,7 +228,7 @@ TEST_CASE("a strut over measured ground moves as over the ground that was measur
 
 TEST_CASE("a strut over measured ground is held and let go by its seals", "[models][fast]") {
     // At rest at the static stroke until the ground's acceleration exceeds friction / m = 0.3 m/s^2.
-    Strut strut;
+    Rig strut;
     const double middle = strut.static_stroke();
     const std::vector<double> times{0.0, 1.0, 2.0}, accelerations{0.0, 0.6, 0.0};
     const auto system = make_system("landing_gear_damper", "measured_base")

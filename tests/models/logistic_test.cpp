@@ -1,3 +1,5 @@
+#include "models/logistic.hpp"
+
 #include <cmath>
 #include <numbers>
 
@@ -6,6 +8,8 @@
 #include "tests/models/lyapunov.hpp"
 
 namespace orbid::models {
+
+static_assert(MapModel<Logistic>);
 
 using tests::WithinAbs;
 using tests::WithinRel;

@@ -1,3 +1,5 @@
+#include "models/lorenz.hpp"
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
@@ -11,6 +13,8 @@
 #include "tests/models/lyapunov.hpp"
 
 namespace orbid::models {
+
+static_assert(SymmetricModel<Lorenz>);
 
 using tests::WithinAbs;
 using tests::WithinRel;

@@ -1,3 +1,5 @@
+#include "models/van_der_pol.hpp"
+
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -9,6 +11,8 @@
 #include "tests/models/closed_orbit.hpp"
 
 namespace orbid::models {
+
+static_assert(SymmetricModel<VanDerPol>);
 
 using tests::WithinAbs;
 using tests::WithinRel;
