@@ -13,9 +13,8 @@ std::string names_of(std::span<const models::Coordinate> inputs) {
     return list;
 }
 
-/// Inputs that stand in the table of the data need one, and times in it.
-void check_source(const ObjectReader& object, const DataJob& data, const InputJob& input) {
-    if (input.file) return;
+/// Inputs without a file stand in the table of the data.
+void check_source(const ObjectReader& object, const DataJob& data) {
     if (data.simulation) {
         object.self().report("inputs of a simulation need a \"file\" with their record");
     } else if (!data.file->table) {
@@ -40,7 +39,7 @@ void read_inputs(ObjectReader& object, const Job& job, DataJob& data) {
     }
     if (job.model.system && inputs.empty()) {
         value->report(fmt::format("the model {}{} reads no measured inputs", job.model.name,
-                                  job.model.variant.empty() ? "" : ", variant " + job.model.variant));
+                                  job.model.variant.empty() ? "" : ", variant " + job.model.variant + ","));
         return;
     }
     if (data.sampling() == Sampling::section) {
@@ -48,7 +47,8 @@ void read_inputs(ObjectReader& object, const Job& job, DataJob& data) {
     }
     InputJob input;
     ObjectReader columns(*value);
-    if (const auto file = columns.find("file")) {
+    const auto file = columns.find("file");
+    if (file) {
         input.file = read_path(*file, job);
         input.sha256 = read_sha256(columns);
         if (const auto time = columns.find("time")) read_time(*time, input.time_column, input.time_unit);
@@ -57,7 +57,7 @@ void read_inputs(ObjectReader& object, const Job& job, DataJob& data) {
         const auto column = columns.require(inputs[i].name, "the column of this input");
         if (column) input.columns.push_back(read_column(*column, static_cast<Eigen::Index>(i), inputs[i]));
     }
-    if (!columns.find("file")) check_source(columns, data, input);
+    if (!file) check_source(columns, data);
     // Without the model its inputs would be called unknown.
     if (job.model.system) columns.finish();
     if (interpolation) {

@@ -53,13 +53,18 @@ void read_section(ObjectReader& root, Job& job) {
     if (kind == models::Kind::autonomous) {
         if (phase && !coordinate) {
             forced_only();
+            job.section_plane.emplace();  // one problem is enough: not also that sections have no plane
             return;
         }
         if (phase) forced_only();
         read_plane(section, job);
     } else {
+        if (coordinate) {
+            coordinate->report_later("a section of a forced model by a coordinate");
+            return;
+        }
         if (phase) job.section_phase = phase->number().value_or(0.0);
-        section.reserve({"coordinate", "value", "direction"});
+        section.reserve({"value", "direction"});
     }
     section.finish();
 }

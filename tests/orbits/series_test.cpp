@@ -58,6 +58,7 @@ TEST_CASE("units turn into each other when they measure the same", "[orbits]") {
     CHECK_THAT(*orbits::unit_factor("turns", "deg"), WithinRel(360.0, 1e-15));
     CHECK_THAT(*orbits::unit_factor("rpm", "rad/s"), WithinRel(2.0 * std::numbers::pi / 60.0, 1e-15));
     CHECK_THAT(*orbits::unit_factor("ms", "s"), WithinRel(1e-3, 1e-15));
+    CHECK_THAT(*orbits::unit_factor("g", "m/s^2"), WithinRel(9.80665, 1e-15));
     CHECK_FALSE(orbits::unit_factor("deg", "s").has_value());
     CHECK_FALSE(orbits::unit_factor("degrees", "rad").has_value());
     CHECK_THAT(orbits::units_like("rad"), tests::ContainsSubstring("deg"));
