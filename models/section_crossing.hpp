@@ -62,7 +62,9 @@ public:
             rounding_ = 1e-14 * std::max(begin_.terms, end_.terms);
             if (!started_) snap_start();
             before_ = &before;
-            search(begin_, end_, 0);
+            const View last = smooth_end(before);
+            search(begin_, last, 0);
+            if (last.s < end_.s && status_ == FlowStatus::ok) search_levels(last, end_, false, false, last.g, end_.g);
             before_ = nullptr;
         }
         if (found_.empty()) return std::nullopt;
@@ -140,6 +142,19 @@ private:
         return look(*path);
     }
 
+    /// The end of the step before the event that ended it, if one did: there the slope jumps, or the state. 1e-10 of
+    /// the step before it nothing has happened yet.
+    [[nodiscard]] View smooth_end(const Path& before) {
+        if constexpr (SwitchingModel<M> || SurfaceModel<M>) {
+            if (path_.crossings() != before.crossings() || path_.stickings() != before.stickings()) {
+                const double s = end_.s - std::max(1e-10 * (end_.s - begin_.s), 2.0 * resolution(end_.s));
+                if (s > begin_.s)
+                    if (const auto view = view_at(s)) return *view;
+            }
+        }
+        return end_;
+    }
+
     /// Crossings between two points of a step.
     void search(const View& a, const View& b, int depth) {
         double along = 0.0;
@@ -163,6 +178,10 @@ private:
             // Twice as far, as the bound is only one for curves without a turning point of their slope.
             (dips ? lowest : highest) += 2.0 * ((dips ? a.g - lowest : a.g - highest) + a.slope * meet);
         }
+        search_levels(a, b, dips, rises, lowest, highest);
+    }
+
+    void search_levels(const View& a, const View& b, bool dips, bool rises, double lowest, double highest) {
         if (std::isfinite(turn_)) {
             for (double k = std::ceil(lowest / turn_); k * turn_ <= highest && status_ == FlowStatus::ok; ++k)
                 search_level(a, b, dips, rises, k * turn_);

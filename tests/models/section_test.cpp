@@ -70,6 +70,29 @@ struct Throw {
     }
 };
 
+/// A ball on a floor: q'' = -g, and v+ = -e v- at q = 0.
+struct Ball {
+    static constexpr std::string_view name = "ball", summary = "", equations = "";
+    static constexpr std::array coordinates{real("q", "m"), real("v", "m/s")};
+    static constexpr std::array parameters{Parameter{"g", "m/s^2", positive, 9.81, "gravity"},
+                                           Parameter{"e", "1", nonnegative, 0.8, "restitution"}};
+    static constexpr std::size_t surface_count = 1;
+    static constexpr std::array<bool, 1> impacts{true};
+    static bool smooth(const Values<double, 2>&) { return false; }
+    template <class T>
+    static State<T, 2> rhs(const T&, const State<T, 2>& x, const Values<T, 2>& p, const std::array<double, 1>&) {
+        return {x[1], -p[0]};
+    }
+    template <class T>
+    static Values<T, 1> surfaces(const T&, const State<T, 2>& x, const Values<T, 2>&) {
+        return {x[0]};
+    }
+    template <class T>
+    static State<T, 2> reset(std::size_t, const T&, const State<T, 2>& x, const Values<T, 2>& p) {
+        return {x[0], -p[1] * x[1]};
+    }
+};
+
 /// q' = q^2: infinite at t = 1 / q(0).
 struct Burst {
     static constexpr std::string_view name = "burst", summary = "", equations = "";
@@ -447,6 +470,34 @@ TEST_CASE("crossings between events of dry friction have their closed form", "[m
         CHECK_THAT(result.sensitivities(1, 3 * k), WithinAbs(-swing / speed, 1e-11));
         CHECK_THAT(result.sensitivities(1, 3 * k + 2), WithinAbs((swing * (2.0 * j + 1.0) + mu) / speed, 2e-10));
     }
+}
+
+TEST_CASE("impacts carry the state over a plane without crossing it", "[models][fast]") {
+    // Dropped from h at rest: tops of e^2k h after sqrt(2 h / g) (2 (1 + e + ... e^k) - 1 - e^k), crossings of v = 0
+    // from above. From below the velocity passes 0 in jumps only.
+    const auto system = system_of<Ball>();
+    const double g = 9.81, e = 0.8, h = 1.3;
+    const auto tops =
+        system->crossings(vector({h, 0.0}), plane({0.0, 1.0}, 0.0, -1), 5, 3.0, vector({g, e}), Free{0, 1});
+    REQUIRE(tops.status == FlowStatus::ok);
+    for (Eigen::Index k = 0; k < 5; ++k) {
+        CAPTURE(k);
+        const double n = static_cast<double>(k) + 1.0, share = std::pow(e, 2.0 * n);
+        double sum = 0.0;
+        for (Eigen::Index i = 0; i <= k + 1; ++i)
+            sum += std::pow(e, static_cast<double>(i));
+        const double t = std::sqrt(2.0 * h / g) * (2.0 * sum - 1.0 - std::pow(e, n));
+        // A parabola is followed up to rounding, ten bounces of it.
+        CHECK_THAT(tops.times[k], WithinAbs(t, 1e-13));
+        CHECK_THAT(tops.states(0, k), WithinAbs(share * h, 1e-13));
+        CHECK_THAT(tops.time_sensitivities(0, k), WithinAbs(0.5 * t / h, 1e-12));
+        CHECK_THAT(tops.time_sensitivities(2, k), WithinAbs(-0.5 * t / g, 1e-12));
+        CHECK_THAT(tops.sensitivities(0, 4 * k), WithinAbs(share, 1e-12));
+        CHECK_THAT(tops.sensitivities(0, 4 * k + 3), WithinAbs(2.0 * n * share / e * h, 1e-12));
+    }
+    const auto never =
+        system->crossings(vector({h, 0.0}), plane({0.0, 1.0}, 0.0, 1), 1, tops.times[4], vector({g, e}), Free{0});
+    CHECK(never.status == FlowStatus::no_crossing);
 }
 
 TEST_CASE("the plane of an angle is met once per turn", "[models][fast]") {
