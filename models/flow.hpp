@@ -117,7 +117,7 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
     constexpr std::size_t q = parameter_count_of<M>;
     auto x = array_from<Scalar<N, order>, n>(start.state);
     auto p = array_from<Scalar<N, order>, q>(start.theta);
-    seed<N, n, q>(x, p, free, first);
+    if constexpr (N > 0) seed<N, n, q>(x, p, free, first);
     if constexpr (order == 2) seed_second<N, n, q>(x, p, free, second);
     const std::size_t directions = n + free.size();
     TrajectoryOf<M, N, order> trajectory(p, x, start.phase, start.clock, start.options, start.input);
@@ -127,11 +127,19 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
         if (end.status != FlowStatus::ok) break;
         for (std::size_t i = 0; i < n; ++i)
             output.states[k * n + i] = value_of(trajectory.state()[i]);
-        if (output.sensitivities != nullptr)
-            store_partials<N, n>(trajectory.state(), first, directions, output.sensitivities + k * directions * n);
+        if constexpr (N > 0) {
+            if (output.sensitivities != nullptr)
+                store_partials<N, n>(trajectory.state(), first, directions, output.sensitivities + k * directions * n);
+        }
         if constexpr (order == 2)
             store_second<N, n>(trajectory.state(), first, directions,
                                output.second_derivatives + (k * directions + second) * directions * n);
+    }
+    if constexpr (N > 0) {
+        // Derivatives that nobody asked for, but that take part in the choice of steps, leave the range of numbers on
+        // long chaotic motion (Lorenz: after 768 s): the values alone need not.
+        if (output.sensitivities == nullptr && end.status == FlowStatus::not_finite)
+            return flow_pass<M, 0>(start, durations, free, first, output);
     }
     end.stopped_after = trajectory.s();
     for (std::size_t i = 0; i < n; ++i)

@@ -340,6 +340,21 @@ TEST_CASE("values of crossings do not depend on which derivatives are asked for"
     CHECK(longer.times[0][2000] > 1000.0);
 }
 
+TEST_CASE("a chaotic flow lives longer than its derivatives", "[models][fast]") {
+    // exp(0.9 t) leaves the range of numbers at t = 780 s.
+    const auto system = make_system("lorenz");
+    const Eigen::VectorXd theta = system->default_parameters();
+    const Eigen::Vector3d start(1.0, 2.0, 20.0);
+    const std::vector<double> durations{1.0, 1500.0};
+    const auto plain = system->flow(start, 0.0, durations, theta, Clock::time);
+    CHECK(plain.status == FlowStatus::ok);
+    CHECK(plain.states.cwiseAbs().maxCoeff() < 50.0);
+    const auto with = system->flow_with_sensitivities(start, 0.0, durations, theta, Free{}, Clock::time);
+    CHECK(with.status == FlowStatus::not_finite);
+    CHECK(with.stopped_after > 600.0);
+    CHECK((with.states.col(0) - plain.states.col(0)).norm() < 1e-11);
+}
+
 TEST_CASE("crossings are as accurate as the flow, whatever the steps", "[models][fast]") {
     const auto system = make_system("lorenz");
     const Eigen::VectorXd theta = system->default_parameters();
