@@ -230,9 +230,11 @@ EnsembleResult KernelSystem::ensemble(const Eigen::MatrixXd& starts, double phas
         result.sections[i].resize(dimension(), static_cast<Eigen::Index>(periods + 1));
         sections[i] = result.sections[i].data();
     }
-    // Small enough that every thread has work; no result depends on it.
+    // Small enough that every thread has work; no result depends on it. Four lanes of one vector register take the time
+    // of one, so fewer would only heat the other cores.
     const auto threads = static_cast<std::size_t>(oneapi::tbb::this_task_arena::max_concurrency());
-    const std::size_t block = std::clamp((count + threads - 1) / threads, std::size_t{1}, kernel_->ensemble_block());
+    const std::size_t most = kernel_->ensemble_block();
+    const std::size_t block = std::clamp((count + threads - 1) / threads, std::min(most, std::size_t{4}), most);
     oneapi::tbb::parallel_for(std::size_t{0}, (count + block - 1) / block, [&](std::size_t b) {
         const std::size_t first = b * block, size = std::min(block, count - first);
         kernel_->ensemble(starts.data() + first * static_cast<std::size_t>(starts.rows()), size, phase, periods,
@@ -245,7 +247,8 @@ EnsembleResult KernelSystem::ensemble(const Eigen::MatrixXd& starts, double phas
 }
 
 EnsembleResult KernelSystem::crossing_ensemble(const Eigen::MatrixXd& starts, const Section& section, std::size_t count,
-                                      double longest, const Eigen::VectorXd& theta, const FlowOptions& options) const {
+                                               double longest, const Eigen::VectorXd& theta,
+                                               const FlowOptions& options) const {
     require_autonomous();
     const std::vector<double> phases(static_cast<std::size_t>(starts.cols()), 0.0);
     check_columns(*this, starts, phases);
