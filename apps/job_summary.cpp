@@ -22,6 +22,22 @@ std::string data_line(const Job& job, const DataJob& data) {
                        values * static_cast<double>(sizeof(double)) / bytes_per_megabyte);
 }
 
+std::string section_line(const Job& job) {
+    const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(job.section_plane->coordinate)];
+    return fmt::format("  section    {} = {}, {}\n", coordinate.name, job.section_plane->value,
+                       job.section_plane->direction > 0 ? "rising" : "falling");
+}
+
+std::string input_line(const Job& job, const DataJob& data) {
+    std::vector<std::string_view> names;
+    for (const models::Coordinate& input : job.model.system->inputs())
+        names.push_back(input.name);
+    const bool cubic = data.inputs->interpolation == models::InputSignal::Interpolation::cubic;
+    return fmt::format("  inputs     {}: {} from {}, {}\n", data.name, fmt::join(names, ", "),
+                       (data.inputs->file ? *data.inputs->file : data.file->path).filename().string(),
+                       cubic ? "cubic" : "linear");
+}
+
 std::string periods_text(const std::vector<int>& periods) {
     return fmt::format("{}", fmt::join(periods, ", "));
 }
@@ -44,8 +60,11 @@ std::string estimate_line(const Job& job) {
 std::string job_summary(const Job& job) {
     std::string text = fmt::format("{}\n  model      {}{}{}\n", job.title.empty() ? job.source.string() : job.title,
                                    job.model.name, job.model.variant.empty() ? "" : ", variant ", job.model.variant);
-    for (const DataJob& data : job.data)
+    if (job.section_plane) text += section_line(job);
+    for (const DataJob& data : job.data) {
         text += data_line(job, data);
+        if (data.inputs) text += input_line(job, data);
+    }
     if (job.orbits && job.orbits->file) text += fmt::format("  orbits     from {}\n", job.orbits->file->string());
     if (job.orbits && !job.orbits->file) {
         text += fmt::format("  orbits     periods {} in {}\n", periods_text(job.orbits->search.periods),

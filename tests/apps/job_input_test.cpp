@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "apps/job_reader.hpp"
+#include "apps/job_summary.hpp"
 #include "apps/job_writer.hpp"
 #include "tests/apps/program.hpp"
 #include "tests/catch.hpp"
@@ -89,6 +90,8 @@ TEST_CASE("measured inputs are read and written", "[apps][job]") {
     const auto again = read_job(complete, folder.path() / "job.json");
     REQUIRE(again.job);
     CHECK(job_text(*again.job, folder.path()) == complete);
+    CHECK_THAT(job_summary(*reading.job),
+               ContainsSubstring("  inputs     roll: base_acceleration from ground.csv, cubic\n"));
 }
 
 TEST_CASE("measured inputs that cannot be are refused with place and rule", "[apps][job]") {

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "apps/job_reader.hpp"
+#include "apps/job_summary.hpp"
 #include "apps/job_writer.hpp"
 #include "orbits/series_file.hpp"
 #include "tests/apps/program.hpp"
@@ -59,6 +60,9 @@ TEST_CASE("a section of an autonomous flow is read and written", "[apps][job]") 
     CHECK(falling.value == 27.0);
     CHECK(falling.direction == -1);
     CHECK(plane(R"({ "coordinate": "x", "value": -1.5 })").direction == 1);
+    const auto job =
+        read_job(lorenz_job(R"({ "coordinate": "z", "value": 27, "direction": -1 })"), folder / "job.json");
+    CHECK_THAT(job_summary(*job.job), ContainsSubstring("  section    z = 27, falling\n"));
 }
 
 TEST_CASE("sections that cannot be are refused with place and rule", "[apps][job]") {
