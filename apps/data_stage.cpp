@@ -111,7 +111,7 @@ orbits::Series read_stored(const std::filesystem::path& file, SeriesOutput forma
                            bool timed) {
     if (format != SeriesOutput::csv) return orbits::read_hdf5(file);
     orbits::TableLayout layout = orbits::table_layout(shape);
-    if (timed) layout.time = "t";
+    if (timed) layout.time = std::string("t");
     return orbits::read_csv(file, layout);
 }
 
