@@ -12,6 +12,24 @@ target_link_libraries(orbid_flags INTERFACE Eigen3::Eigen Threads::Threads)
 # BLAS-like threading inside Eigen would make sums depend on the number of threads.
 target_compile_definitions(orbid_flags INTERFACE EIGEN_DONT_PARALLELIZE)
 
+# Tests are compiled far more often than they run: what has to be fast is in the rooms.
+add_library(orbid_test_flags INTERFACE)
+target_compile_options(orbid_test_flags INTERFACE $<$<NOT:$<CONFIG:Debug>>:-O0>)
+
+# Headers that nearly every file includes, parsed once for all rooms and once more for all tests.
+function(add_precompiled name)
+  add_library(${name} OBJECT ${CMAKE_SOURCE_DIR}/cmake/precompiled.cpp)
+  target_link_libraries(${name} PRIVATE orbid_flags orbid_warnings fmt::fmt TBB::tbb nlohmann_json::nlohmann_json ${ARGN})
+endfunction()
+add_precompiled(orbid_precompiled)
+target_precompile_headers(orbid_precompiled PRIVATE ${CMAKE_SOURCE_DIR}/cmake/precompiled.hpp)
+if(ORBID_TESTS)
+  find_package(Catch2 REQUIRED)
+  add_precompiled(orbid_precompiled_tests Catch2::Catch2 orbid_test_flags)
+  target_precompile_headers(orbid_precompiled_tests PRIVATE
+    ${CMAKE_SOURCE_DIR}/cmake/precompiled.hpp ${CMAKE_SOURCE_DIR}/tests/catch.hpp)
+endif()
+
 # One room: a static library of listed sources, its headers each compilable alone, and the rooms it may use.
 #   add_module(periodic HEADERS a.hpp SOURCES a.cpp DEPENDS models PACKAGES fmt::fmt)
 function(add_module name)
@@ -20,7 +38,7 @@ function(add_module name)
     add_library(orbid_${name} STATIC ${ARG_SOURCES})
     set(scope PUBLIC)
     target_link_libraries(orbid_${name} PRIVATE orbid_warnings fmt::fmt ${ARG_PRIVATE_PACKAGES})
-    target_precompile_headers(orbid_${name} PRIVATE ${CMAKE_SOURCE_DIR}/cmake/precompiled.hpp)
+    target_precompile_headers(orbid_${name} REUSE_FROM orbid_precompiled)
   else()
     add_library(orbid_${name} INTERFACE)
     set(scope INTERFACE)
@@ -38,9 +56,8 @@ function(add_room_tests name)
   list(TRANSFORM ARG_DEPENDS PREPEND orbid_)
   add_executable(${name}_test ${ARG_SOURCES})
   target_link_libraries(${name}_test PRIVATE orbid_test_main orbid_warnings fmt::fmt ${ARG_DEPENDS} ${ARG_PACKAGES})
-  target_precompile_headers(${name}_test PRIVATE ${CMAKE_SOURCE_DIR}/cmake/precompiled.hpp ${CMAKE_SOURCE_DIR}/tests/catch.hpp)
-  # Tests are compiled far more often than they run: what has to be fast is in the rooms.
-  target_compile_options(${name}_test PRIVATE $<$<NOT:$<CONFIG:Debug>>:-O0>)
+  target_precompile_headers(${name}_test REUSE_FROM orbid_precompiled_tests)
+  target_link_libraries(${name}_test PRIVATE orbid_test_flags)
   target_compile_definitions(${name}_test PRIVATE ORBID_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
   add_test(NAME ${name} COMMAND ${name}_test)
   set_tests_properties(${name} PROPERTIES LABELS fast)

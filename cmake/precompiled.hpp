@@ -1,4 +1,4 @@
-// Parsed once per target instead of once per file: the standard library and Eigen as nearly every file uses them.
+// Parsed once for all instead of once per file: the standard library and Eigen as nearly every file uses them.
 // Every file still includes what it uses; headers are checked to compile alone, without this.
 #pragma once
 
@@ -20,7 +20,9 @@
 #include <vector>
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
