@@ -22,6 +22,10 @@ constexpr double polished = 1e-10;
 /// Steps are stretched by what the last one taught only this close to the minimum, in posterior sds.
 constexpr double near_sds = 1.0;
 
+/// Steps shorter than this, in posterior sds, are judged by gradients. Computed orbits carry rounding of up to 1e-6 sds
+/// of their targets, which hides the 5e-7 that a step of 1e-3 gains and is a fiftieth of the 5e-5 of a step of 1e-2.
+constexpr double tiny_sds = 1e-2;
+
 /// Steps below this many of the least changes that a residual can show (see error_limits()) are rounding; where the
 /// scale is held at its floor these are its sds.
 constexpr double floor_sds = 100.0;
@@ -326,7 +330,7 @@ bool Minimisation::try_step(const TrialStep& step) {
             record.after = before + change;
             true_curvature = 2.0 * (change - step.slope);
             // Tiny steps: the gradients at both ends keep what the difference of two objectives loses to rounding.
-            if (derivatives_at_trial_ && step.curvature < 1e-6) {
+            if (derivatives_at_trial_ && step.curvature < tiny_sds * tiny_sds) {
                 rows = linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, trial.theta);
                 const Arrow arrow =
                     standard_arrow(rows, problem_.laws, state_.psi, minimum_.matching, Curvature::step).arrow;
