@@ -6,8 +6,8 @@
 
 namespace orbid::apps {
 
-/// What a new job can be for: "simulate" (sampled data; iterates of a map), "cycles" (parameters from periodic orbits of a section
-/// series), "series" (parameters from sampled data). The first is what every model can do.
+/// What a new job can be for: "simulate" (sampled data; iterates of a map), "cycles" (parameters from periodic orbits
+/// of a section series), "series" (parameters from sampled data). The first is what every model can do.
 [[nodiscard]] const std::vector<std::string>& starting_tasks();
 
 /// A commented job that runs as it stands: it simulates its own data, to be replaced by a file.

@@ -138,7 +138,7 @@ void compare(const Case& c) {
     const oneapi::tbb::global_control one(oneapi::tbb::global_control::max_allowed_parallelism, 1);
     const char* head = "  tolerance    median     99 %%  largest   us per period\n";
     std::printf("Boost.Odeint rkf78\n");
-    std::printf(head);
+    std::fputs(head, stdout);
     std::optional<Row> best_peer;
     if (c.k1 > 0.0) {
         // Dry friction defeats it; two tolerances show how.
@@ -150,12 +150,12 @@ void compare(const Case& c) {
         std::printf("  ... loosest tolerance with a median of %.0e\n", wanted);
         best_peer = loosest([&](double t) { return peer(c, Method::rkf78, t, plain, exact); }, wanted);
         std::printf("Boost.Odeint dopri5\n");
-        std::printf(head);
+        std::fputs(head, stdout);
         for (const double tolerance : {1e-10, 1e-12, 1e-13})
             peer(c, Method::dopri5, tolerance, plain, exact);
     }
     std::printf("orbid\n");
-    std::printf(head);
+    std::fputs(head, stdout);
     for (const double tolerance : {1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13})
         ours(c, tolerance, starts, exact);
     if (best_peer) {
