@@ -20,6 +20,14 @@ void keep_columns(Eigen::MatrixXd& columns, Eigen::Index count) {
     columns.conservativeResize(Eigen::NoChange, count);
 }
 
+void say_how_it_ended(FlowResult& result, const FlowEnd& end) {
+    result.status = end.status;
+    result.stopped_after = end.stopped_after;
+    result.steps = end.steps;
+    result.crossings = end.crossings;
+    result.stickings = end.stickings;
+}
+
 }  // namespace
 
 KernelSystem::KernelSystem(std::shared_ptr<const Kernel> kernel, std::shared_ptr<const InputSignal> signal)
@@ -120,11 +128,7 @@ FlowResult KernelSystem::flow(const Eigen::VectorXd& x0, double phase, std::span
     result.stopped_state.resize(dimension());
     const FlowEnd end = kernel_->flow(start_of(x0, phase, theta, clock, options), durations, {},
                                       {result.states.data(), result.stopped_state.data(), nullptr, nullptr});
-    result.status = end.status;
-    result.stopped_after = end.stopped_after;
-    result.steps = end.steps;
-    result.crossings = end.crossings;
-    result.stickings = end.stickings;
+    say_how_it_ended(result, end);
     return result;
 }
 
@@ -142,11 +146,7 @@ FlowResult KernelSystem::flow_with_sensitivities(const Eigen::VectorXd& x0, doub
     const FlowEnd end =
         kernel_->flow(start_of(x0, phase, theta, clock, options), durations, free,
                       {result.states.data(), result.stopped_state.data(), result.sensitivities.data(), nullptr});
-    result.status = end.status;
-    result.stopped_after = end.stopped_after;
-    result.steps = end.steps;
-    result.crossings = end.crossings;
-    result.stickings = end.stickings;
+    say_how_it_ended(result, end);
     return result;
 }
 
@@ -166,11 +166,7 @@ SecondOrderResult KernelSystem::flow_with_second_derivatives(const Eigen::Vector
     const FlowEnd end = kernel_->flow(start_of(x0, phase, theta, clock, options), durations, free,
                                       {result.states.data(), result.stopped_state.data(), result.sensitivities.data(),
                                        result.second_derivatives.data()});
-    result.status = end.status;
-    result.stopped_after = end.stopped_after;
-    result.steps = end.steps;
-    result.crossings = end.crossings;
-    result.stickings = end.stickings;
+    say_how_it_ended(result, end);
     return result;
 }
 
