@@ -133,6 +133,10 @@ struct DataJob {
     }
 };
 
+/// Orders of local maps by name; the index is CycleSearchOptions::order.
+inline const std::vector<std::string> local_map_names{"auto",    "linear",  "quadratic", "cubic",
+                                                      "quartic", "quintic", "sextic"};
+
 /// Cycles come from a search in the section series, or from a file.
 struct OrbitsJob {
     std::optional<std::filesystem::path> file;  ///< absolute path of a cycles.json

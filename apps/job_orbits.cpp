@@ -2,6 +2,7 @@
 #include <cstddef>
 
 #include "apps/job_parts.hpp"
+#include "orbits/local_map.hpp"
 
 namespace orbid::apps {
 
@@ -13,7 +14,8 @@ constexpr std::uint64_t most_neighbours = 100000;
 /// Number of coefficients of a local map of n coordinates, intercept included, plus the two that
 /// CycleSearchOptions::neighbours asks for.
 std::uint64_t fewest_neighbours(std::size_t n, int order) {
-    return (order == 1 ? n + 1 : (n + 1) * (n + 2) / 2) + 2;
+    // Left to the data, the order may be as low as 1.
+    return static_cast<std::uint64_t>(orbits::coefficient_count(static_cast<Eigen::Index>(n), std::max(order, 1))) + 2;
 }
 
 void read_symmetry(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
@@ -38,13 +40,13 @@ void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
         search.box = box->number([](double x) { return x > 0.0 && x < 0.5; }, "> 0 and < 0.5").value_or(search.box);
     }
     if (const auto order = object.find("local_map")) {
-        const auto choice = order->choice({"linear", "quadratic"}, {"cubic"});
-        if (choice) search.order = *choice == 0 ? 1 : 2;
+        const auto choice = order->choice(local_map_names, {});
+        if (choice) search.order = static_cast<int>(*choice);
     }
     if (const auto neighbours = object.find("neighbours")) {
         const std::size_t n = std::max<std::size_t>(coordinate_names(job).size(), 1);
         const auto number = neighbours->whole(fewest_neighbours(n, search.order), most_neighbours);
-        search.neighbours = static_cast<int>(number.value_or(32));
+        search.neighbours = static_cast<int>(number.value_or(0));
     }
     read_symmetry(object, job, orbits);
     // The first section series is searched.

@@ -55,8 +55,8 @@ Json orbits_document(const OrbitsJob& orbits, const std::filesystem::path& folde
     object["method"] = "local_maps";
     object["periods"] = orbits.search.periods;
     object["box"] = orbits.search.box;
-    object["neighbours"] = orbits.search.neighbours;
-    object["local_map"] = orbits.search.order == 1 ? "linear" : "quadratic";
+    if (orbits.search.neighbours > 0) object["neighbours"] = orbits.search.neighbours;
+    object["local_map"] = local_map_names[static_cast<std::size_t>(orbits.search.order)];
     object["symmetry"] = orbits.search.symmetry_signs.has_value();
     return object;
 }

@@ -1,7 +1,10 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "models/system.hpp"
 #include "orbits/cycle.hpp"
@@ -9,17 +12,38 @@
 
 namespace orbid::orbits {
 
+/// Cuts the section into named parts, so that a cycle has a symbolic code.
+struct Partition {
+    Eigen::Index coordinate = 0;
+    std::vector<double> boundaries;  ///< [coordinate's unit], ascending
+    std::string symbols;             ///< one character per part, boundaries + 1 of them, from below
+};
+
 struct CycleSearchOptions {
+    /// How the map of the section onto itself is told from the data.
+    enum class Method {
+        automatic,      ///< patch_map where local fits cannot average the reading errors out, local_maps otherwise
+        local_maps,     ///< polynomials fitted to the nearest neighbours of every point of a cycle
+        patch_map,      ///< one smooth map fitted to all data at once, errors in both of its sides
+        closest_return  ///< the paper's: one recurrent point as reference, linear, without intercept (P5-P8)
+    };
+    Method method = Method::automatic;
     std::vector<int> periods{1, 2, 3, 4, 5};  ///< each in [1, 64]
-    double box = 0.01;  ///< linear size of a recurrence box relative to Series::scale(), in (0, 0.5)
-    /// Points of a local fit, at least the number of its coefficients + 2. Where noise blurs so few, fits of 4, 16 and
-    /// 64 times as many are tried and the largest sd decides.
-    int neighbours = 32;
-    int order = 2;                ///< of the local maps: 1 linear, 2 quadratic
+    /// Linear size of a recurrence box relative to Series::scale(), in (0, 0.5): a start is sought from every piece of
+    /// the series that returns so near. Wider finds more cycles and takes longer. closest_return: 0.01 is the paper's.
+    double box = 0.01;
+    /// Points of a local fit, at least the number of its coefficients + 2; 0: chosen by the data (closest_return: at
+    /// least 32, all within two boxes).
+    int neighbours = 0;
+    int order = 0;                ///< of the local maps, 1 to 6; 0: chosen by the data, cycle by cycle
     int minimum_recurrences = 3;  ///< candidates with fewer are not tried
     /// Sections at this phase are mapped onto each other by x -> S x: a mirrored copy of every point serves as
     /// neighbour and every cycle gets its mirror partner. Empty: no symmetry.
     std::optional<std::vector<double>> symmetry_signs;
+    /// Covariance of the reading errors of a point, shape (n, n), in the coordinates' units. Empty: estimated from the
+    /// data.
+    Eigen::MatrixXd reading_covariance;
+    std::optional<Partition> partition;
 };
 
 /// Unstable periodic orbits of a section series (van de Water 1991; P5-P8; mathematics.md, section 2).

@@ -75,6 +75,7 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
     const std::size_t count = series.size();
     values_.reserve(count * n);
     has_image_.reserve(count);
+    const bool timed = series.timed();
     for (const Segment& segment : series.segments)
         for (Eigen::Index i = 0; i < segment.values.cols(); ++i) {
             for (std::size_t d = 0; d < n; ++d) {
@@ -83,6 +84,7 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
                 values_.push_back(angle_[d] ? wrapped_turns(scaled) : scaled);
                 if (angle_[d] && turns_known_) turns_.push_back(scaled);
             }
+            if (timed) times_.push_back(segment.times[i]);
             const bool image = i + 1 < segment.values.cols() && segment.values.col(i).allFinite() &&
                                segment.values.col(i + 1).allFinite();
             has_image_.push_back(image ? 1 : 0);

@@ -46,6 +46,9 @@ public:
     /// Whole turns taken by the angles from point i to its image, per angle coordinate, as read; meaningful only when
     /// turns_known().
     [[nodiscard]] double advance(std::size_t i, Eigen::Index angle_coordinate) const;
+    /// From point i to its image [s]; meaningful only when timed() and has_image(i).
+    [[nodiscard]] double return_time(std::size_t i) const { return times_[i + 1] - times_[i]; }
+    [[nodiscard]] bool timed() const { return !times_.empty(); }
     /// All angles were read without wrapping (their readings cover more than one turn), so turns can be counted.
     [[nodiscard]] bool turns_known() const { return turns_known_; }
 
@@ -55,6 +58,7 @@ private:
     std::vector<char> angle_;
     std::vector<double> values_;
     std::vector<double> turns_;  ///< readings of the angles in turns, point after point; empty unless turns_known_
+    std::vector<double> times_;  ///< [s] of all points; empty unless the series has them
     std::vector<char> has_image_;
     std::size_t image_count_ = 0;
     std::size_t angle_count_ = 0;

@@ -258,10 +258,14 @@ TEST_CASE("find_cycles refuses wrong calls", "[orbits][cycles]") {
     refused([](auto& o) { o.box = 0.0; }, series, "box");
     refused([](auto& o) { o.box = 0.5; }, series, "box");
     refused([](auto& o) { o.box = std::nan(""); }, series, "box");
-    refused([](auto& o) { o.order = 3; }, series, "order must be 1 or 2, got 3");
-    refused([](auto& o) { o.neighbours = 7; }, series, "at least 8");
+    refused([](auto& o) { o.order = 7; }, series, "order must be 1 to 6, or 0 for the data to choose, got 7");
+    refused([](auto& o) { o.order = 2, o.neighbours = 7; }, series, "at least 8");
     refused([](auto& o) { o.order = 1, o.neighbours = 4; }, series, "at least 5");
     refused([](auto& o) { o.neighbours = 100; }, series, "1000 points with an image, got 999");
+    refused([](auto& o) { o.reading_covariance.setOnes(1, 1); }, series, "reading_covariance has shape (1, 1)");
+    refused([](auto& o) { o.partition = orbits::Partition{2, {0.0}, "AB"}; }, series, "must be in [0, 2), got 2");
+    refused([](auto& o) { o.partition = orbits::Partition{0, {0.0}, "A"}; }, series, "needs one symbol more, got 1");
+    refused([](auto& o) { o.partition = orbits::Partition{0, {0.5, 0.5}, "ABC"}; }, series, "ascending");
     refused([](auto& o) { o.minimum_recurrences = 0; }, series, "minimum_recurrences");
     refused([](auto& o) { o.symmetry_signs = std::vector<double>{-1.0}; }, series, "symmetry_signs");
     refused([](auto& o) { o.symmetry_signs = std::vector<double>{-1.0, 0.5}; }, series, "+1 or -1");

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "orbits/cycle_draft.hpp"
+#include "orbits/cycle_search.hpp"
+#include "orbits/section_points.hpp"
+
+namespace orbid::orbits {
+
+/// One way of telling the map of a section onto itself from a series, and of closing orbits on it.
+///
+/// Const and thread-safe after construction; keeps a reference to the section.
+class CycleFinder {
+public:
+    virtual ~CycleFinder() = default;
+
+    /// The accepted cycles of one prime period, one of every mirror pair, most recurrences first. Adds to the counts
+    /// (candidates, rejected) and remarks of `search`. The same with any number of threads.
+    [[nodiscard]] virtual std::vector<CycleDraft> find(int period, CycleSearch& search) const = 0;
+
+protected:
+    CycleFinder() = default;
+    CycleFinder(const CycleFinder&) = default;
+    CycleFinder& operator=(const CycleFinder&) = default;
+};
+
+/// Polynomials fitted to the nearest neighbours of every point (CycleSearchOptions::Method::local_maps).
+/// @throws std::invalid_argument for too few points or neighbours.
+[[nodiscard]] std::unique_ptr<CycleFinder> local_map_finder(const SectionPoints& section,
+                                                            const CycleSearchOptions& options);
+
+}  // namespace orbid::orbits
