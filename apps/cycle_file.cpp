@@ -60,6 +60,10 @@ Json head_json(const CycleFileHead& head) {
     if (head.phase) {
         out["section"]["phase"] = *head.phase;
     }
+    if (head.plane) {
+        out["section"] = {
+            {"coordinate", head.plane->coordinate}, {"value", head.plane->value}, {"direction", head.plane->direction}};
+    }
     if (!head.fingerprint.sha256.empty()) {
         out["fingerprint"] = Json::parse(to_text(head.fingerprint));
     }
@@ -86,7 +90,9 @@ Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size
         out["ln_multiplier"].push_back(value);
     }
     out["ln_multiplier_covariance"] = rows(cycle.ln_multiplier_covariance);
-    out["time"] = time_of(head, cycle.period);
+    out["time"] = std::isfinite(cycle.time) ? Json(cycle.time) : time_of(head, cycle.period);
+    out["time_sd"] = cycle.time_sd;
+    out["code"] = cycle.code.empty() ? Json(nullptr) : Json(cycle.code);
     out["recurrences"] = cycle.recurrences;
     out["mirror"] = cycle.mirror ? Json(*cycle.mirror) : Json(nullptr);
     out["quality"] = cycle.quality;
@@ -127,6 +133,9 @@ std::string cycles_text(const CycleFile& file) {
     out["missing"] = file.search.missing;
     out["candidates"] = file.search.candidates;
     out["rejected"] = file.search.rejected;
+    out["patch_map"] = file.search.patch_map;
+    out["reading_covariance"] = rows(file.search.reading_covariance);
+    out["remarks"] = file.search.remarks;
     out["cycles"] = Json::array();
     for (std::size_t i = 0; i < file.search.cycles.size(); ++i) {
         out["cycles"].push_back(cycle_json(file.head, file.search.cycles[i], i));

@@ -11,11 +11,19 @@
 
 namespace orbid::apps {
 
+/// The plane that an autonomous flow crosses.
+struct SectionPlane {
+    std::string coordinate;
+    double value = 0.0;
+    int direction = 1;  ///< +1 rising, -1 falling
+};
+
 /// What stands above the list in cycles.json and orbits.json.
 struct CycleFileHead {
     std::string model;
     std::vector<orbits::SeriesCoordinate> coordinates;
     std::optional<double> phase;             ///< of the section [rad]; forced models only
+    std::optional<SectionPlane> plane = {};  ///< of autonomous models
     std::optional<double> forcing_period_s;  ///< gives the `time` of a cycle: period times this
     Fingerprint fingerprint;                 ///< left out of the file when its hash is empty
 };
@@ -29,7 +37,8 @@ struct CycleFile {
 /// Content of cycles.json, format orbid-cycles/1. Undefined numbers and absent covariances
 /// are null; numbers read back to the bit.
 ///
-/// Beside the keys of the contract: `fingerprint`, `missing`, `candidates`, `rejected`.
+/// Beside the keys of the contract: `fingerprint`, `missing`, `candidates`, `rejected`, `patch_map`,
+/// `reading_covariance`, `remarks`; of a cycle `time_sd` and `code`.
 /// @throws std::invalid_argument when a cycle's shapes do not fit its period and the coordinates.
 [[nodiscard]] std::string cycles_text(const CycleFile& file);
 

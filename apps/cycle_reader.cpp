@@ -60,19 +60,20 @@ Eigen::MatrixXd matrix(const ValueReader& value, Eigen::Index rows, Eigen::Index
 }
 
 /// Points of a cycle, shape (n, p): one row of the file per point.
-Eigen::MatrixXd points_of(const ValueReader& value, int period, const models::System& system) {
+Eigen::MatrixXd points_of(const ValueReader& value, int period,
+                          const std::vector<orbits::SeriesCoordinate>& coordinates) {
     if (value.is(JsonValue::Kind::array) && value.value().items.size() != static_cast<std::size_t>(period)) {
         value.report(
             fmt::format("has {} points, must have as many as the period, {}", value.value().items.size(), period));
         return {};
     }
-    Eigen::MatrixXd points = matrix(value, period, system.dimension()).transpose();
+    Eigen::MatrixXd points = matrix(value, period, static_cast<Eigen::Index>(coordinates.size())).transpose();
     if (points.size() > 0 && !points.allFinite()) {
         value.report("holds null, must hold numbers");
         return {};
     }
     for (Eigen::Index i = 0; i < points.rows(); ++i) {
-        for (Eigen::Index k = 0; system.coordinates()[static_cast<std::size_t>(i)].angle && k < points.cols(); ++k) {
+        for (Eigen::Index k = 0; coordinates[static_cast<std::size_t>(i)].angle && k < points.cols(); ++k) {
             points(i, k) = models::wrapped(points(i, k));
         }
     }
@@ -123,9 +124,10 @@ std::optional<Fingerprint> fingerprint_of(const JsonValue& value) {
     return fingerprint_from_text(to_text(stored));
 }
 
-void read_rotation(const ValueReader& value, const models::System& system, std::vector<int>& rotation) {
+void read_rotation(const ValueReader& value, const std::vector<orbits::SeriesCoordinate>& coordinates,
+                   std::vector<int>& rotation) {
     std::size_t angles = 0;
-    for (const auto& coordinate : system.coordinates()) {
+    for (const auto& coordinate : coordinates) {
         angles += coordinate.angle ? 1 : 0;
     }
     const auto items = value.items();
@@ -142,7 +144,8 @@ void read_rotation(const ValueReader& value, const models::System& system, std::
     }
 }
 
-orbits::Cycle read_cycle(const ValueReader& value, const models::System& system, std::size_t count) {
+orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::SeriesCoordinate>& coordinates,
+                         std::size_t count) {
     orbits::Cycle cycle;
     ObjectReader object(value);
     const auto period = object.require("period", "the number of sections after which the cycle closes");
@@ -150,12 +153,12 @@ orbits::Cycle read_cycle(const ValueReader& value, const models::System& system,
     if (period) {
         cycle.period = static_cast<int>(period->whole(1, longest_period).value_or(0));
     }
-    const Eigen::Index n = system.dimension();
+    const auto n = static_cast<Eigen::Index>(coordinates.size());
     if (points && cycle.period > 0) {
-        cycle.points = points_of(*points, cycle.period, system);
+        cycle.points = points_of(*points, cycle.period, coordinates);
     }
     if (const auto rotation = given(object, "rotation")) {
-        read_rotation(*rotation, system, cycle.rotation);
+        read_rotation(*rotation, coordinates, cycle.rotation);
     }
     if (const auto covariance = given(object, "covariance"); covariance && cycle.points.size() > 0) {
         cycle.covariance = covariance_of(*covariance, n * cycle.period);
@@ -188,50 +191,63 @@ orbits::Cycle read_cycle(const ValueReader& value, const models::System& system,
     if (const auto quality = given(object, "quality")) {
         cycle.quality = texts(*quality);
     }
-    // Follows from the period, or belongs to computed orbits.
-    for (const char* key : {"time", "residual", "status", "iterations", "sensitivities"}) {
+    if (const auto time = given(object, "time")) cycle.time = number_or_nan(*time);
+    if (const auto sd = given(object, "time_sd")) cycle.time_sd = number_or_nan(*sd);
+    if (const auto code = given(object, "code")) cycle.code = code->text().value_or("");
+    // These belong to computed orbits.
+    for (const char* key : {"residual", "status", "iterations", "sensitivities"}) {
         (void)object.find(key);
     }
     object.finish();
     return cycle;
 }
 
-/// A list of names that must be the system's.
+/// A list of names (coordinates, units) that must be those expected.
 template <class Name>
-void require_names(ObjectReader& object, std::string_view key, const models::System& system, Name name) {
+void require_names(ObjectReader& object, std::string_view key, std::string_view model,
+                   const std::vector<orbits::SeriesCoordinate>& coordinates, Name name) {
     const auto value = given(object, key);
     if (!value) {
         return;
     }
     std::vector<std::string> expected;
     std::string listed;
-    for (const auto& coordinate : system.coordinates()) {
+    for (const auto& coordinate : coordinates) {
         expected.emplace_back(name(coordinate));
         listed += fmt::format("{}\"{}\"", listed.empty() ? "" : ", ", expected.back());
     }
     if (texts(*value) != expected) {
-        value->report(fmt::format("must be [{}], as {} has them", listed, system.name()));
+        value->report(fmt::format("must be [{}], as {} has them", listed, model));
     }
 }
 
-void read_head(ObjectReader& object, const models::System& system, CycleFileHead& head) {
+void read_plane(ObjectReader& members, CycleFileHead& head) {
+    const auto coordinate = given(members, "coordinate");
+    const auto value = given(members, "value");
+    const auto direction = given(members, "direction");
+    if (!coordinate || !value || !direction) return;
+    head.plane = SectionPlane{coordinate->text().value_or(""), value->number().value_or(0.0),
+                              direction->number().value_or(1.0) < 0.0 ? -1 : 1};
+}
+
+void read_head(ObjectReader& object, std::string_view model, const std::vector<orbits::SeriesCoordinate>& coordinates,
+               CycleFileHead& head) {
     if (const auto format = given(object, "format")) {
         (void)format->choice({"orbid-cycles/1"});
     }
-    if (const auto model = given(object, "model"); model && model->text() && *model->text() != system.name()) {
-        model->report(fmt::format("holds cycles of \"{}\", must be of \"{}\"", *model->text(), system.name()));
+    if (const auto name = given(object, "model"); name && name->text() && *name->text() != model) {
+        name->report(fmt::format("holds cycles of \"{}\", must be of \"{}\"", *name->text(), model));
     }
-    head.model = system.name();
-    for (const auto& coordinate : system.coordinates()) {
-        head.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
-    }
-    require_names(object, "coordinates", system, [](const auto& coordinate) { return coordinate.name; });
-    require_names(object, "units", system, [](const auto& coordinate) { return coordinate.unit; });
+    head.model = model;
+    head.coordinates = coordinates;
+    require_names(object, "coordinates", model, coordinates, [](const auto& coordinate) { return coordinate.name; });
+    require_names(object, "units", model, coordinates, [](const auto& coordinate) { return coordinate.unit; });
     if (const auto section = given(object, "section")) {
         ObjectReader members(*section);
         if (const auto phase = given(members, "phase")) {
             head.phase = phase->number();
         }
+        read_plane(members, head);
         members.finish();
     }
     if (const auto fingerprint = given(object, "fingerprint")) {
@@ -239,9 +255,39 @@ void read_head(ObjectReader& object, const models::System& system, CycleFileHead
     }
 }
 
+/// What the search said of itself beside the cycles.
+void read_search(ObjectReader& object, std::size_t dimension, orbits::CycleSearch& search) {
+    if (const auto missing = given(object, "missing")) {
+        for (const ValueReader& item : missing->items()) {
+            search.missing.push_back(static_cast<int>(item.whole(1, longest_period).value_or(1)));
+        }
+    }
+    const auto count = [&object](std::string_view key) {
+        const auto value = given(object, key);
+        return static_cast<std::size_t>(value ? value->whole(0, most_counted).value_or(0) : 0);
+    };
+    search.candidates = count("candidates");
+    search.rejected = count("rejected");
+    if (const auto map = given(object, "patch_map")) search.patch_map = map->boolean().value_or(false);
+    if (const auto covariance = given(object, "reading_covariance")) {
+        const auto n = static_cast<Eigen::Index>(dimension);
+        search.reading_covariance = matrix(*covariance, n, n);
+    }
+    if (const auto remarks = given(object, "remarks")) search.remarks = texts(*remarks);
+}
+
 }  // namespace
 
-CycleReading parse_cycles(std::string_view text, const models::System& system) {
+std::vector<orbits::SeriesCoordinate> series_coordinates(const models::System& system) {
+    std::vector<orbits::SeriesCoordinate> coordinates;
+    for (const auto& coordinate : system.coordinates()) {
+        coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
+    }
+    return coordinates;
+}
+
+CycleReading parse_cycles(std::string_view text, std::string_view model,
+                          const std::vector<orbits::SeriesCoordinate>& coordinates) {
     JsonDocument document = parse_json(text);
     CycleReading reading{std::nullopt, std::move(document.problems)};
     if (!document.root) {
@@ -249,23 +295,13 @@ CycleReading parse_cycles(std::string_view text, const models::System& system) {
     }
     CycleFile file;
     ObjectReader object(ValueReader(*document.root, "", reading.problems));
-    read_head(object, system, file.head);
-    if (const auto missing = given(object, "missing")) {
-        for (const ValueReader& item : missing->items()) {
-            file.search.missing.push_back(static_cast<int>(item.whole(1, longest_period).value_or(1)));
-        }
-    }
-    const auto count = [&object](std::string_view key) {
-        const auto value = given(object, key);
-        return static_cast<std::size_t>(value ? value->whole(0, most_counted).value_or(0) : 0);
-    };
-    file.search.candidates = count("candidates");
-    file.search.rejected = count("rejected");
+    read_head(object, model, coordinates, file.head);
+    read_search(object, coordinates.size(), file.search);
     (void)object.find("parameters");  // names the columns of sensitivities in orbits.json
     if (const auto cycles = object.require("cycles", "a list of cycles, each with period and points")) {
         const auto items = cycles->items();
         for (const ValueReader& item : items) {
-            file.search.cycles.push_back(read_cycle(item, system, items.size()));
+            file.search.cycles.push_back(read_cycle(item, coordinates, items.size()));
         }
     }
     object.finish();
@@ -275,14 +311,15 @@ CycleReading parse_cycles(std::string_view text, const models::System& system) {
     return reading;
 }
 
-CycleFile read_cycles(const std::filesystem::path& path, const models::System& system) {
+CycleFile read_cycles(const std::filesystem::path& path, std::string_view model,
+                      const std::vector<orbits::SeriesCoordinate>& coordinates) {
     std::string text;
     try {
         text = read_whole_file(path);
     } catch (const std::runtime_error& error) {
         throw orbits::DataError(error.what());
     }
-    CycleReading reading = parse_cycles(text, system);
+    CycleReading reading = parse_cycles(text, model, coordinates);
     if (!reading.file) {
         std::string lines;
         for (const Problem& problem : reading.problems) {

@@ -142,7 +142,9 @@ struct OrbitsJob {
     std::optional<std::filesystem::path> file;  ///< absolute path of a cycles.json
     std::string sha256;                         ///< of that file, expected; empty: not given
     orbits::CycleSearchOptions search;          ///< symmetry_signs filled from the model
-    std::size_t data = 0;                       ///< index into Job::data of the searched series; unused with `file`
+    Eigen::VectorXd reading_sd;  ///< of a reading, one per coordinate of the model; empty: estimated from the series
+    bool invariants = false;     ///< exponents, dimensions and entropies from the cycles and from the series
+    std::size_t data = 0;        ///< index into Job::data of the searched series; unused with `file`
 };
 
 struct OrbitStart {

@@ -11,6 +11,9 @@ namespace {
 // A local fit over more points than this is no longer local in any series of usable length.
 constexpr std::uint64_t most_neighbours = 100000;
 
+// Only guards the conversion to int.
+constexpr std::uint64_t most_recurrences = 1'000'000'000;
+
 /// Number of coefficients of a local map of n coordinates, intercept included, plus the two that
 /// CycleSearchOptions::neighbours asks for.
 std::uint64_t fewest_neighbours(std::size_t n, int order) {
@@ -21,8 +24,10 @@ std::uint64_t fewest_neighbours(std::size_t n, int order) {
 void read_symmetry(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     const auto value = object.find("symmetry");
     const auto symmetry = job.model.system ? job.model.system->symmetry() : std::nullopt;
-    // A symmetry with a shift in phase maps the section onto another one.
-    const bool usable = symmetry && symmetry->phase_shift == 0.0;
+    // A symmetry with a shift in phase maps the section onto another one, and so does one that moves its plane.
+    const bool usable =
+        symmetry && symmetry->phase_shift == 0.0 &&
+        (!job.section_plane || symmetry->signs[static_cast<std::size_t>(job.section_plane->coordinate)] > 0.0);
     bool wanted = usable;
     if (value) wanted = value->boolean().value_or(usable);
     if (wanted && usable) orbits.search.symmetry_signs = symmetry->signs;
@@ -30,6 +35,52 @@ void read_symmetry(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
         value->report(fmt::format("the model {} has no symmetry that maps the section onto itself; must be false",
                                   job.model.name));
     }
+}
+
+/// { "coordinate": "x", "boundaries": [0], "symbols": "AB" }
+void read_partition(const ValueReader& value, const Job& job, OrbitsJob& orbits) {
+    orbits::Partition partition;
+    ObjectReader object(value);
+    if (const auto coordinate = object.require("coordinate", "the coordinate whose value decides about the symbol")) {
+        const auto name = coordinate->text();
+        if (name) partition.coordinate = coordinate_named(*name, *coordinate, job).value_or(0);
+        if (name && job.section_plane && partition.coordinate == job.section_plane->coordinate)
+            coordinate->report("has the same value at all points of the section; must be another coordinate");
+    }
+    if (const auto boundaries = object.require("boundaries", "values between the parts, ascending")) {
+        for (const ValueReader& item : boundaries->items()) {
+            const auto number = item.number();
+            if (number && !partition.boundaries.empty() && !(*number > partition.boundaries.back()))
+                item.report(fmt::format("must be above the boundary before it, {}", partition.boundaries.back()));
+            partition.boundaries.push_back(number.value_or(0.0));
+        }
+    }
+    if (const auto symbols = object.require("symbols", "one character per part, from below")) {
+        partition.symbols = symbols->text().value_or("");
+        if (symbols->is(JsonValue::Kind::string) && partition.symbols.size() != partition.boundaries.size() + 1)
+            symbols->report(fmt::format("must have one character per part: {}, not {}", partition.boundaries.size() + 1,
+                                        partition.symbols.size()));
+    }
+    object.finish();
+    orbits.search.partition = std::move(partition);
+}
+
+/// "estimate", or { "phi": 1e-3, "phi_dot": 0.02 }: sds of all coordinates that the section has.
+void read_reading_error(const ValueReader& value, const Job& job, OrbitsJob& orbits) {
+    if (value.is(JsonValue::Kind::string)) {
+        (void)value.choice({"estimate"});
+        return;
+    }
+    const auto names = coordinate_names(job);
+    Eigen::VectorXd sds = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(names.size()));
+    ObjectReader object(value);
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        if (job.section_plane && static_cast<Eigen::Index>(i) == job.section_plane->coordinate) continue;
+        if (const auto sd = object.require(names[i], "the sd of a reading, in the coordinate's unit"))
+            sds[static_cast<Eigen::Index>(i)] = sd->positive().value_or(1.0);
+    }
+    object.finish();
+    orbits.reading_sd = std::move(sds);
 }
 
 void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
@@ -48,6 +99,13 @@ void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
         const auto number = neighbours->whole(fewest_neighbours(n, search.order), most_neighbours);
         search.neighbours = static_cast<int>(number.value_or(0));
     }
+    if (const auto recurrences = object.find("minimum_recurrences")) {
+        search.minimum_recurrences =
+            static_cast<int>(recurrences->whole(1, most_recurrences).value_or(search.minimum_recurrences));
+    }
+    if (const auto partition = object.find("partition")) read_partition(*partition, job, orbits);
+    if (const auto error = object.find("reading_error")) read_reading_error(*error, job, orbits);
+    if (const auto invariants = object.find("invariants")) orbits.invariants = invariants->boolean().value_or(false);
     read_symmetry(object, job, orbits);
     // The first section series is searched.
     const auto series = std::find_if(job.data.begin(), job.data.end(), [](const DataJob& data) {
@@ -139,7 +197,6 @@ void read_orbits(ObjectReader& root, Job& job) {
     if (!value) return;
     OrbitsJob orbits;
     ObjectReader object(*value);
-    refuse_autonomous(*value, job, "cycles");
     if (const auto file = object.find("file")) {
         orbits.file = read_path(*file, job);
         orbits.sha256 = read_sha256(object);

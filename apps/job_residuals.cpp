@@ -12,6 +12,9 @@ void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     CyclesResidualJob cycles;
     const bool searched = job.orbits && !job.orbits->file;
     if (!job.orbits) object.self().report("needs \"orbits\": { ... }, a search for cycles or a file of them");
+    if (job.model.system && job.model.system->kind() == models::Kind::autonomous)
+        object.self().report(
+            fmt::format("cycles of the model {}, which is autonomous: {}", job.model.name, not_in_this_version));
     if (searched) cycles.periods = job.orbits->search.periods;
     // Points of a difference quotient carry its bias; compared with states they would bias the parameters. Formulas
     // are refused where the series is searched.

@@ -45,7 +45,24 @@ Json model_document(const Job& job) {
     return model;
 }
 
-Json orbits_document(const OrbitsJob& orbits, const std::filesystem::path& folder) {
+Json partition_document(const orbits::Partition& partition, const Job& job) {
+    return {{"coordinate", job.model.system->coordinates()[static_cast<std::size_t>(partition.coordinate)].name},
+            {"boundaries", partition.boundaries},
+            {"symbols", partition.symbols}};
+}
+
+Json reading_error_document(const OrbitsJob& orbits, const Job& job) {
+    if (orbits.reading_sd.size() == 0) return "estimate";
+    Json sds = Json::object();
+    for (Eigen::Index i = 0; i < orbits.reading_sd.size(); ++i) {
+        if (job.section_plane && i == job.section_plane->coordinate) continue;
+        sds[std::string(job.model.system->coordinates()[static_cast<std::size_t>(i)].name)] = orbits.reading_sd[i];
+    }
+    return sds;
+}
+
+Json orbits_document(const Job& job, const std::filesystem::path& folder) {
+    const OrbitsJob& orbits = *job.orbits;
     Json object = Json::object();
     if (orbits.file) {
         object["file"] = detail::path_text(*orbits.file, folder);
@@ -57,7 +74,11 @@ Json orbits_document(const OrbitsJob& orbits, const std::filesystem::path& folde
     object["box"] = orbits.search.box;
     if (orbits.search.neighbours > 0) object["neighbours"] = orbits.search.neighbours;
     object["local_map"] = local_map_names[static_cast<std::size_t>(orbits.search.order)];
+    object["minimum_recurrences"] = orbits.search.minimum_recurrences;
     object["symmetry"] = orbits.search.symmetry_signs.has_value();
+    object["reading_error"] = reading_error_document(orbits, job);
+    if (orbits.search.partition) object["partition"] = partition_document(*orbits.search.partition, job);
+    object["invariants"] = orbits.invariants;
     return object;
 }
 
@@ -104,7 +125,7 @@ Json job_document(const Job& job, const std::filesystem::path& folder, const Ver
     }
     for (const DataJob& data : job.data)
         document["data"].push_back(detail::data_document(job, data, folder));
-    if (job.orbits) document["orbits"] = orbits_document(*job.orbits, folder);
+    if (job.orbits) document["orbits"] = orbits_document(job, folder);
     if (job.periodic) document["periodic"] = periodic_document(*job.periodic);
     if (job.estimate) document["estimate"] = detail::estimate_document(job);
     if (!job.reference.empty()) {

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "apps/cycle_reader.hpp"
+#include "apps/searched_section.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "orbits/data_error.hpp"
 
@@ -31,7 +32,7 @@ void say_missing(const Workspace& work, const orbits::CycleSearch& search) {
 /// Periods asked for of which a list from a file has none.
 orbits::CycleSearch from_file(const Workspace& work) {
     const OrbitsJob& orbits = *work.job.orbits;
-    orbits::CycleSearch search = read_cycles(*orbits.file, work.system()).search;
+    orbits::CycleSearch search = read_cycles(*orbits.file, work.job.model.name, section_coordinates(work.job)).search;
     search.missing.clear();
     if (work.job.estimate && work.job.estimate->cycles) {
         for (const int period : work.job.estimate->cycles->periods) {
@@ -50,9 +51,8 @@ orbits::CycleSearch from_file(const Workspace& work) {
 CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint) {
     CycleFileHead head;
     head.model = job.model.name;
-    for (const models::Coordinate& coordinate : job.model.system->coordinates()) {
-        head.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
-    }
+    head.coordinates = section_coordinates(job);
+    head.plane = section_plane(job);
     if (job.model.system->kind() == models::Kind::forced) {
         head.phase = job.section_phase;
         head.forcing_period_s = job.model.system->period(job.model.values, models::Clock::time);
@@ -74,7 +74,7 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::vector<Experim
         std::string stored;
         orbits::CycleSearch search;
         try {
-            CycleFile read = read_cycles(file, work.system());
+            CycleFile read = read_cycles(file, work.job.model.name, section_coordinates(work.job));
             stored = read.head.fingerprint.sha256.empty() ? std::string() : to_text(read.head.fingerprint);
             search = std::move(read.search);
         } catch (const orbits::DataError&) {
@@ -89,7 +89,8 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::vector<Experim
     work.progress.begin("orbits");
     orbits::CycleSearch search;
     try {
-        search = orbits::find_cycles(data[orbits.data].series, orbits.search);
+        const SearchedSection section = searched_section(work.job, data[orbits.data].series);
+        search = orbits::find_cycles(*section.series, section.options);
     } catch (const std::invalid_argument& error) {
         // The job was checked: what is refused here is the series (too short, a coordinate without spread).
         throw orbits::DataError(
@@ -98,6 +99,8 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::vector<Experim
     work.folder.store("cycles.json", cycles_text({cycle_file_head(work.job, wanted), search}));
     work.progress.end(fmt::format("{} cycles from {} candidates", search.cycles.size(), search.candidates));
     say_missing(work, search);
+    for (const std::string& remark : search.remarks)
+        work.progress.say(remark);
     return search;
 }
 

@@ -17,6 +17,7 @@
 #include "apps/output_folder.hpp"
 #include "apps/periodic_stage.hpp"
 #include "apps/progress.hpp"
+#include "apps/searched_section.hpp"
 #include "apps/section_plot.hpp"
 #include "apps/summary.hpp"
 #include "apps/version.hpp"
@@ -93,10 +94,11 @@ int run_stages(const Workspace& work) {
         search = load_cycles(work, data);
         if (wants(work.options, Stage::orbits)) print(cycles_summary(search));
         if (search.cycles.empty()) code = no_valid_answer;
-        if (is_section_search(job) && work.system().dimension() >= 2) {
+        if (is_section_search(job) && section_coordinates(job).size() >= 2) {
             SectionPlotOptions plot;
             plot.title = job.title;
-            work.folder.store("section.svg", section_svg(data[job.orbits->data].series, plotted(search.cycles), plot));
+            const SearchedSection section = searched_section(job, data[job.orbits->data].series);
+            work.folder.store("section.svg", section_svg(*section.series, plotted(search.cycles), plot));
         }
     }
     if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {

@@ -22,10 +22,15 @@ using tests::ContainsSubstring;
 
 const auto pendulum = models::make_system("parametric_pendulum");
 
+apps::CycleReading parsed(const std::string& text) {
+    return apps::parse_cycles(text, pendulum->name(), apps::series_coordinates(*pendulum));
+}
+
 apps::CycleFileHead head() {
     return {"parametric_pendulum",
             {{"phi", "rad", true}, {"phi_dot", "rad/s", false}},
             0.1,
+            std::nullopt,
             2.0 / 3.0,
             apps::fingerprint({{"/seed", "1"}})};
 }
@@ -47,12 +52,18 @@ apps::CycleFile two_cycles() {
         cycle.ln_multiplier_covariance = Eigen::Matrix2d::Identity() / 3.0;
         cycle.recurrences = 17;
         cycle.quality = {"few neighbours"};
+        cycle.time = 2.0 / 3.0 * period;
+        cycle.time_sd = 1e-5 / 3.0;
+        cycle.code = std::string(static_cast<std::size_t>(period), 'A');
         file.search.cycles.push_back(cycle);
     }
     file.search.cycles[1].mirror = 0;
     file.search.missing = {3, 5};
     file.search.candidates = 12;
     file.search.rejected = 4;
+    file.search.patch_map = true;
+    file.search.reading_covariance = Eigen::Matrix2d::Identity() / 3.0;
+    file.search.remarks = {"One segment is constant."};
     return file;
 }
 
@@ -81,7 +92,7 @@ TEST_CASE("cycles.json has the layout of the contract", "[apps]") {
 
 TEST_CASE("cycles read back to the bit", "[apps]") {
     const auto file = two_cycles();
-    const auto reading = apps::parse_cycles(apps::cycles_text(file), *pendulum);
+    const auto reading = parsed(apps::cycles_text(file));
     CAPTURE(reading.problems.empty() ? "" : reading.problems.front().rule);
     REQUIRE(reading.file);
     const auto& read = reading.file->search;
@@ -100,18 +111,23 @@ TEST_CASE("cycles read back to the bit", "[apps]") {
         CHECK(is.recurrences == was.recurrences);
         CHECK(is.mirror == was.mirror);
         CHECK(is.quality == was.quality);
+        CHECK(is.time == was.time);
+        CHECK(is.time_sd == was.time_sd);
+        CHECK(is.code == was.code);
     }
     CHECK(read.missing == file.search.missing);
     CHECK(read.candidates == 12);
     CHECK(read.rejected == 4);
+    CHECK(read.patch_map);
+    CHECK(read.reading_covariance == file.search.reading_covariance);
+    CHECK(read.remarks == file.search.remarks);
     CHECK(reading.file->head.phase == 0.1);
     CHECK(reading.file->head.fingerprint.sha256 == file.head.fingerprint.sha256);
     CHECK(reading.file->head.fingerprint.keys == file.head.fingerprint.keys);
 }
 
 TEST_CASE("period and points are enough", "[apps]") {
-    const auto reading =
-        apps::parse_cycles(R"({"cycles": [{"period": 1, "points": [[4.0, 6.4]], "covariance": null}]})", *pendulum);
+    const auto reading = parsed(R"({"cycles": [{"period": 1, "points": [[4.0, 6.4]], "covariance": null}]})");
     REQUIRE(reading.file);
     const auto& cycle = reading.file->search.cycles.at(0);
     CHECK(cycle.period == 1);
@@ -154,7 +170,7 @@ TEST_CASE("what is wrong with a list of cycles is told by place and rule", "[app
     };
     for (const Case& wrong : cases) {
         CAPTURE(wrong.text);
-        const auto reading = apps::parse_cycles(wrong.text, *pendulum);
+        const auto reading = parsed(wrong.text);
         CHECK_FALSE(reading.file);
         REQUIRE_FALSE(reading.problems.empty());
         CHECK(reading.problems.front().pointer == wrong.pointer);
@@ -166,16 +182,17 @@ TEST_CASE("what is wrong with a list of cycles is told by place and rule", "[app
 TEST_CASE("a file that is missing or wrong is named with every problem", "[apps]") {
     const tests::TemporaryFolder folder;
     const auto path = folder.path() / "cycles.json";
-    CHECK_THROWS_AS(apps::read_cycles(path, *pendulum), orbits::DataError);
+    CHECK_THROWS_AS(apps::read_cycles(path, pendulum->name(), apps::series_coordinates(*pendulum)), orbits::DataError);
     apps::write_atomically(path, std::string_view("{\"cycles\": [{\"period\": 0,\n\"points\": [[1, 2]], \"x\": 1}]}"));
-    CHECK_THROWS_WITH(apps::read_cycles(path, *pendulum), ContainsSubstring(path.string() + ":1: /cycles/0/period") &&
-                                                              ContainsSubstring(path.string() + ":2: /cycles/0/x"));
+    CHECK_THROWS_WITH(apps::read_cycles(path, pendulum->name(), apps::series_coordinates(*pendulum)),
+                      ContainsSubstring(path.string() + ":1: /cycles/0/period") &&
+                          ContainsSubstring(path.string() + ":2: /cycles/0/x"));
 }
 
 TEST_CASE("a stored fingerprint that was tampered with counts as none", "[apps]") {
     auto json = nlohmann::ordered_json::parse(apps::cycles_text(two_cycles()));
     json["fingerprint"]["keys"][0][1] = "2";
-    const auto reading = apps::parse_cycles(json.dump(), *pendulum);
+    const auto reading = parsed(json.dump());
     REQUIRE(reading.file);
     CHECK(reading.file->head.fingerprint.sha256.empty());
 }
@@ -199,7 +216,7 @@ TEST_CASE("orbits.json is a list of cycles with residual, status and sensitiviti
     CHECK(written["ln_multiplier"][1].is_null());
     CHECK(json["parameters"] == nlohmann::json({"l"}));
 
-    const auto reading = apps::parse_cycles(text, *pendulum);
+    const auto reading = parsed(text);
     REQUIRE(reading.file);
     CHECK(reading.file->search.cycles.at(0).points == orbit.points);
     CHECK(std::isnan(reading.file->search.cycles.at(0).ln_multiplier[1]));

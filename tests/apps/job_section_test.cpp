@@ -94,13 +94,22 @@ TEST_CASE("sections that cannot be are refused with place and rule", "[apps][job
                "/data/simulate/samples: the model henon is a map: it has no samples in time");
 }
 
-TEST_CASE("cycles and periodic orbits of autonomous flows are refused", "[apps][job]") {
+TEST_CASE("periodic orbits of autonomous flows, and estimates from their cycles, are refused", "[apps][job]") {
     const auto with = [](const std::string& block) {
         std::string text = lorenz_job(R"({ "coordinate": "z", "value": 27 })");
         return text.replace(text.find("\"output\""), 0, block + ", ");
     };
-    check_only(with(R"("orbits": { "periods": [1] })"),
-               "/orbits: cycles of the model lorenz, which is not forced: not in this version");
+    check_only(with(R"("orbits": { "periods": [1] },
+                       "estimate": { "parameters": {}, "residuals": [ { "type": "cycles" } ] })"),
+               "/estimate/residuals/0: cycles of the model lorenz, which is autonomous: not in this version");
+    check_only(with(R"("orbits": { "partition": { "coordinate": "z", "boundaries": [0], "symbols": "AB" } })"),
+               "/orbits/partition/coordinate: has the same value at all points of the section");
+    check_only(with(R"("orbits": { "partition": { "coordinate": "x", "boundaries": [0, 0], "symbols": "ABC" } })"),
+               "/orbits/partition/boundaries/1: must be above the boundary before it, 0");
+    check_only(with(R"("orbits": { "partition": { "coordinate": "x", "boundaries": [0], "symbols": "A" } })"),
+               "/orbits/partition/symbols: must have one character per part: 2, not 1");
+    check_only(with(R"("orbits": { "reading_error": { "x": 0.1 } })"), "/orbits/reading_error: \"y\" is missing");
+    check_only(with(R"("orbits": { "reading_error": { "x": 0.1, "y": 0 } })"), "/orbits/reading_error/y: must be");
     check_only(with(R"("periodic": { "orbits": [ { "period": 1, "points": [[1, 1, 27]] } ] })"),
                "/periodic: periodic orbits of the model lorenz, which is not forced: not in this version");
     check_only(with(R"("estimate": { "parameters": {}, "residuals": [ { "type": "series", "data": ["falls"] } ] })"),

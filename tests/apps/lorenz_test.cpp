@@ -1,4 +1,4 @@
-// The example of an autonomous flow: the parameters of the Lorenz equations from noisy samples.
+// The examples of an autonomous flow: the parameters of the Lorenz equations from noisy samples, and its cycles.
 
 #include <cmath>
 
@@ -29,4 +29,40 @@ TEST_CASE("the parameters of the Lorenz equations are found from samples", "[app
     REQUIRE(result["prediction"].size() == 6);
     CHECK(result["prediction"][5]["fitted"] == false);
     CHECK_THAT(result["prediction"][5]["normalised_rms"].get<double>(), WithinRel(1.0, 0.2));
+}
+
+TEST_CASE("the cycles of the Lorenz equations are found and named in crossings of a plane", "[apps][run]") {
+    const TemporaryFolder folder;
+    const Path out = folder.path() / "out";
+    const Outcome run = orbid_with({"run", ORBID_SOURCE_DIR "/configs/lorenz_cycles.json", "--out", out});
+    CAPTURE(run.error);
+    REQUIRE(run.code == 0);
+    CHECK(run.error.find("no cycle of period 1 was found") != std::string::npos);
+    const json found = read_json(out / "cycles.json");
+    CHECK(found["section"] == json({{"coordinate", "z"}, {"value", 27.0}, {"direction", 1}}));
+    CHECK(found["coordinates"] == json({"x", "y"}));
+    // Every sequence of up to 5 wings but A and B alone is that of a cycle: 1, 2, 3 and 6 prime ones. Ten were computed
+    // with 25 digits by an independent program.
+    CHECK(found["cycles"].size() == 12);
+    const json reference = read_json(ORBID_SOURCE_DIR "/tests/reference/lorenz_orbits.json");
+    int matched = 0;
+    for (const json& orbit : reference["cycles"]) {
+        const std::string name = orbit["code"];
+        CAPTURE(name);
+        for (const json& cycle : found["cycles"]) {
+            const std::string code = cycle["code"];
+            if (code.size() != name.size() || (name + name).find(code) == std::string::npos) continue;
+            ++matched;
+            // Some point of the cycle is the reference's; measured 1e-6, and 2e-5 of a multiplier.
+            double nearest = 1.0;
+            for (const json& point : cycle["points"])
+                nearest =
+                    std::min(nearest, std::hypot(point[0].get<double>() - std::stod(orbit["x"].get<std::string>()),
+                                                 point[1].get<double>() - std::stod(orbit["y"].get<std::string>())));
+            CHECK(nearest < 1e-5);
+            CHECK_THAT(cycle["multipliers"][0][0].get<double>(),
+                       WithinRel(std::stod(orbit["unstable_multiplier"].get<std::string>()), 2e-4));
+        }
+    }
+    CHECK(matched == 10);
 }
