@@ -5,34 +5,16 @@
 #include "models/model_system.hpp"
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
+#include "tests/models/dry_oscillator.hpp"
 
 namespace orbid::models {
 
+using tests::DryOscillator;
 using tests::WithinAbs;
 
 namespace {
 
 constexpr double pi = std::numbers::pi;
-
-/// Mass on a linear spring with dry friction only, pushed by a force: solved in closed form between velocity zeros.
-///     x'' = -w2 x - c sgn(x') + b cos(omega t)
-struct DryOscillator {
-    static constexpr std::string_view name = "dry_oscillator";
-    static constexpr std::string_view summary = "spring, dry friction, harmonic force";
-    static constexpr std::string_view equations = "x'' = -w2 x - c sgn(x') + b cos(omega t)";
-    static constexpr std::array coordinates{real("x", "m"), real("x_dot", "m/s")};
-    static constexpr std::array parameters{Parameter{"w2", "1/s^2", positive, 4.0, "stiffness"},
-                                           Parameter{"c", "m/s^2", nonnegative, 0.5, "dry friction"},
-                                           Parameter{"b", "m/s^2", any_real, 0.0, "force", typical(1.0)},
-                                           Parameter{"omega", "rad/s", positive, 1.0, "frequency of the force"}};
-    static constexpr std::size_t forcing_frequency = 3;
-    static bool smooth(const Values<double, 4>& p) { return p[1] == 0.0; }
-    template <class T>
-    static State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, 4>& p, double side) {
-        using std::cos;
-        return {x[1], p[2] * cos(phase) - p[0] * x[0] - side * p[1]};
-    }
-};
 
 const System& oscillator() {
     static const ModelSystem<DryOscillator> system;
