@@ -1,12 +1,12 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "orbits/box_tree.hpp"
 #include "orbits/section_points.hpp"
 
 namespace orbid::orbits {
@@ -20,33 +20,36 @@ struct Neighbour {
 
 /// Nearest neighbours among the points of a series that have an image, periodic in the angles.
 ///
-/// Points are sorted into boxes (counting sort) of equal size over at most three coordinates; a query looks at rings
-/// of boxes around its own until no point outside can be nearer than those found. Any dimension >= 1 is exact; above
-/// three coordinates the boxes help less. Const and thread-safe after construction. Keeps a reference to the points.
+/// The points are sorted into boxes of a few points each, however unevenly they lie (BoxTree), with coordinates
+/// rounded to 1e-9 of their range; whoever may be among the nearest by rounded coordinates is then told apart by exact
+/// ones. Any dimension >= 1. Const and thread-safe after construction. Keeps a reference to the points.
+///
+/// Memory: 4 (n + 1) bytes per point with an image, and about n / 2 for the boxes.
 class BoxGrid {
 public:
-    /// @throws std::invalid_argument for more than 2^32 - 1 points.
+    /// @throws std::invalid_argument for more than 2^32 - 2 points.
+    /// Cost: O(N log N), parallel.
     explicit BoxGrid(const SectionPoints& points);
 
     /// The k nearest points to a place in scaled units, nearest first, equal distances by index (then unmirrored
-    /// first); all points when there are fewer. With a symmetry the mirrored copies count as points too.
+    /// first); all points when there are fewer; none for a place that is not finite. With a symmetry the mirrored
+    /// copies count as points too.
     ///
-    /// Cost: O(k + points of the boxes visited).
+    /// Cost: O(k + log N) for places among the points; O(N) for those farther from all points than these reach.
     [[nodiscard]] std::vector<Neighbour> nearest(const Eigen::VectorXd& place, std::size_t k) const;
 
-private:
-    static constexpr std::size_t maximum_gridded = 3;
+    /// The same into `found`, whose memory is used again.
+    void nearest(const Eigen::VectorXd& place, std::size_t k, std::vector<Neighbour>& found) const;
 
-    void collect(const Eigen::VectorXd& place, std::size_t k, bool mirrored, std::vector<Neighbour>& found) const;
+private:
+    [[nodiscard]] bool rounded(const double* place, std::uint32_t* result) const;
+    [[nodiscard]] Neighbour neighbour(const double* place, std::uint32_t index, bool mirrored) const;
+    void ask_all(const double* place, std::size_t k, std::vector<Neighbour>& found) const;
 
     const SectionPoints* points_;
-    std::size_t gridded_ = 0;  ///< coordinates that the boxes divide
-    std::array<std::int64_t, maximum_gridded> boxes_{1, 1, 1};
-    std::array<double, maximum_gridded> origin_{};
-    std::array<double, maximum_gridded> size_{1.0, 1.0, 1.0};  ///< edge of a box, scaled units
-    std::vector<std::uint32_t> first_;                         ///< first point of each box, one more entry than boxes
-    std::vector<std::uint32_t> order_;                         ///< point indices in the order of boxes
-    std::vector<double> sorted_;  ///< the points in that order: neighbours lie together in memory
+    std::vector<double> origin_;    ///< scaled units: rounds to 0
+    std::vector<double> per_unit_;  ///< quanta per scaled unit
+    BoxTree tree_;
 };
 
 }  // namespace orbid::orbits
