@@ -22,11 +22,11 @@ constexpr double straight_share = 0.25;
 
 constexpr std::size_t block = 1 << 14;  // points that one task rounds
 
-bool nearer(const Neighbour& a, const Neighbour& b) {
+constexpr auto nearer = [](const Neighbour& a, const Neighbour& b) {
     if (a.distance2 != b.distance2) return a.distance2 < b.distance2;
     if (a.index != b.index) return a.index < b.index;
     return !a.mirrored && b.mirrored;
-}
+};
 
 template <class Body>
 void each_block(std::size_t count, const Body& body) {

@@ -2,6 +2,8 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -13,6 +15,8 @@ namespace orbid::orbits {
 
 /// The points of a section series in units of Series::scale(), one after the other, ready for neighbour searches.
 ///
+/// Memory: 8 n + 1/8 bytes per point, 2 more per angle whose turns are known, 8 more for times.
+///
 /// Angles are turns in [-1/2, 1/2): differences of two points go through difference(). The true images are kept as the
 /// successors: point i is mapped to point i + 1 when has_image(i).
 class SectionPoints {
@@ -23,11 +27,12 @@ public:
     explicit SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs = std::nullopt);
 
     [[nodiscard]] Eigen::Index dimension() const { return scale_.size(); }
-    [[nodiscard]] std::size_t size() const { return has_image_.size(); }
-    [[nodiscard]] const double* point(std::size_t i) const { return values_.data() + i * scale_.size(); }
-    [[nodiscard]] const std::vector<double>& values() const { return values_; }  ///< point after point
+    [[nodiscard]] std::size_t size() const { return size_; }
+    [[nodiscard]] const double* point(std::size_t i) const {
+        return values_.get() + i * static_cast<std::size_t>(scale_.size());
+    }
     /// Point i + 1 is the image of point i: both finite and in the same segment.
-    [[nodiscard]] bool has_image(std::size_t i) const { return has_image_[i] != 0; }
+    [[nodiscard]] bool has_image(std::size_t i) const { return ((has_image_[i / 64] >> (i % 64)) & 1U) != 0; }
     [[nodiscard]] std::size_t image_count() const { return image_count_; }
     [[nodiscard]] const Eigen::VectorXd& scale() const { return scale_; }  ///< [coordinate unit per scaled unit]
     [[nodiscard]] const std::vector<char>& angle() const { return angle_; }
@@ -37,29 +42,31 @@ public:
     /// a - b in coordinate d; angles: the representative in [-1/2, 1/2].
     [[nodiscard]] double difference(double a, double b, Eigen::Index d) const {
         const double r = a - b;
-        return angle_[static_cast<std::size_t>(d)] ? r - std::nearbyint(r) : r;
+        // rounding is a call on some processors, and neighbours lie near
+        return angle_[static_cast<std::size_t>(d)] && !(std::abs(r) <= 0.5) ? r - std::nearbyint(r) : r;
     }
     /// a - b, shape (n).
     [[nodiscard]] Eigen::VectorXd difference(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
     /// The same state with angles in [-1/2, 1/2).
     [[nodiscard]] Eigen::VectorXd wrapped(Eigen::VectorXd x) const;
-    /// Whole turns taken by the angles from point i to its image, per angle coordinate, as read; meaningful only when
-    /// turns_known().
+    /// Turns taken by an angle from point i to its image, as read; meaningful only when turns_known() and has_image(i).
     [[nodiscard]] double advance(std::size_t i, Eigen::Index angle_coordinate) const;
     /// From point i to its image [s]; meaningful only when timed() and has_image(i).
     [[nodiscard]] double return_time(std::size_t i) const { return times_[i + 1] - times_[i]; }
     [[nodiscard]] bool timed() const { return !times_.empty(); }
-    /// All angles were read without wrapping (their readings cover more than one turn), so turns can be counted.
+    /// All angles were read without wrapping (their readings cover more than one turn), so turns can be counted: up to
+    /// 32767 from a point to its image.
     [[nodiscard]] bool turns_known() const { return turns_known_; }
 
 private:
     Eigen::VectorXd scale_;
     Eigen::VectorXd signs_;
     std::vector<char> angle_;
-    std::vector<double> values_;
-    std::vector<double> turns_;  ///< readings of the angles in turns, point after point; empty unless turns_known_
-    std::vector<double> times_;  ///< [s] of all points; empty unless the series has them
-    std::vector<char> has_image_;
+    std::size_t size_ = 0;
+    std::unique_ptr<double[]> values_;  ///< point after point
+    std::vector<std::int16_t> turns_;   ///< whole turns on the way to the image, per angle; empty unless turns_known_
+    std::vector<double> times_;         ///< [s] of all points; empty unless the series has them
+    std::vector<std::uint64_t> has_image_;  ///< one bit per point
     std::size_t image_count_ = 0;
     std::size_t angle_count_ = 0;
     bool turns_known_ = false;
