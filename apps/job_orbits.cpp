@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cstddef>
 
 #include "apps/job_parts.hpp"
@@ -84,8 +85,13 @@ void read_reading_error(const ValueReader& value, const Job& job, OrbitsJob& orb
 }
 
 void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
-    if (const auto method = object.find("method")) (void)method->choice({"local_maps"}, {"closest_return"});
+    using Method = orbits::CycleSearchOptions::Method;
     orbits::CycleSearchOptions& search = orbits.search;
+    if (const auto method = object.find("method")) {
+        const auto choice = method->choice({"auto", "local_maps", "closest_return"}, {"patch_map"});
+        constexpr std::array methods{Method::automatic, Method::local_maps, Method::closest_return};
+        if (choice) search.method = methods[*choice];
+    }
     if (const auto periods = object.find("periods")) search.periods = read_periods(*periods).value_or(search.periods);
     if (const auto box = object.find("box")) {
         search.box = box->number([](double x) { return x > 0.0 && x < 0.5; }, "> 0 and < 0.5").value_or(search.box);
@@ -93,6 +99,9 @@ void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     if (const auto order = object.find("local_map")) {
         const auto choice = order->choice(local_map_names, {});
         if (choice) search.order = static_cast<int>(*choice);
+        if (search.method == Method::closest_return && search.order > 1) {
+            order->report("with \"method\": \"closest_return\" maps are linear: must be \"linear\" or left out");
+        }
     }
     if (const auto neighbours = object.find("neighbours")) {
         const std::size_t n = std::max<std::size_t>(coordinate_names(job).size(), 1);

@@ -45,6 +45,21 @@ Json model_document(const Job& job) {
     return model;
 }
 
+std::string_view method_name(orbits::CycleSearchOptions::Method method) {
+    using Method = orbits::CycleSearchOptions::Method;
+    switch (method) {
+        case Method::local_maps:
+            return "local_maps";
+        case Method::patch_map:
+            return "patch_map";
+        case Method::closest_return:
+            return "closest_return";
+        case Method::automatic:
+            break;
+    }
+    return "auto";
+}
+
 Json partition_document(const orbits::Partition& partition, const Job& job) {
     return {{"coordinate", job.model.system->coordinates()[static_cast<std::size_t>(partition.coordinate)].name},
             {"boundaries", partition.boundaries},
@@ -69,7 +84,7 @@ Json orbits_document(const Job& job, const std::filesystem::path& folder) {
         if (!orbits.sha256.empty()) object["sha256"] = orbits.sha256;
         return object;
     }
-    object["method"] = "local_maps";
+    object["method"] = method_name(orbits.search.method);
     object["periods"] = orbits.search.periods;
     object["box"] = orbits.search.box;
     if (orbits.search.neighbours > 0) object["neighbours"] = orbits.search.neighbours;

@@ -31,4 +31,11 @@ protected:
 [[nodiscard]] std::unique_ptr<CycleFinder> local_map_finder(const SectionPoints& section,
                                                             const CycleSearchOptions& options);
 
+/// The paper's analysis (CycleSearchOptions::Method::closest_return): of every group of recurrent points the one that
+/// returns closest is the reference x_t, and a linear map without intercept relative to it is fitted at each of its p
+/// points (P5); (P8) for all points.
+/// @throws std::invalid_argument for too few points or neighbours, or an order beyond 1.
+[[nodiscard]] std::unique_ptr<CycleFinder> closest_return_finder(const SectionPoints& section,
+                                                                 const CycleSearchOptions& options);
+
 }  // namespace orbid::orbits

@@ -19,4 +19,8 @@ struct CycleMultipliers {
 /// @param jacobians  p >= 1 square matrices, shape (n, n), in the order of the points.
 [[nodiscard]] CycleMultipliers cycle_multipliers(const std::vector<Eigen::MatrixXd>& jacobians);
 
+/// d ln|multipliers| / d (entries of A_0, A_1, ..., each column by column), by central differences, shape (n, p n n).
+/// Zero where a multiplier is zero to rounding and has no logarithm.
+[[nodiscard]] Eigen::MatrixXd ln_multiplier_derivative(const std::vector<Eigen::MatrixXd>& jacobians);
+
 }  // namespace orbid::orbits

@@ -61,12 +61,25 @@ std::string symbolic_code(const Partition& partition, const Eigen::MatrixXd& poi
     return code;
 }
 
+std::unique_ptr<CycleFinder> finder_for(const SectionPoints& section, const CycleSearchOptions& options) {
+    switch (options.method) {
+        case CycleSearchOptions::Method::closest_return:
+            return closest_return_finder(section, options);
+        case CycleSearchOptions::Method::patch_map:
+            throw std::invalid_argument("find_cycles: patch_map is not built in this version");
+        case CycleSearchOptions::Method::automatic:
+        case CycleSearchOptions::Method::local_maps:
+            break;
+    }
+    return local_map_finder(section, options);
+}
+
 }  // namespace
 
 CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options) {
     validate(options, series.dimension());
     const SectionPoints section(series, options.symmetry_signs);
-    const std::unique_ptr<CycleFinder> finder = local_map_finder(section, options);
+    const std::unique_ptr<CycleFinder> finder = finder_for(section, options);
     std::vector<int> periods = options.periods;
     std::sort(periods.begin(), periods.end());
     periods.erase(std::unique(periods.begin(), periods.end()), periods.end());

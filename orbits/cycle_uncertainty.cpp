@@ -16,39 +16,11 @@ namespace {
 constexpr double covariance_floor = 1e-9;
 constexpr double rounding_variance = 1e-28;
 
-// Relative change of a jacobian's entries for the derivative of ln|multipliers|: its error is of the order of 1e-6 of
-// the derivative, far below what a covariance needs.
-constexpr double difference_step = 1e-6;
-
 Eigen::MatrixXd floored(const Eigen::MatrixXd& covariance) {
     Eigen::MatrixXd result = 0.5 * (covariance + covariance.transpose());
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(result, Eigen::EigenvaluesOnly);
     const double largest = std::max(0.0, solver.eigenvalues().maxCoeff());
     result.diagonal().array() += covariance_floor * largest + rounding_variance;
-    return result;
-}
-
-// d ln|multipliers| / d (entries of A_0, A_1, ..., column by column), shape (n, p n n).
-Eigen::MatrixXd multiplier_derivative(const std::vector<Eigen::MatrixXd>& jacobians) {
-    const Eigen::Index n = jacobians.front().rows();
-    Eigen::MatrixXd result(n, static_cast<Eigen::Index>(jacobians.size()) * n * n);
-    std::vector<Eigen::MatrixXd> moved = jacobians;
-    Eigen::Index column = 0;
-    for (Eigen::MatrixXd& jacobian : moved) {
-        const double step = difference_step * std::max(jacobian.norm(), difference_step);
-        for (Eigen::Index entry = 0; entry < n * n; ++entry) {
-            const double kept = jacobian.data()[entry];
-            jacobian.data()[entry] = kept + step;
-            const Eigen::VectorXd above = cycle_multipliers(moved).ln_modulus;
-            jacobian.data()[entry] = kept - step;
-            const Eigen::VectorXd below = cycle_multipliers(moved).ln_modulus;
-            jacobian.data()[entry] = kept;
-            // A multiplier that is zero to rounding has no logarithm and no derivative; its variance stays at the
-            // floor.
-            const Eigen::VectorXd slope = (above - below) / (2.0 * step);
-            result.col(column++) = slope.array().isFinite().select(slope, 0.0);
-        }
-    }
     return result;
 }
 
@@ -73,7 +45,7 @@ CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCy
     result.multipliers = cycle_multipliers(jacobians);
 
     const Eigen::MatrixXd inverse = -coupled_matrix(jacobians).inverse();  // points from values
-    const Eigen::MatrixXd derivative = multiplier_derivative(jacobians);
+    const Eigen::MatrixXd derivative = ln_multiplier_derivative(jacobians);
 
     // ln|multipliers| move with the jacobians directly and, through the curvature, with the points.
     Eigen::MatrixXd by_points(n, n * p);

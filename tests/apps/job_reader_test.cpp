@@ -126,7 +126,7 @@ TEST_CASE("what is wrong is named with place and rule", "[apps][job]") {
 
 TEST_CASE("reserved names and values are refused by name", "[apps][job]") {
     const std::vector<std::pair<std::string, std::string>> later{
-        {"\"local_maps\"", "\"closest_return\""},
+        {"\"local_maps\"", "\"patch_map\""},
         {"\"multipliers\": false", "\"multipliers\": true"},
         {"[\"cycles\"]", "\"auto\""},
         {"\"phase\": 0.0", "\"coordinate\": \"phi\""},
