@@ -64,15 +64,26 @@ MatrixXd slopes_of(const std::vector<std::vector<Index>>& terms, const VectorXd&
     return result;
 }
 
-// rms of what linear and quadratic terms together leave over, free of the fitted coefficients.
-double left_by_quadratic(const MatrixXd& offsets, const MatrixXd& images, double linear) {
-    const Index k = offsets.rows(), n = offsets.cols(), quadratic = n * (n + 1) / 2;
-    const MatrixXd scaled = offsets / offsets.rowwise().norm().maxCoeff();
-    MatrixXd design(k, n + quadratic);
-    design << scaled, values_of(monomials(n), scaled).leftCols(quadratic);
-    if (!(k >= design.cols() + 2)) return linear;
-    const MatrixXd fitted = design.colPivHouseholderQr().solve(images);
-    return std::sqrt((images - design * fitted).squaredNorm() / static_cast<double>((k - design.cols()) * n));
+// What fits with intercept leave over: curved_residual and truncation of the map.
+void tell_truncation(const MatrixXd& images, ReferenceMap& map) {
+    const Index k = map.offsets.rows(), n = map.offsets.cols();
+    map.curved_residual = map.residual;
+    const MatrixXd scaled = map.offsets / map.offsets.rowwise().norm().maxCoeff();
+    const MatrixXd curved_terms = values_of(monomials(n), scaled);
+    MatrixXd design(k, 1 + n + curved_terms.cols());
+    design << MatrixXd::Ones(k, 1), scaled, curved_terms;
+    // Cubic terms too where the neighbours leave room for them: about a point of symmetry all truncation is cubic.
+    const Index quadratic = 1 + n + n * (n + 1) / 2;
+    const Index columns = k >= 2 * design.cols() ? design.cols() : quadratic;
+    if (!(k >= columns + 2)) return;
+    const auto mean_square_left = [&](Index used) {
+        const MatrixXd part = design.leftCols(used);
+        return (images - part * part.colPivHouseholderQr().solve(images)).squaredNorm() /
+               static_cast<double>((k - used) * n);
+    };
+    const double affine = mean_square_left(1 + n), curved = mean_square_left(columns);
+    map.curved_residual = std::sqrt(curved);
+    map.truncation = affine > 0.0 ? std::clamp(1.0 - curved / affine, 0.0, 1.0) : 0.0;
 }
 
 MatrixXd floored(const MatrixXd& covariance) {
@@ -83,13 +94,13 @@ MatrixXd floored(const MatrixXd& covariance) {
     return result;
 }
 
-// Sigma that explains what quadratic maps leave over: every residual is e_{t+1} - A e_t of the neighbour and, once for
-// all neighbours, of the reference.
+// Sigma that explains what curved maps with intercept leave over: every residual is e_{t+1} - A e_t of its
+// neighbour.
 MatrixXd estimated_reading_covariance(const std::vector<ReferenceMap>& maps) {
     const Index n = maps.front().jacobian.rows();
     double left = 0.0, gain = 0.0;
     for (const ReferenceMap& map : maps) {
-        left += static_cast<double>(n) * map.quadratic_residual * map.quadratic_residual;
+        left += static_cast<double>(n) * map.curved_residual * map.curved_residual;
         gain += static_cast<double>(n) + map.jacobian.squaredNorm();
     }
     return (left / gain + rounding * rounding) * MatrixXd::Identity(n, n);
@@ -112,18 +123,22 @@ MatrixXd map_covariance(const ReferenceMap& map, const VectorXd& d) {
     smooth.row(0) = values_of(terms, d.transpose() / radius) * size.asDiagonal() - d.transpose() * taken;
     smooth.bottomRows(n) = slopes_of(terms, d / radius) * size.asDiagonal() / radius - taken;
     const double smooth_share = (values - map.offsets * taken).squaredNorm();
-    MatrixXd independent(n + 1, k);
-    independent.row(0) = d.transpose() * map.solver;
-    independent.bottomRows(n) = map.solver;
-    MatrixXd shape = independent * independent.transpose() / static_cast<double>(k - n);
-    if (smooth_share > 0.0) shape += smooth * smooth.transpose() / smooth_share;
+    // Reading errors: independent ones of the neighbours, and the reference's, which all offsets and images share.
+    MatrixXd reading(n + 1, k + 1);
+    reading.block(1, 0, n, k) = map.solver;
+    reading.block(1, k, n, 1) = map.solver.rowwise().sum();
+    reading.row(0) = d.transpose() * reading.bottomRows(n);
 
-    // The coordinates' errors are correlated, but the correlation of a few residuals is not believed fully, or a
+    // How the errors of the coordinates go together; this correlation of a few residuals is not believed fully, or a
     // combination would look too good.
     MatrixXd products = map.residuals.transpose() * map.residuals;
     const VectorXd squares = products.diagonal();
     products *= 0.9;
     products.diagonal() = squares.array() + rounding * rounding * static_cast<double>(k);
+    const double total = products.trace();
+    const double curved = (map.curved_residual * map.curved_residual + rounding * rounding) * static_cast<double>(n);
+    MatrixXd shape = reading * reading.transpose() * (curved / total);
+    if (smooth_share > 0.0) shape += smooth * smooth.transpose() * (map.truncation / smooth_share);
     MatrixXd result(n * (n + 1), n * (n + 1));
     for (Index a = 0; a <= n; ++a)
         for (Index b = 0; b <= n; ++b)
@@ -173,7 +188,7 @@ ReferenceMap fit_reference_map(const SectionPoints& section, const BoxGrid& grid
     map.residual = std::sqrt(map.residuals.squaredNorm() / static_cast<double>((k - n) * n));
     map.image_spread =
         std::sqrt((images.rowwise() - images.colwise().mean()).squaredNorm() / static_cast<double>((k - 1) * n));
-    map.quadratic_residual = left_by_quadratic(map.offsets, images, map.residual);
+    tell_truncation(images, map);
     map.usable = true;
     return map;
 }

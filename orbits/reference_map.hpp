@@ -21,9 +21,12 @@ struct ReferenceMap {
     Eigen::MatrixXd solver;     ///< shape (n, k): transposed jacobian = solver * images
     double residual = 0.0;      ///< rms over all coordinates, free of the n fitted slopes, scaled units
     double image_spread = 0.0;  ///< rms of the images about their mean, scaled units
-    /// rms of what a quadratic map without intercept leaves over: reading errors without the truncation of the linear
-    /// one. Equal to `residual` when there are too few neighbours for it.
-    double quadratic_residual = 0.0;
+    /// rms of what a cubic map with intercept leaves over (quadratic with few neighbours): reading errors without the
+    /// truncation of the linear map and without the reference's own. Equal to `residual` with too few for either.
+    double curved_residual = 0.0;
+    /// Part of the squared residuals of a linear map with intercept that the curved terms explain, 0 to 1: what is
+    /// truncation. 1 when there are too few neighbours to tell.
+    double truncation = 1.0;
     bool usable = false;  ///< false: fewer neighbours than n + 2, or neighbours without n dimensions
 };
 
@@ -49,14 +52,15 @@ struct ReferenceErrors {
 ///
 ///     Cov(x_0) = (I - A^p)^-1 (Sigma + A^p Sigma A^pT) (I - A^p)^-T.
 ///
-/// Errors of the fits are added: independent ones of the images, and a smooth remainder (random quadratic terms), both
-/// scaled to explain the linear fit's residuals, taken at the cycle's point, u_j from the reference.
+/// Errors of the fits are added, taken at the cycle's point, u_j from the reference: independent errors of the
+/// neighbours and the reference as large as the curved maps' residuals, and a smooth remainder (random quadratic and
+/// cubic terms) that explains the part of the linear fit's residuals that is truncation.
 ///
 /// @param maps     p of them, in order.
 /// @param offset   u, shape (n p).
 /// @param inverse  of coupled_matrix() of the jacobians, shape (n p, n p).
 /// @param reading_covariance  Sigma in scaled units, shape (n, n); empty: equal in all coordinates and such that it
-///                            explains what quadratic maps leave over.
+///                            explains what curved maps leave over.
 [[nodiscard]] ReferenceErrors reference_errors(const std::vector<ReferenceMap>& maps, const Eigen::VectorXd& offset,
                                                const Eigen::MatrixXd& inverse,
                                                const Eigen::MatrixXd& reading_covariance);
