@@ -16,13 +16,19 @@ constexpr double smallest_pivot = 1e-14;  // see CyclicSystem::singular
 
 }  // namespace
 
-CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors) {
+CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors) : CyclicSystem(factors, Border{}) {}
+
+CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& border) {
     if (factors.empty()) throw std::invalid_argument("CyclicSystem: no factors, at least one is needed");
     n_ = factors.front().rows();
     p_ = static_cast<Index>(factors.size());
+    k_ = border.rows.rows();
     for (const MatrixXd& factor : factors)
         if (factor.rows() != n_ || factor.cols() != n_ || n_ == 0)
             throw std::invalid_argument("CyclicSystem: factors must be square and of one size");
+    if (k_ > 0 && (border.columns.rows() != n_ * p_ || border.columns.cols() != k_ || border.rows.cols() != n_ ||
+                   border.corner.rows() != k_ || border.corner.cols() != k_))
+        throw std::invalid_argument("CyclicSystem: the border does not fit the factors");
 
     double largest = 0.0;
     double smallest = std::numeric_limits<double>::infinity();
@@ -32,31 +38,46 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors) {
             smallest = std::min(smallest, std::abs(r(i, i)));
         }
     };
+    // What block row j holds of d_0 (only the first one does) and tau.
+    const auto outer = [&](Index j) {
+        MatrixXd columns = MatrixXd::Zero(n_, n_ + k_);
+        if (j == 0) columns.leftCols(n_) = -factors[0];
+        if (k_ > 0) columns.rightCols(k_) = -border.columns.middleRows(n_ * j, n_);
+        return columns;
+    };
 
     if (p_ == 1) {
-        last_.compute(MatrixXd::Identity(n_, n_) - factors[0]);
+        MatrixXd whole(n_ + k_, n_ + k_);
+        whole.topRows(n_) = outer(0);
+        whole.topLeftCorner(n_, n_) += MatrixXd::Identity(n_, n_);
+        if (k_ > 0) whole.bottomRows(k_) << border.rows, border.corner;
+        last_.compute(whole);
     } else {
-        // The row block at hand: first d_0 + next d_{j} = right-hand side, with j the next to go.
-        MatrixXd first = -factors[0];
+        // The row block at hand: first (d_0, tau) + next d_{j} = right-hand side, with j the next to go.
+        MatrixXd first = outer(0);
         MatrixXd next = MatrixXd::Identity(n_, n_);
         eliminations_.reserve(static_cast<std::size_t>(std::max<Index>(p_ - 2, 0)));
         for (Index j = 1; j + 1 < p_; ++j) {
             MatrixXd column(2 * n_, n_);
             column << next, -factors[static_cast<std::size_t>(j)];
             Elimination step{Eigen::HouseholderQR<MatrixXd>(column), {}, {}};
-            MatrixXd rest = MatrixXd::Zero(2 * n_, 2 * n_);
-            rest.topLeftCorner(n_, n_) = first;
+            MatrixXd rest = MatrixXd::Zero(2 * n_, 2 * n_ + k_);
+            rest.topLeftCorner(n_, n_ + k_) = first;
+            rest.bottomLeftCorner(n_, n_ + k_) = outer(j);
             rest.bottomRightCorner(n_, n_).setIdentity();
             rest.applyOnTheLeft(step.qr.householderQ().adjoint());
-            step.to_first = rest.topLeftCorner(n_, n_);
+            step.to_first = rest.topLeftCorner(n_, n_ + k_);
             step.to_next = rest.topRightCorner(n_, n_);
-            first = rest.bottomLeftCorner(n_, n_);
+            first = rest.bottomLeftCorner(n_, n_ + k_);
             next = rest.bottomRightCorner(n_, n_);
             note_pivots(step.qr.matrixQR());
             eliminations_.push_back(std::move(step));
         }
-        MatrixXd corner(2 * n_, 2 * n_);
-        corner << next, first, -factors[static_cast<std::size_t>(p_ - 1)], MatrixXd::Identity(n_, n_);
+        MatrixXd corner = MatrixXd::Zero(2 * n_ + k_, 2 * n_ + k_);
+        corner.topRows(n_) << next, first;
+        corner.middleRows(n_, n_) << -factors[static_cast<std::size_t>(p_ - 1)], outer(p_ - 1);
+        corner.block(n_, n_, n_, n_) += MatrixXd::Identity(n_, n_);
+        if (k_ > 0) corner.bottomRightCorner(k_, n_ + k_) << border.rows, border.corner;
         last_.compute(corner);
     }
     note_pivots(last_.matrixQR());
@@ -64,7 +85,7 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors) {
 }
 
 MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
-    assert(b.rows() == n_ * p_);
+    assert(b.rows() == n_ * p_ + k_);
     if (p_ == 1) return last_.solve(b);
 
     MatrixXd d(b.rows(), b.cols());
@@ -76,15 +97,18 @@ MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
         d.middleRows(n_ * j, n_) = both.topRows(n_);  // the right-hand side of d_j, until it is solved for below
         carried = both.bottomRows(n_);
     }
-    MatrixXd both(2 * n_, b.cols());
-    both << carried, b.bottomRows(n_);
+    MatrixXd both(2 * n_ + k_, b.cols());
+    both << carried, b.bottomRows(n_ + k_);
     const MatrixXd ends = last_.solve(both);
-    d.bottomRows(n_) = ends.topRows(n_);
-    d.topRows(n_) = ends.bottomRows(n_);
+    MatrixXd outer(n_ + k_, b.cols());
+    outer = ends.bottomRows(n_ + k_);
+    d.middleRows(n_ * (p_ - 1), n_) = ends.topRows(n_);
+    d.topRows(n_) = outer.topRows(n_);
+    if (k_ > 0) d.bottomRows(k_) = outer.bottomRows(k_);
     for (Index j = p_ - 2; j >= 1; --j) {
         const Elimination& step = eliminations_[static_cast<std::size_t>(j - 1)];
         MatrixXd right =
-            d.middleRows(n_ * j, n_) - step.to_first * d.topRows(n_) - step.to_next * d.middleRows(n_ * (j + 1), n_);
+            d.middleRows(n_ * j, n_) - step.to_first * outer - step.to_next * d.middleRows(n_ * (j + 1), n_);
         step.qr.matrixQR().topRows(n_).triangularView<Eigen::Upper>().solveInPlace(right);
         d.middleRows(n_ * j, n_) = right;
     }

@@ -16,6 +16,13 @@ namespace orbid::periodic {
 /// columns, so expanding and contracting directions are treated alike; the closed form (I - X_{p-1} .. X_0)^-1 loses
 /// log10 |multiplier| digits instead.
 ///
+/// With a border of k further unknowns tau (the period of an autonomous orbit) and as many conditions on d_0:
+///
+///     d_{j+1} - X_j d_j - G_j tau = b_j,      R d_0 + S tau = r
+///
+/// The columns of tau are carried along beside those of d_0, so that the system is solved as a whole: the cyclic part
+/// alone is singular for an autonomous orbit.
+///
 /// Cost: O(p n^3) once, O(p n^2) per right-hand side.
 /// Source: S. J. Wright, SIAM J. Sci. Stat. Comput. 13 (1992) 742 (structured orthogonal factorisation).
 class CyclicSystem {
@@ -24,23 +31,34 @@ public:
     /// @throws std::invalid_argument on an empty list, or factors that are not square and of one size.
     explicit CyclicSystem(const std::vector<Eigen::MatrixXd>& factors);
 
+    /// What stands beside and below the cyclic matrix. Its rows and columns should be of size one beside the factors:
+    /// singular() compares with them.
+    struct Border {
+        Eigen::MatrixXd columns;  ///< G, shape (n p, k)
+        Eigen::MatrixXd rows;     ///< R, shape (k, n)
+        Eigen::MatrixXd corner;   ///< S, shape (k, k)
+    };
+    /// @throws std::invalid_argument also on a border whose shape does not fit the factors.
+    CyclicSystem(const std::vector<Eigen::MatrixXd>& factors, const Border& border);
+
     /// The matrix cannot be told from a singular one: its triangular factor has a diagonal element below 1e-14 of the
     /// largest (rounding of a QR is a few n p eps; the digits of a solution above it are still counted).
     [[nodiscard]] bool singular() const { return singular_; }
 
-    /// @param b  shape (n p, k), rows [n j, n (j + 1)) = b_j.
-    /// @return d, shape (n p, k), rows in the same order. Not finite when singular.
+    /// @param b  shape (n p + k, m), rows [n j, n (j + 1)) = b_j, the last k rows = r (k = 0 without a border).
+    /// @return d, and tau below it, in the same shape and order. Not finite when singular.
     [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& b) const;
 
 private:
     struct Elimination {
         Eigen::HouseholderQR<Eigen::MatrixXd> qr;  ///< of the two blocks that multiply d_j, shape (2n, n)
-        Eigen::MatrixXd to_first;                  ///< what the upper rows hold of d_0, shape (n, n)
+        Eigen::MatrixXd to_first;                  ///< what the upper rows hold of d_0 and tau, shape (n, n + k)
         Eigen::MatrixXd to_next;                   ///< and of d_{j+1}
     };
 
     Eigen::Index n_ = 0;
     Eigen::Index p_ = 0;
+    Eigen::Index k_ = 0;                     ///< width of the border
     std::vector<Elimination> eliminations_;  ///< of d_1 .. d_{p-2}
     Eigen::ColPivHouseholderQR<Eigen::MatrixXd> last_;
     bool singular_ = false;

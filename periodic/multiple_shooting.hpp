@@ -1,39 +1,39 @@
 #pragma once
 
 #include <span>
-#include <vector>
 
 #include <Eigen/Core>
 
 #include "models/system.hpp"
+#include "periodic/course.hpp"
 #include "periodic/orbit.hpp"
+#include "periodic/solver_options.hpp"
 
 namespace orbid::periodic {
 
-struct ShootingOptions {
-    /// Converged when closing error and Newton step fall below this x scale, or stagnate at rounding level; > 0. That
-    /// last step is still taken: the error of the points is its square, down to the error of the flow.
-    double tolerance = 1e-9;
-    int maximum_iterations = 40;    ///< Newton steps, > 0
-    double minimum_damping = 1e-4;  ///< smallest step length tried, in (0, 1)
-    /// A converged orbit whose points moved farther than this (relative to `scale`, see below) is `other_orbit`. > 0;
-    /// infinity: any.
-    double maximum_distance = 0.1;
-    /// Typical size of each coordinate (angle: 2 pi); empty: 2 pi for angles, largest |guess| or 1 otherwise.
-    Eigen::VectorXd scale{};
-    models::FlowOptions flow{};
-};
+/// Periodic orbit by multiple shooting: one node per period of the forcing (iteration, return to the section) and
+/// further ones where errors grow too much in between, damped Newton on all nodes at once (M7's matrix), and on T of
+/// autonomous flows, bordered by the phase condition.
+///
+/// @param start  points, one per period of the forcing, iteration, or return to the section; or a state and T.
+/// @param free   parameters for which sensitivities of the points (and T) are computed (M7); may be empty. Points of
+///               autonomous flows: of the crossings, which move along the section; without a section, at fixed shares
+///               of T with the first point moving across the flow.
+/// @return orbit with status; everything but status, iterations and residual is meaningful only if converged.
+///         `shorter_period`: converged to an orbit whose prime period divides p. `equilibrium`: `points` is where.
+///         Autonomous flows otherwise: `points` is the last iterate. Never throws for bad numerics.
+/// @throws std::invalid_argument on wrong shapes, nan, time <= 0, or a start that does not fit the kind of model.
+[[nodiscard]] PeriodicOrbit solve_multiple_shooting(const models::System& system, const Eigen::VectorXd& theta,
+                                                    const StartingSolution& start, std::span<const Eigen::Index> free,
+                                                    const ShootingOptions& options = {});
 
-/// Periodic orbit by multiple shooting with one node per forcing period and damped Newton on all nodes (M7's matrix).
+/// The same for forced models and maps.
 ///
 /// @param phase     phase of the section [rad].
 /// @param guess     shape (n, p): first guess of the points, one per period.
 /// @param rotation  turns per orbit, one per angle coordinate; empty: taken from the guess (nearest whole turns of its
 /// flow).
-/// @param free      parameters for which sensitivities of the points are computed (M7); may be empty.
-/// @return orbit with status; everything but status, iterations and residual is meaningful only if converged.
-///         `shorter_period`: converged to an orbit whose prime period divides p. Never throws for bad numerics.
-/// @throws std::invalid_argument on wrong shapes, nan, or a model that is not forced or a map.
+/// @throws std::invalid_argument also on a model that is not forced or a map.
 [[nodiscard]] PeriodicOrbit solve_multiple_shooting(const models::System& system, const Eigen::VectorXd& theta,
                                                     double phase, const Eigen::MatrixXd& guess,
                                                     std::span<const int> rotation, std::span<const Eigen::Index> free,

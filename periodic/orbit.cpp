@@ -18,6 +18,10 @@ std::string_view name(OrbitStatus status) {
             return "other_orbit";
         case OrbitStatus::shorter_period:
             return "shorter_period";
+        case OrbitStatus::equilibrium:
+            return "equilibrium";
+        case OrbitStatus::period_vanished:
+            return "period_vanished";
     }
     return "unknown";
 }

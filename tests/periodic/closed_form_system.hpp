@@ -172,4 +172,51 @@ public:
     }
 };
 
+/// Hopf's normal form, q' = w p + q (mu - q^2 - p^2), p' = -w q + p (mu - q^2 - p^2): the radius obeys r' = r (mu -
+/// r^2) and the angle turns at -w. Cycle of radius sqrt(mu) with T = 2 pi / w, multipliers 1 and exp(-2 mu T).
+class HopfNormalForm : public ClosedFormSystem {
+public:
+    HopfNormalForm()
+        : ClosedFormSystem(models::Kind::autonomous, {models::real("q", ""), models::real("p", "")},
+                           {{"mu", "1/s", models::any_real, 1.0, ""}, {"w", "rad/s", models::positive, 1.0, ""}}) {}
+    [[nodiscard]] Eigen::MatrixXd rhs(const Eigen::MatrixXd& states, std::span<const double>,
+                                      const Eigen::VectorXd& theta) const override {
+        Eigen::MatrixXd f(2, states.cols());
+        for (Eigen::Index k = 0; k < states.cols(); ++k) {
+            const double growth = theta(0) - states.col(k).squaredNorm();
+            f.col(k) << theta(1) * states(1, k) + states(0, k) * growth,
+                -theta(1) * states(0, k) + states(1, k) * growth;
+        }
+        return f;
+    }
+    [[nodiscard]] Eigen::VectorXcd advance(const Eigen::VectorXcd& x0, double, double duration,
+                                           const Eigen::VectorXcd& theta) const override {
+        const Complex square = x0(0) * x0(0) + x0(1) * x0(1);
+        const Complex decay = std::exp(-2.0 * theta(0) * duration);
+        const Complex stretch = std::sqrt(theta(0) / (square + (theta(0) - square) * decay));
+        const Complex cosine = std::cos(theta(1) * duration);
+        const Complex sine = std::sin(theta(1) * duration);
+        return stretch * Eigen::Vector2cd(x0(0) * cosine + x0(1) * sine, x0(1) * cosine - x0(0) * sine);
+    }
+};
+
+/// x' = v, y' = -y: no orbit closes, and nothing rests.
+class Drift : public ClosedFormSystem {
+public:
+    Drift()
+        : ClosedFormSystem(models::Kind::autonomous, {models::real("x", ""), models::real("y", "")},
+                           {{"v", "1/s", models::positive, 1.0, ""}}) {}
+    [[nodiscard]] Eigen::MatrixXd rhs(const Eigen::MatrixXd& states, std::span<const double>,
+                                      const Eigen::VectorXd& theta) const override {
+        Eigen::MatrixXd f(2, states.cols());
+        f.row(0).setConstant(theta(0));
+        f.row(1) = -states.row(1);
+        return f;
+    }
+    [[nodiscard]] Eigen::VectorXcd advance(const Eigen::VectorXcd& x0, double, double duration,
+                                           const Eigen::VectorXcd& theta) const override {
+        return Eigen::Vector2cd(x0(0) + theta(0) * duration, x0(1) * std::exp(-duration));
+    }
+};
+
 }  // namespace orbid::tests

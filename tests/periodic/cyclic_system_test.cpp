@@ -40,6 +40,35 @@ TEST_CASE("cyclic system is solved as the dense matrix is", "[periodic]") {
     }
 }
 
+TEST_CASE("bordered cyclic system is solved as the dense matrix is, also where the cyclic part is singular",
+          "[periodic]") {
+    for (const Index p : {1, 2, 3, 6}) {
+        CAPTURE(p);
+        // x_{j+1} = X_j x_j with X_{p-1} .. X_0 (1, 1, 1) = (1, 1, 1): singular, as for an autonomous orbit.
+        std::vector<MatrixXd> factors;
+        for (Index j = 0; j < p; ++j) {
+            MatrixXd factor = scattered(3, 3, 0.1 + static_cast<double>(j));
+            factor.col(2) = Eigen::Vector3d::Ones() - factor.col(0) - factor.col(1);
+            factors.push_back(factor);
+        }
+        CHECK(CyclicSystem(factors).singular());
+        const CyclicSystem::Border border{scattered(3 * p, 1, 0.4), scattered(1, 3, 0.6), scattered(1, 1, 0.9)};
+        const CyclicSystem system(factors, border);
+        REQUIRE_FALSE(system.singular());
+        MatrixXd whole = MatrixXd::Zero(3 * p + 1, 3 * p + 1);
+        whole.topLeftCorner(3 * p, 3 * p) = dense(factors);
+        whole.topRightCorner(3 * p, 1) = -border.columns;
+        whole.bottomLeftCorner(1, 3) = border.rows;
+        whole.bottomRightCorner(1, 1) = border.corner;
+        const MatrixXd b = scattered(3 * p + 1, 2, 0.7);
+        const MatrixXd expected = whole.fullPivLu().solve(b);
+        // Both are backward stable; condition numbers here are below 1e3: 1e3 x 1e-16 x 10.
+        CHECK((system.solve(b) - expected).cwiseAbs().maxCoeff() < 1e-12 * (1.0 + expected.cwiseAbs().maxCoeff()));
+        CHECK_THROWS_AS(CyclicSystem(factors, {MatrixXd::Ones(2, 1), border.rows, border.corner}),
+                        std::invalid_argument);
+    }
+}
+
 TEST_CASE("cyclic system keeps its digits where the product of the factors loses them all", "[periodic]") {
     // x_{j+1} = diag(8, 1/8) rotated by 0.3, 40 times: the product grows like 1e36 while the condition of the cyclic
     // matrix stays near 10, because every single step is hyperbolic.

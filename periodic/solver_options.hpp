@@ -1,0 +1,27 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "models/system.hpp"
+
+namespace orbid::periodic {
+
+/// Knobs of Newton's method that all discretisations share.
+struct ShootingOptions {
+    /// Converged when closing error and Newton step fall below this x scale, or stagnate at rounding level; > 0. That
+    /// last step is still taken: the error of the points is its square, down to the error of the flow.
+    double tolerance = 1e-9;
+    int maximum_iterations = 40;    ///< Newton steps, > 0
+    double minimum_damping = 1e-4;  ///< smallest step length tried, in (0, 1)
+    /// A converged orbit whose points moved farther than this (relative to `scale`, see below) is `other_orbit`. > 0;
+    /// infinity: any.
+    double maximum_distance = 0.1;
+    /// Typical size of each coordinate (angle: 2 pi); empty: 2 pi for angles, largest |guess| or 1 otherwise.
+    Eigen::VectorXd scale{};
+    models::FlowOptions flow{};
+    /// A segment over which the ratio of the largest to the smallest growth of an error exceeds this gets further nodes
+    /// inside (flows); > 1, infinity: none. Multipliers lose as many digits as this has. Measured: docs/periodic.md.
+    double segment_growth = 1e3;
+};
+
+}  // namespace orbid::periodic

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system.hpp"
+
+namespace orbid::periodic {
+
+/// Indices of the coordinates that are angles.
+[[nodiscard]] std::vector<Eigen::Index> angle_coordinates(const models::System& system);
+
+/// 2 pi for angles, the largest |guess| or 1 for the others. Shape (n).
+[[nodiscard]] Eigen::VectorXd default_scale(const models::System& system, const Eigen::MatrixXd& guess);
+
+/// Whole turns from each node to the next: the nearest ones for the flow of the guess. Where the wanted total differs,
+/// the segments whose nearest turn was the least certain give way, one turn each.
+///
+/// @param error     shape (n, N): flow of each node - next node.
+/// @param rotation  wanted turns per angle, or empty.
+/// @return whole numbers, shape (n, N), zero but for angles.
+[[nodiscard]] Eigen::MatrixXd whole_turns(const Eigen::MatrixXd& error, const std::vector<Eigen::Index>& angles,
+                                          std::span<const int> rotation);
+
+/// Points of a closed orbit that repeat after fewer than p of them, to 1e-7 of the scale: its prime period is shorter.
+[[nodiscard]] bool repeats_earlier(const Eigen::MatrixXd& points, const std::vector<Eigen::Index>& angles,
+                                   const Eigen::VectorXd& scale);
+
+/// Differences of states, in (-pi, pi] for angles. Shape (n, m).
+[[nodiscard]] Eigen::MatrixXd wrapped_angles(Eigen::MatrixXd difference, const std::vector<Eigen::Index>& angles);
+
+}  // namespace orbid::periodic
