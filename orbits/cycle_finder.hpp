@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "orbits/cycle_draft.hpp"
@@ -19,6 +20,12 @@ public:
     /// The accepted cycles of one prime period, one of every mirror pair, most recurrences first. Adds to the counts
     /// (candidates, rejected) and remarks of `search`. The same with any number of threads.
     [[nodiscard]] virtual std::vector<CycleDraft> find(int period, CycleSearch& search) const = 0;
+
+    /// Cycles refined on these data from points that lie near them: one entry per start, empty where it is not
+    /// accepted. A finder that has nothing to add leaves all empty.
+    [[nodiscard]] virtual std::vector<std::optional<CycleDraft>> polish(const std::vector<CycleDraft>& starts) const {
+        return std::vector<std::optional<CycleDraft>>(starts.size());
+    }
 
 protected:
     CycleFinder() = default;

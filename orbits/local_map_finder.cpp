@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -113,6 +114,15 @@ public:
             return !is_prime(section_, draft.points, same_cycle_tolerance(sd, sd, same_boxes * options_.box));
         });
         return drafts;
+    }
+
+    [[nodiscard]] std::vector<std::optional<CycleDraft>> polish(const std::vector<CycleDraft>& starts) const override {
+        std::vector<std::optional<CycleDraft>> result(starts.size());
+        each(starts.size(), [&](std::size_t i) {
+            Trial trial = judge(starts[i]);
+            if (trial.accepted) result[i] = std::move(trial.draft);
+        });
+        return result;
     }
 
 private:
