@@ -1,4 +1,5 @@
 #include <cmath>
+#include <numbers>
 
 #include "tests/catch.hpp"
 #include "tests/orbits/cycle_case.hpp"
@@ -93,5 +94,57 @@ TEST_CASE("cycles: a wrong cycle is rejected and the estimate stays right", "[or
         const auto& parameter = estimate.parameters[static_cast<std::size_t>(i)];
         CAPTURE(parameter.name);
         CHECK(std::abs(parameter.value - c.truth()(i)) < 4.0 * parameter.sd);
+    }
+}
+
+TEST_CASE("cycles with equal weights: the estimated sd is the residuals' own, in the coordinate's unit", "[orbits]") {
+    // Started near the truth, so that the orbits alone decide; the errors are 1e-4 of the ranges 2 pi and 29.3 rad/s.
+    const CycleCase c({{"l", 1.0}, {"k3", 1.0}});
+    std::vector<orbits::Cycle> cycles = tests::measured_cycles(c.table, 1e-4, 8);
+    for (orbits::Cycle& cycle : cycles)
+        cycle.covariance.resize(0, 0);  // not asked for
+    orbits::CycleResidualOptions options;
+    options.targets.weights = orbits::CycleWeights::equal;
+    orbits::CycleResidual residual(c.system, c.binding, cycles, 0.0, c.truth(), {}, options);
+
+    // Derivatives by central differences: truncation 1e-10 x third derivative (1e4 over a chaotic period).
+    const auto exact = residual.evaluate(c.truth(), {}, true);
+    for (Index k = 0; k < 2; ++k) {
+        Eigen::VectorXd up = c.truth(), down = c.truth();
+        const double h = 1e-5 * up(k);
+        up(k) += h;
+        down(k) -= h;
+        const auto above = residual.evaluate(up, {}, false), below = residual.evaluate(down, {}, false);
+        for (std::size_t b = 0; b < exact.size(); ++b) {
+            const Eigen::VectorXd difference = (above[b].e - below[b].e) / (2.0 * h);
+            const double size = exact[b].e_theta.col(k).cwiseAbs().maxCoeff();
+            CHECK((difference - exact[b].e_theta.col(k)).cwiseAbs().maxCoeff() < 1e-4 * size);
+        }
+    }
+
+    estimator::EstimateOptions plain;
+    plain.variance = estimator::Variance::ml;  // s^2 = e^T e / n (M10): no latent states
+    const auto estimate = estimator::estimate(c.parameters, {&residual}, {}, plain);
+    REQUIRE(estimate.status == EstimateStatus::converged);
+    Eigen::VectorXd theta(2);
+    theta << estimate.parameters[0].value, estimate.parameters[1].value;
+    Eigen::Vector2d squares = Eigen::Vector2d::Zero();
+    double count = 0.0;
+    const auto at_optimum = residual.evaluate(theta, {}, false);
+    for (std::size_t b = 0; b < at_optimum.size(); ++b) {
+        if (!residual.layout()[b].active) continue;
+        squares += at_optimum[b].e.reshaped(2, at_optimum[b].e.size() / 2).rowwise().squaredNorm();
+        count += static_cast<double>(at_optimum[b].e.size()) / 2.0;
+    }
+    REQUIRE(estimate.scales.size() == 2);
+    CHECK(estimate.scales[0].unit == "rad");
+    CHECK(estimate.scales[1].unit == "rad/s");
+    const Eigen::Vector2d told(1e-4 * 2.0 * std::numbers::pi, 1e-4 * 29.3);
+    for (Index i = 0; i < 2; ++i) {
+        const estimator::EstimatedScale& scale = estimate.scales[static_cast<std::size_t>(i)];
+        CAPTURE(scale.group, scale.value);
+        // The minimiser stops where a step is a hundredth of a sd: the squares move by its square.
+        CHECK_THAT(scale.value, tests::WithinRel(std::sqrt(squares(i) / count), 1e-4));
+        CHECK(std::abs(scale.value - told(i)) < 5.0 * scale.uncertainty);
     }
 }
