@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
-#include <Eigen/LU>
+#include "periodic/cyclic_system.hpp"
 
 namespace orbid::orbits {
 
@@ -13,14 +14,16 @@ namespace {
 // Largest coordinate of a Newton step: beyond a few boxes local maps say nothing.
 constexpr double step_cap = 0.04;
 
-// Newton has converged when its step is down to rounding; it needs 4-6 steps, more means that it wanders.
-constexpr double converged_step = 1e-13;
+// Newton has converged when its step is down to rounding, or when steps this small do not become smaller any more
+// (nearly singular cycles amplify rounding). It needs 4-6 steps, more means that it wanders.
+constexpr double converged_step = 1e-14;
+constexpr double rounding_step = 1e-10;
 constexpr int maximum_steps = 25;
 
 // New fits until the points lie within this part of the radius around the fits' centres: the fit is then as good as
 // one centred exactly.
 constexpr double centred = 0.02;
-constexpr int maximum_rounds = 10;
+constexpr int maximum_rounds = 5;
 
 // Farther from the centre than this, in radii, a map is not asked any more.
 constexpr double extrapolation = 3.0;
@@ -30,13 +33,13 @@ Eigen::VectorXd offset_of(const SectionPoints& section, const Eigen::MatrixXd& p
     return section.difference(Eigen::VectorXd(points.col(j)), map.centre);
 }
 
-bool fit_all(const SectionPoints& section, const BoxGrid& grid, const FitChoice& fit, RefinedCycle& cycle) {
+bool fit_all(const FitChoice& choice, RefinedCycle& cycle) {
     cycle.maps.clear();
-    cycle.supports.clear();
+    cycle.choices.clear();
     for (Eigen::Index j = 0; j < cycle.points.cols(); ++j) {
-        cycle.supports.push_back(gather_neighbourhood(section, grid, cycle.points.col(j), fit.neighbours));
-        cycle.maps.push_back(fit_local_map(section, cycle.supports.back(), fit.order));
-        if (!cycle.maps.back().usable) return false;
+        cycle.choices.push_back(choice.ranked(cycle.points.col(j)));
+        if (cycle.choices.back().fits.empty()) return false;
+        cycle.maps.push_back(cycle.choices.back().fits.front());
     }
     return true;
 }
@@ -45,6 +48,7 @@ bool fit_all(const SectionPoints& section, const BoxGrid& grid, const FitChoice&
 bool close_orbit(const SectionPoints& section, RefinedCycle& cycle) {
     const Eigen::Index n = cycle.points.rows(), p = cycle.points.cols();
     Eigen::VectorXd defect(n * p);
+    double previous = std::numeric_limits<double>::infinity();
     for (int step = 0; step < maximum_steps; ++step) {
         std::vector<Eigen::MatrixXd> jacobians;
         for (Eigen::Index j = 0; j < p; ++j) {
@@ -55,13 +59,14 @@ bool close_orbit(const SectionPoints& section, RefinedCycle& cycle) {
             defect.segment(j * n, n) = section.difference(Eigen::VectorXd(map.value + map.displacement(d)),
                                                           Eigen::VectorXd(cycle.points.col((j + 1) % p)));
         }
-        Eigen::VectorXd change = coupled_matrix(jacobians).partialPivLu().solve(-defect);
+        Eigen::VectorXd change = periodic::CyclicSystem(jacobians).solve(defect);
         if (!change.allFinite()) return false;
         const double size = change.cwiseAbs().maxCoeff();
         if (size > step_cap) change *= step_cap / size;
         for (Eigen::Index j = 0; j < p; ++j)
             cycle.points.col(j) = section.wrapped(cycle.points.col(j) + change.segment(j * n, n));
-        if (size < converged_step) return true;
+        if (size < converged_step || (size < rounding_step && size > 0.1 * previous)) return true;
+        previous = size;
     }
     return false;
 }
@@ -96,12 +101,15 @@ std::vector<Eigen::MatrixXd> RefinedCycle::jacobians(const SectionPoints& sectio
     return result;
 }
 
-RefinedCycle refine_cycle(const SectionPoints& section, const BoxGrid& grid, const Eigen::MatrixXd& start,
-                          const FitChoice& fit) {
+Neighbourhood RefinedCycle::support(std::size_t j) const {
+    return nearest_part(choices[j].neighbours, choices[j].sizes.front());
+}
+
+RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice, const Eigen::MatrixXd& start) {
     RefinedCycle cycle;
     cycle.points = start;
     for (int round = 0; round < maximum_rounds; ++round) {
-        if (!fit_all(section, grid, fit, cycle)) {
+        if (!fit_all(choice, cycle)) {
             cycle.status = RefinementStatus::no_neighbours;
             return cycle;
         }
@@ -115,22 +123,24 @@ RefinedCycle refine_cycle(const SectionPoints& section, const BoxGrid& grid, con
         }
     }
     // Neighbours that come and go can keep the points moving a little for ever; well inside the fits that is harmless
-    // and part of the differences between refits.
+    // and part of the differences between fits.
     cycle.status =
         is_centred(section, cycle, 10.0 * centred) ? RefinementStatus::converged : RefinementStatus::unsettled;
     return cycle;
 }
 
-RefinedCycle refit_cycle(const SectionPoints& section, const BoxGrid& grid, const Eigen::MatrixXd& points,
-                         const FitChoice& fit) {
-    RefinedCycle cycle;
-    cycle.points = points;
-    if (!fit_all(section, grid, fit, cycle)) {
-        cycle.status = RefinementStatus::no_neighbours;
-        return cycle;
+RefinedCycle alternative_cycle(const SectionPoints& section, const RefinedCycle& cycle, bool of_another_order) {
+    RefinedCycle result;
+    result.points = cycle.points;
+    for (std::size_t j = 0; j < cycle.maps.size(); ++j) {
+        const std::vector<LocalMap>& fits = cycle.choices[j].fits;
+        const auto other = std::find_if(fits.begin() + 1, fits.end(), [&](const LocalMap& fit) {
+            return (fit.order != cycle.maps[j].order) == of_another_order;
+        });
+        result.maps.push_back(other == fits.end() ? cycle.maps[j] : *other);
     }
-    cycle.status = close_orbit(section, cycle) ? RefinementStatus::converged : RefinementStatus::no_solution;
-    return cycle;
+    result.status = close_orbit(section, result) ? RefinementStatus::converged : RefinementStatus::no_solution;
+    return result;
 }
 
 }  // namespace orbid::orbits

@@ -7,6 +7,7 @@
 
 #include "orbits/box_grid.hpp"
 #include "orbits/cycle_multiplier.hpp"
+#include "orbits/fit_choice.hpp"
 #include "orbits/local_map.hpp"
 #include "orbits/section_points.hpp"
 
@@ -23,30 +24,29 @@ enum class RefinementStatus {
 /// A closed orbit of the local maps.
 struct RefinedCycle {
     RefinementStatus status = RefinementStatus::no_solution;
-    Eigen::MatrixXd points;               ///< shape (n, p), scaled units, wrapped
-    std::vector<LocalMap> maps;           ///< one per point, centred there up to the last correction
-    std::vector<Neighbourhood> supports;  ///< what the maps were fitted to
+    Eigen::MatrixXd points;           ///< shape (n, p), scaled units, wrapped
+    std::vector<LocalMap> maps;       ///< one per point, centred there up to the last correction
+    std::vector<RankedFits> choices;  ///< all fits of every point; the maps are the first ones
     [[nodiscard]] int period() const { return static_cast<int>(points.cols()); }
     [[nodiscard]] std::vector<Eigen::MatrixXd> jacobians(const SectionPoints& section) const;  ///< at the points
-};
-
-/// A fit of order `order` to the `neighbours` nearest points.
-struct FitChoice {
-    int order = 2;
-    std::size_t neighbours = 32;
+    /// What the map of point j was fitted to.
+    [[nodiscard]] Neighbourhood support(std::size_t j) const;
 };
 
 /// Newton on all p points together,  F_j(x_j) - x_{j+1} = 0, j mod p  (P8 for all points at once), on local maps that
 /// stay frozen while it runs and are fitted anew around the result until the points stay within a small part of the
 /// neighbourhoods' radius.
 ///
-/// @param start  shape (n, p), scaled units: points of the series that nearly close.
-[[nodiscard]] RefinedCycle refine_cycle(const SectionPoints& section, const BoxGrid& grid, const Eigen::MatrixXd& start,
-                                        const FitChoice& fit);
+/// @param start  shape (n, p), scaled units: points that nearly close.
+[[nodiscard]] RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice,
+                                        const Eigen::MatrixXd& start);
 
-/// The same with the fits of one choice around given points, not renewed: how far the answer depends on the fit.
-[[nodiscard]] RefinedCycle refit_cycle(const SectionPoints& section, const BoxGrid& grid, const Eigen::MatrixXd& points,
-                                       const FitChoice& fit);
+/// The same closed on other fits of the same points, not renewed: how far the answer depends on the fit.
+///
+/// @param of_another_order  the best fit of another order than the maps' at every point; false: the best of the same
+///                          order with another number of neighbours. Points without such a fit keep their map.
+[[nodiscard]] RefinedCycle alternative_cycle(const SectionPoints& section, const RefinedCycle& cycle,
+                                             bool of_another_order);
 
 /// J of Newton's method: A_j on the diagonal, -1 from each point to the next, cyclic; shape (n p, n p).
 [[nodiscard]] Eigen::MatrixXd coupled_matrix(const std::vector<Eigen::MatrixXd>& jacobians);
@@ -61,10 +61,10 @@ struct CycleUncertainty {
 /// Covariance of all points together and of ln|multipliers|.
 ///
 /// Errors e_j of the fits' values and E_j of their jacobians (local_map_covariance) move the points by the coupled
-/// system dx = -J^-1 e, J = the cyclic matrix of Newton's method (for p = 1 and independent reading errors this is
-/// (M6)), and ln|multipliers| by their derivative along E_j + F''_j dx_j. Added to it, the differences to the refits
-/// with other neighbourhoods as outer products: what the residuals of one fit do not show. Never zero; see
-/// covariance_floor in the source for how small eigenvalues are kept away from it.
+/// system dx_{j+1} - A_j dx_j = e_j (for p = 1 and independent reading errors this is (M6)), and ln|multipliers| by
+/// their derivative along E_j + F''_j dx_j. Added to it, the differences to the cycles on other fits as outer products:
+/// what the residuals of one fit do not show. Never zero; see covariance_floor in the source for how small eigenvalues
+/// are kept away from it.
 [[nodiscard]] CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCycle& cycle,
                                                  const std::vector<RefinedCycle>& refits);
 

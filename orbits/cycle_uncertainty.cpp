@@ -3,9 +3,9 @@
 #include <utility>
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 
 #include "orbits/cycle_refinement.hpp"
+#include "periodic/cyclic_system.hpp"
 
 namespace orbid::orbits {
 
@@ -16,6 +16,10 @@ namespace {
 constexpr double covariance_floor = 1e-9;
 constexpr double rounding_variance = 1e-28;
 
+// Step of differences of a local map's jacobian, in its radius: their error is of the order of 1e-6 of the curvature,
+// far below what a covariance needs.
+constexpr double difference_step = 1e-3;
+
 Eigen::MatrixXd floored(const Eigen::MatrixXd& covariance) {
     Eigen::MatrixXd result = 0.5 * (covariance + covariance.transpose());
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(result, Eigen::EigenvaluesOnly);
@@ -24,12 +28,14 @@ Eigen::MatrixXd floored(const Eigen::MatrixXd& covariance) {
     return result;
 }
 
-// d vec(jacobian) / d place of a local map, shape (n n, n).
+// d vec(jacobian) / d place of a local map at its centre, shape (n n, n).
 Eigen::MatrixXd curvature(const LocalMap& map) {
     const Eigen::Index n = map.jacobian.rows();
     Eigen::MatrixXd result = Eigen::MatrixXd::Zero(n * n, n);
+    const double step = difference_step * map.radius;
     for (Eigen::Index d = 0; d < n; ++d) {
-        const Eigen::MatrixXd change = map.jacobian_at(Eigen::VectorXd::Unit(n, d)) - map.jacobian;
+        const Eigen::VectorXd h = step * Eigen::VectorXd::Unit(n, d);
+        const Eigen::MatrixXd change = (map.jacobian_at(h) - map.jacobian_at(-h)) / (2.0 * step);
         result.col(d) = Eigen::Map<const Eigen::VectorXd>(change.data(), n * n);
     }
     return result;
@@ -44,7 +50,8 @@ CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCy
     CycleUncertainty result;
     result.multipliers = cycle_multipliers(jacobians);
 
-    const Eigen::MatrixXd inverse = -coupled_matrix(jacobians).inverse();  // points from values
+    const Eigen::MatrixXd inverse =  // points from values
+        periodic::CyclicSystem(jacobians).solve(Eigen::MatrixXd::Identity(n * p, n * p));
     const Eigen::MatrixXd derivative = ln_multiplier_derivative(jacobians);
 
     // ln|multipliers| move with the jacobians directly and, through the curvature, with the points.
@@ -58,7 +65,7 @@ CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCy
     result.ln_multiplier_covariance = Eigen::MatrixXd::Zero(n, n);
     for (Eigen::Index j = 0; j < p; ++j) {
         const Eigen::MatrixXd errors =
-            local_map_covariance(cycle.supports[static_cast<std::size_t>(j)], cycle.maps[static_cast<std::size_t>(j)]);
+            local_map_covariance(cycle.support(static_cast<std::size_t>(j)), cycle.maps[static_cast<std::size_t>(j)]);
         Eigen::MatrixXd to_points = Eigen::MatrixXd::Zero(n * p, errors.rows());
         to_points.leftCols(n) = inverse.middleCols(j * n, n);
         Eigen::MatrixXd to_multipliers(n, errors.rows());

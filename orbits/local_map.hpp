@@ -1,11 +1,14 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "orbits/box_grid.hpp"
+#include "orbits/monomials.hpp"
+#include "orbits/polynomial_fit.hpp"
 #include "orbits/section_points.hpp"
 
 namespace orbid::orbits {
@@ -27,18 +30,23 @@ struct Neighbourhood {
 [[nodiscard]] Neighbourhood gather_neighbourhood(const SectionPoints& points, const BoxGrid& grid,
                                                  const Eigen::VectorXd& centre, std::size_t k);
 
-/// Number of coefficients of a polynomial of order 1, 2 (or the remainder's orders 3, 4: terms up to there) in n
-/// variables: (n + order)! / (n! order!).
-[[nodiscard]] Eigen::Index coefficient_count(Eigen::Index n, int order);
-
-/// The map near a place, fitted to data:  F(c + d) = reference + value + A d + Q(d, d)   (P5 with intercept).
+/// The map near a place, fitted to data, a polynomial of order 1 to 6 (P5 with intercept and curvature):
+///
+///     F(c + d) = reference + sum_m b_m (d / radius)^m = value + A d + ...
 struct LocalMap {
-    Eigen::VectorXd centre;     ///< c, shape (n)
-    Eigen::VectorXd value;      ///< F(c), shape (n), wrapped
-    Eigen::MatrixXd jacobian;   ///< A, shape (n, n)
-    Eigen::MatrixXd quadratic;  ///< shape (n, n (n + 1) / 2): coefficients of d_a d_b, a <= b, b fastest; empty: linear
-    double radius = 0.0;        ///< of the neighbourhood
-    double residual = 0.0;      ///< weighted rms of the residuals over all coordinates, scaled units
+    Eigen::VectorXd centre;    ///< c, shape (n)
+    Eigen::VectorXd value;     ///< F(c), shape (n), wrapped
+    Eigen::MatrixXd jacobian;  ///< A, shape (n, n)
+    int order = 0;
+    Eigen::MatrixXd coefficients;  ///< b, shape (n, count), monomials as in Monomials, the constant included
+    std::shared_ptr<const Monomials> monomials;
+    double radius = 0.0;    ///< of the neighbourhood
+    double residual = 0.0;  ///< weighted rms of the residuals over all coordinates, scaled units
+    double left_out = 0.0;  ///< the same of predictions of every neighbour from all others
+    /// Predicted error of the value, rms over the coordinates: independent errors and truncation as
+    /// PolynomialFit::part_residuals tells them apart; without tables of two orders more, `left_out` as independent
+    /// errors alone.
+    double value_sd = 0.0;
     double image_spread = 0.0;  ///< weighted rms of the images about their mean, scaled units
     bool usable = false;        ///< false: too few neighbours or a neighbourhood without n dimensions
 
@@ -48,11 +56,20 @@ struct LocalMap {
     [[nodiscard]] Eigen::MatrixXd jacobian_at(const Eigen::VectorXd& d) const;
 };
 
-/// Weighted least squares fit of order 1 or 2 with intercept, weights (1 - (d / radius)^2)^2 on the squared residuals.
+/// Weighted least squares fit with intercept, weights (1 - (d / radius)^2)^2 on the squared residuals.
 ///
-/// Orthogonal factorisation with column pivoting in units of the radius. Exact for polynomial maps of the order.
+/// In units of the radius. Exact for polynomial maps of the order.
+/// @param order  1 to 6.
 /// @return usable = false with fewer neighbours than coefficients + 2, or rank lost to rounding.
 [[nodiscard]] LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbourhood, int order);
+
+/// The same to the nearest k neighbours only, with memory and tables that are kept between fits.
+[[nodiscard]] LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbourhood, int order,
+                                     std::size_t k, const std::shared_ptr<const Monomials>& monomials,
+                                     PolynomialFit& workspace);
+
+/// The neighbourhood of the nearest k neighbours only.
+[[nodiscard]] Neighbourhood nearest_part(const Neighbourhood& neighbourhood, std::size_t k);
 
 /// Covariance of the errors of (value, jacobian) of a fit, shape (n (1 + n), n (1 + n)), order: value (n), then the
 /// columns of the jacobian.

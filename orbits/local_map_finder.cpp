@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -10,52 +9,62 @@
 #include <tbb/parallel_for.h>
 
 #include "orbits/box_grid.hpp"
+#include "orbits/cell_map.hpp"
+#include "orbits/cell_newton.hpp"
 #include "orbits/cycle_finder.hpp"
 #include "orbits/cycle_refinement.hpp"
-#include "orbits/recurrence.hpp"
+#include "orbits/fit_choice.hpp"
+#include "orbits/itinerary.hpp"
 
 namespace orbid::orbits {
 
 namespace {
 
-// The choice of order and neighbours where the options leave it open.
-constexpr int default_order = 2;
+// Points that a series must have ten times as many of, where the options say nothing.
 constexpr int default_neighbours = 32;
 
-// A neighbourhood of which the fit explains less than 99 % of the variance is no map: shuffled points leave about
-// 80 %, the clean pendulum less than 1e-4.
+// A neighbourhood of which a fit, the point itself left out, explains less than 91 % of the variance is no map:
+// shuffled points leave all of it, the clean pendulum less than 1e-6.
 constexpr double unexplained = 0.3;
 
 // Standard deviation (scaled units) beyond which a cycle is not told from its neighbours (trials: 2e-3).
 constexpr double largest_sd = 2e-3;
 
-// Refits with other neighbourhoods may move a point by this much (scaled units; trials: 3e-3).
+// Other fits of the same points may move a point by this much (scaled units; trials: 3e-3).
 constexpr double largest_disagreement = 3e-3;
+
+// Edge of the cells (scaled units) that tell the itineraries of starts apart (trials: 1.2 %).
+constexpr double itinerary_cell = 0.012;
 
 // Two solutions are one before their sds are known when they lie within this distance (scaled units): starts of one
 // cycle end within 1e-7 of each other on clean data. Never farther apart than this part of a box.
 constexpr double same_distance = 1e-6;
 constexpr double same_boxes = 0.3;
 
-// Refits that differ by more than this many standard deviations are remarked on.
+// Other fits that differ by more than this many standard deviations are remarked on.
 constexpr double remarkable = 3.0;
 
-// Noise blurs a small neighbourhood: fits of this many times the asked neighbours are tried as well.
-constexpr std::array<double, 4> enlargements{1.0, 4.0, 16.0, 64.0};
+// A cycle that fewer points of the series recur to is called isolated.
+constexpr std::size_t few_recurrences = 3;
 
-// A larger neighbourhood must bring the largest standard deviation down to this part to be preferred: a smaller gain
-// may be luck, and choosing the luckiest estimate makes it too small.
-constexpr double worthwhile = 0.5;
+// ln|multiplier| nearer to zero than this many sds, or than this, is near-degenerate.
+constexpr double degenerate_sds = 3.0;
+constexpr double degenerate = 0.05;
+
+// Leave-one-out predictions that leave more than this part of the images' spread at a point of a cycle are remarked on.
+constexpr double weak = 0.1;
 
 struct Trial {
     CycleDraft draft;
     bool accepted = false;
-    double enlargement = 1.0;  // of the neighbourhoods
 };
 
-bool explains(const RefinedCycle& cycle) {
-    return std::all_of(cycle.maps.begin(), cycle.maps.end(),
-                       [](const LocalMap& map) { return map.residual <= unexplained * map.image_spread; });
+// Largest part of the images' spread that a point's fit leaves when the point itself is left out.
+double unexplained_part(const RefinedCycle& cycle) {
+    double largest = 0.0;
+    for (const LocalMap& map : cycle.maps)
+        largest = std::max(largest, map.left_out / map.image_spread);
+    return largest;
 }
 
 template <class Body>
@@ -80,30 +89,23 @@ std::vector<CycleDraft> accepted(std::vector<Trial>& trials, CycleSearch& search
 class LocalMapFinder final : public CycleFinder {
 public:
     LocalMapFinder(const SectionPoints& section, const CycleSearchOptions& options)
-        : options_(options), section_(section), grid_(section) {
-        if (options_.order == 0) options_.order = default_order;
-        const Eigen::Index least = coefficient_count(section.dimension(), options_.order) + 2;
-        if (options_.neighbours == 0) options_.neighbours = std::max(default_neighbours, 2 * static_cast<int>(least));
-        if (!(options_.neighbours >= least))
-            throw std::invalid_argument("find_cycles: neighbours must be at least " + std::to_string(least) +
-                                        " for this order and dimension, got " + std::to_string(options_.neighbours));
-        const std::size_t points = 10 * static_cast<std::size_t>(options_.neighbours);
-        if (!(section.image_count() >= points))
-            throw std::invalid_argument("find_cycles: needs at least 10 x neighbours = " + std::to_string(points) +
-                                        " points with an image, got " + std::to_string(section.image_count()));
-    }
+        : options_(checked(section, options)),
+          section_(section),
+          grid_(section),
+          cells_(section, grid_, std::min(options.order, 2), static_cast<std::size_t>(options.neighbours)),
+          choice_(section, grid_, options.order, static_cast<std::size_t>(options.neighbours)) {}
 
     [[nodiscard]] std::vector<CycleDraft> find(int period, CycleSearch& search) const override {
-        const std::vector<RecurrenceSeed> seeds =
-            recurrence_seeds(section_, period, options_.box, static_cast<std::size_t>(options_.minimum_recurrences));
+        const std::vector<RecurrenceSeed> seeds = itinerary_seeds(section_, period, options_.box, itinerary_cell);
         search.candidates += seeds.size();
-        std::vector<Trial> refined(seeds.size());
-        each(seeds.size(), [&](std::size_t i) { refined[i] = refine(seeds[i], period); });
-
+        std::vector<Trial> closed(seeds.size());
+        each(seeds.size(), [&](std::size_t i) { closed[i] = close(seeds[i], period); });
         std::vector<CycleDraft> drafts =
-            merged(section_, accepted(refined, search), [](const auto&, const auto&) { return same_distance; });
-        std::erase_if(drafts,
-                      [&](const CycleDraft& draft) { return !is_prime(section_, draft.points, same_distance); });
+            merged(section_, accepted(closed, search), [](const auto&, const auto&) { return same_distance; });
+        std::erase_if(drafts, [&](const CycleDraft& draft) {
+            return !is_prime(section_, draft.points, same_distance) ||
+                   draft.recurrences < static_cast<std::size_t>(options_.minimum_recurrences);
+        });
         std::vector<Trial> judged(drafts.size());
         each(drafts.size(), [&](std::size_t i) { judged[i] = judge(drafts[i]); });
         drafts = merged(section_, accepted(judged, search), [&](const CycleDraft& a, const CycleDraft& b) {
@@ -126,57 +128,44 @@ public:
     }
 
 private:
-    [[nodiscard]] FitChoice fit(double factor) const {
-        const auto least = static_cast<double>(coefficient_count(section_.dimension(), options_.order) + 2);
-        return {options_.order, static_cast<std::size_t>(
-                                    std::max(least, std::ceil(factor * static_cast<double>(options_.neighbours))))};
+    static CycleSearchOptions checked(const SectionPoints& section, const CycleSearchOptions& options) {
+        const Eigen::Index least = coefficient_count(section.dimension(), std::max(options.order, 1)) + 2;
+        if (options.neighbours != 0 && !(options.neighbours >= least))
+            throw std::invalid_argument("find_cycles: neighbours must be at least " + std::to_string(least) +
+                                        " for this order and dimension, got " + std::to_string(options.neighbours));
+        const std::size_t points =
+            10 * static_cast<std::size_t>(options.neighbours > 0 ? options.neighbours : default_neighbours);
+        if (!(section.image_count() >= points))
+            throw std::invalid_argument("find_cycles: needs at least 10 x neighbours = " + std::to_string(points) +
+                                        " points with an image, got " + std::to_string(section.image_count()));
+        return options;
     }
 
-    [[nodiscard]] Trial refine(const RecurrenceSeed& seed, int period) const {
+    [[nodiscard]] Trial close(const RecurrenceSeed& seed, int period) const {
         const Eigen::Index n = section_.dimension();
-        Eigen::MatrixXd start(n, period);
-        for (int j = 0; j < period; ++j)
-            start.col(j) =
-                Eigen::Map<const Eigen::VectorXd>(section_.point(seed.start + static_cast<std::size_t>(j)), n);
         Trial trial;
         trial.draft.recurrences = seed.recurrences;
-        for (const double enlargement : enlargements) {
-            const RefinedCycle cycle = refine_cycle(section_, grid_, start, fit(enlargement));
-            trial.accepted = cycle.status == RefinementStatus::converged && explains(cycle);
-            if (!trial.accepted) continue;
-            trial.draft.points = cycle.points;
-            break;
-        }
+        trial.draft.points.resize(n, period);
+        for (int j = 0; j < period; ++j)
+            trial.draft.points.col(j) =
+                Eigen::Map<const Eigen::VectorXd>(section_.point(seed.start + static_cast<std::size_t>(j)), n);
+        trial.accepted = close_on_cells(section_, cells_, trial.draft.points);
         return trial;
     }
 
-    // Covariance, and whether the cycle can be believed. Where noise matters, wider neighbourhoods win.
-    [[nodiscard]] Trial judge(const CycleDraft& draft) const {
-        Trial best;
-        for (const double enlargement : enlargements) {
-            const Trial wider =
-                judge(draft, refine_cycle(section_, grid_, draft.points, fit(enlargement)), enlargement);
-            const bool better =
-                wider.accepted && (!best.accepted || wider.draft.largest_sd() < worthwhile * best.draft.largest_sd());
-            if (better) best = wider;
-            if (!better && best.accepted) break;  // past the optimum: truncation takes over
-        }
-        return best;
-    }
-
-    [[nodiscard]] Trial judge(const CycleDraft& start, const RefinedCycle& cycle, double enlargement) const {
+    // The best fits that the data allow, covariance, and whether the cycle can be believed.
+    [[nodiscard]] Trial judge(const CycleDraft& start) const {
         Trial trial;
-        trial.enlargement = enlargement;
-        CycleDraft& draft = trial.draft;
-        if (cycle.status != RefinementStatus::converged) return trial;
-        const std::vector<RefinedCycle> refits{refit_cycle(section_, grid_, cycle.points, fit(0.5 * enlargement)),
-                                               refit_cycle(section_, grid_, cycle.points, fit(2.0 * enlargement))};
-        bool fits = explains(cycle);
+        const RefinedCycle cycle = refine_cycle(section_, choice_, start.points);
+        if (cycle.status != RefinementStatus::converged || !(unexplained_part(cycle) <= unexplained)) return trial;
+        const std::vector<RefinedCycle> refits{alternative_cycle(section_, cycle, true),
+                                               alternative_cycle(section_, cycle, false)};
         for (const RefinedCycle& refit : refits)
-            fits = fits && refit.status == RefinementStatus::converged &&
-                   cycle_distance(section_, cycle.points, refit.points, 0, false) <= largest_disagreement;
-        if (!fits) return trial;
+            if (!(refit.status == RefinementStatus::converged &&
+                  cycle_distance(section_, cycle.points, refit.points, 0, false) <= largest_disagreement))
+                return trial;
         const CycleUncertainty uncertainty = cycle_uncertainty(section_, cycle, refits);
+        CycleDraft& draft = trial.draft;
         draft.points = cycle.points;
         draft.recurrences = start.recurrences;
         draft.covariance = uncertainty.covariance;
@@ -184,19 +173,14 @@ private:
         draft.ln_multiplier_covariance = uncertainty.ln_multiplier_covariance;
         draft.advance = count_turns(section_, grid_, draft.points);
         trial.accepted = draft.largest_sd() <= largest_sd && draft.multipliers.ln_modulus.size() > 0;
-        remark(draft, cycle, refits, fit(enlargement));
+        remark(draft, cycle, refits);
         return trial;
     }
 
-    void remark(CycleDraft& draft, const RefinedCycle& cycle, const std::vector<RefinedCycle>& refits,
-                const FitChoice& choice) const {
-        if (std::any_of(cycle.supports.begin(), cycle.supports.end(), [&](const Neighbourhood& support) {
-                return support.offsets.rows() < static_cast<Eigen::Index>(choice.neighbours);
-            }))
-            draft.quality.emplace_back("images of a neighbourhood tear apart: fewer neighbours used");
+    void remark(CycleDraft& draft, const RefinedCycle& cycle, const std::vector<RefinedCycle>& refits) const {
         const Eigen::Index n = section_.dimension();
         const Eigen::VectorXd sd = draft.covariance.diagonal().cwiseSqrt();
-        double disagreement = 0.0;  // of refits, largest over the coordinates, in sds
+        double disagreement = 0.0;  // of other fits, largest over the coordinates, in sds
         for (const RefinedCycle& refit : refits)
             for (Eigen::Index j = 0; j < draft.points.cols(); ++j)
                 disagreement = std::max(
@@ -207,11 +191,24 @@ private:
                         .maxCoeff());
         if (disagreement > remarkable)
             draft.quality.emplace_back("depends on the neighbourhoods' size beyond its error");
+        if (draft.recurrences < few_recurrences)
+            draft.quality.emplace_back("isolated: fewer than " + std::to_string(few_recurrences) +
+                                       " points of the series recur to it");
+        for (Eigen::Index a = 0; a < n; ++a)
+            if (std::abs(draft.multipliers.ln_modulus[a]) <
+                std::max(degenerate, degenerate_sds * std::sqrt(draft.ln_multiplier_covariance(a, a)))) {
+                draft.quality.emplace_back("near-degenerate: a multiplier is near the unit circle");
+                break;
+            }
+        if (unexplained_part(cycle) > weak)
+            draft.quality.emplace_back("possibly spurious: the map explains little of the images at one of its points");
     }
 
     CycleSearchOptions options_;
     const SectionPoints& section_;
     BoxGrid grid_;
+    CellMap cells_;
+    FitChoice choice_;
 };
 
 }  // namespace

@@ -217,6 +217,7 @@ TEST_CASE("a shuffled series has no cycles", "[orbits][cycles]") {
         for (Eigen::Index i = values.cols() - 1; i > 0; --i)
             values.col(i).swap(values.col(static_cast<Eigen::Index>(random() % static_cast<std::uint64_t>(i + 1))));
         CycleSearchOptions options;
+        options.box = 0.1;
         options.minimum_recurrences = 1;
         const auto search = find_cycles(series, options);
         CHECK(search.cycles.empty());

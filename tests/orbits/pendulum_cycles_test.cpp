@@ -76,6 +76,7 @@ orbits::CycleSearchOptions search_options() {
     orbits::CycleSearchOptions options;
     options.periods = {1, 2, 3};
     options.minimum_recurrences = 1;
+    options.box = 0.1;
     options.symmetry_signs = std::vector<double>{-1.0, -1.0};
     return options;
 }
