@@ -156,10 +156,9 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
     orbit.sensitivities = reported.sensitivities;
     orbit.jacobians = merged_factors(factors, reported.nodes);
     orbit.points = wrapped_angles(reported.states, angles);
-    if (orbit.points.cols() == start.points.cols())
-        orbit.distance = relative_size(reported.states - start.points, scale);
-    else
-        orbit.distance = relative_size(reported.states.col(0) - start.points.col(0), scale);
+    const Index compared = orbit.points.cols() == start.points.cols() ? start.points.cols() : 1;
+    orbit.distance = relative_size(
+        wrapped_angles(reported.states.leftCols(compared) - start.points.leftCols(compared), angles), scale);
     if (repeats_earlier(orbit.points, angles, scale) ||
         (autonomous &&
          closes_earlier(system, theta, reported.states.col(0), orbit.time, angles, scale, options.flow))) {
