@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,9 @@ struct CycleDraft {
     std::size_t recurrences = 0;
     Eigen::VectorXd advance;  ///< turns per cycle, one per angle coordinate; empty: the data do not tell
     std::vector<std::string> quality;
+    /// Solutions of one map for the whole section are the same only within this distance (scaled units), mirror images
+    /// included; empty: their sds tell.
+    std::optional<double> same_within;
 
     /// Largest standard deviation of a coordinate of a point.
     [[nodiscard]] double largest_sd() const;

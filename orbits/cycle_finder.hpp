@@ -45,4 +45,10 @@ protected:
 [[nodiscard]] std::unique_ptr<CycleFinder> closest_return_finder(const SectionPoints& section,
                                                                  const CycleSearchOptions& options);
 
+/// One smooth map fitted to all data at once, errors in both of its sides (CycleSearchOptions::Method::patch_map).
+/// @param reading_covariance_scaled  of the reading errors of a point, shape (n, n), in scaled units.
+[[nodiscard]] std::unique_ptr<CycleFinder> patch_map_finder(const SectionPoints& section,
+                                                            const CycleSearchOptions& options,
+                                                            const Eigen::MatrixXd& reading_covariance_scaled);
+
 }  // namespace orbid::orbits

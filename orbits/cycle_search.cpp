@@ -6,6 +6,7 @@
 #include <string>
 
 #include "orbits/cycle_finder.hpp"
+#include "orbits/noise_level.hpp"
 #include "orbits/section_points.hpp"
 
 namespace orbid::orbits {
@@ -61,12 +62,21 @@ std::string symbolic_code(const Partition& partition, const Eigen::MatrixXd& poi
     return code;
 }
 
+// In scaled units; as given, or estimated from the data.
+Eigen::MatrixXd reading_covariance(const SectionPoints& section, const CycleSearchOptions& options) {
+    const Eigen::VectorXd unit = section.scale().cwiseInverse();
+    const Eigen::MatrixXd covariance = options.reading_covariance.size() > 0
+                                           ? options.reading_covariance
+                                           : noise_level(section, BoxGrid(section)).covariance;
+    return unit.asDiagonal() * covariance * unit.asDiagonal();
+}
+
 std::unique_ptr<CycleFinder> finder_for(const SectionPoints& section, const CycleSearchOptions& options) {
     switch (options.method) {
         case CycleSearchOptions::Method::closest_return:
             return closest_return_finder(section, options);
         case CycleSearchOptions::Method::patch_map:
-            throw std::invalid_argument("find_cycles: patch_map is not built in this version");
+            return patch_map_finder(section, options, reading_covariance(section, options));
         case CycleSearchOptions::Method::automatic:
         case CycleSearchOptions::Method::local_maps:
             break;
@@ -89,7 +99,8 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
         if (drafts.empty()) result.missing.push_back(period);
         for (const CycleDraft& draft : drafts) {
             const double sd = draft.largest_sd();
-            publish(section, draft, same_cycle_tolerance(sd, sd, same_boxes * options.box), result.cycles);
+            const double tolerance = same_cycle_tolerance(sd, sd, same_boxes * options.box);
+            publish(section, draft, draft.same_within.value_or(tolerance), result.cycles);
         }
     }
     if (options.partition)

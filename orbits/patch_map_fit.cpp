@@ -1,0 +1,209 @@
+#include "orbits/patch_map_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <Eigen/LU>
+
+#include "orbits/patch_normal_matrix.hpp"
+#include "orbits/patch_roughness.hpp"
+#include "orbits/reading_smoother.hpp"
+#include "orbits/tiled_cholesky.hpp"
+
+namespace orbid::orbits {
+
+namespace {
+
+class Fitter {
+public:
+    Fitter(const SectionPoints& section, const SectionLift& lift, const Eigen::MatrixXd& reading_covariance,
+           const PatchMapFitOptions& options)
+        : section_(section),
+          lift_(lift),
+          reading_(reading_covariance),
+          options_(options),
+          n_(section.dimension()),
+          fit_(PatchMap(PatchBasis(section, read_points(section), options.spacing), lift.offset, section.signs())) {
+        fit_.states = read_points(section);
+        present_.resize(section.size());
+        for (std::size_t t = 0; t < section.size(); ++t)
+            present_[t] = section.has_image(t) ? 1 : 0;
+        for (Eigen::Index d = 0; d < n_; ++d)
+            roughness_.emplace_back(fit_.map.basis(), d);
+        remaining_.assign(section.size(), SmallMatrix(reading_));
+    }
+
+    PatchMapFit run() {
+        start();
+        for (int pass = 0; pass < options_.passes && good_; ++pass) {
+            const double fall = options_.passes > 1
+                                    ? std::pow(options_.last_share / options_.first_share,
+                                               std::min(1.0, pass / std::max(1.0, options_.passes - 3.0)))
+                                    : 1.0;
+            fit_.model_share = options_.first_share * fall;
+            improve(pass + 1 == options_.passes);
+        }
+        fit_.usable = good_;
+        return std::move(fit_);
+    }
+
+private:
+    static Eigen::MatrixXd read_points(const SectionPoints& section) {
+        return Eigen::Map<const Eigen::MatrixXd>(section.point(0), section.dimension(),
+                                                 static_cast<Eigen::Index>(section.size()));
+    }
+
+    // Ordinary least squares: reading errors of the place neglected, variance of the rest from the residuals.
+    void start() {
+        const PatchDesign design(fit_.map, fit_.states, present_);
+        const std::vector<double> normal = design.normal_matrix(nullptr);
+        Eigen::MatrixXd target = lift_.displacement;
+        for (Eigen::Index t = 0; t < target.cols(); ++t)
+            if (present_[static_cast<std::size_t>(t)])
+                target.col(t) -= lift_.offset;
+            else
+                target.col(t).setZero();
+        const Eigen::VectorXd right = design.gathered(target);
+        const double scale = mean_diagonal(normal);
+        Eigen::VectorXd variance = Eigen::VectorXd::Ones(n_);
+        for (PatchRoughness& roughness : roughness_)
+            roughness.set_weight(1e-3 * scale);
+        for (int round = 0; round < 4; ++round) {
+            const TiledCholesky factor(penalised(normal), static_cast<std::size_t>(right.size()));
+            if (!(good_ = factor.positive_definite())) return;
+            Eigen::VectorXd solution = right;
+            factor.solve(solution.data());
+            fit_.map.set_coefficients(solution);
+            const Eigen::MatrixXd residual = target - design.spread(solution);
+            const std::vector<double> root = factor.inverse_factor();
+            for (Eigen::Index d = 0; d < n_; ++d) {
+                variance[d] = residual.row(d).squaredNorm() / static_cast<double>(section_.image_count());
+                roughness_[static_cast<std::size_t>(d)].reweigh(root, solution, variance[d]);
+            }
+        }
+        for (Eigen::Index d = 0; d < n_; ++d)
+            roughness_[static_cast<std::size_t>(d)].scale_weight(1.0 / variance[d]);
+    }
+
+    void improve(bool last) {
+        const std::size_t count = section_.size();
+        const double share2 = fit_.model_share * fit_.model_share;
+        std::vector<SeriesStep> steps(count);
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 256),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                              MapValue value;
+                              for (std::size_t t = range.begin(); t < range.end(); ++t)
+                                  if (present_[t]) steps[t] = linearised(t, share2, value);
+                          });
+        Eigen::MatrixXd residual = Eigen::MatrixXd::Zero(n_, static_cast<Eigen::Index>(count));
+        for (std::size_t t = 0; t < count; ++t)
+            if (steps[t].present) residual.col(static_cast<Eigen::Index>(t)) = steps[t].residual;
+        std::vector<char> present(count);
+        for (std::size_t t = 0; t < count; ++t)
+            present[t] = steps[t].present ? 1 : 0;
+        const ReadingSmoother smoother(std::move(steps), reading_, options_.gate);
+        fit_.gated = smoother.gated();
+
+        const PatchDesign design(fit_.map, fit_.states, present);
+        const std::vector<double> normal = design.normal_matrix(&smoother);
+        Eigen::VectorXd step = design.gathered(smoother.weighted(residual));
+        for (const PatchRoughness& roughness : roughness_)
+            step -= roughness.times(fit_.map.coefficients());
+        const TiledCholesky factor(penalised(normal), static_cast<std::size_t>(step.size()));
+        if (!(good_ = factor.positive_definite())) return;
+        factor.solve(step.data());
+        fit_.map.set_coefficients(fit_.map.coefficients() + step);
+        residual -= design.spread(step);
+        const Eigen::MatrixXd weighted = smoother.weighted(residual);
+        fit_.chi2 = weighted.cwiseProduct(residual).sum();
+        move_states(smoother, weighted);
+
+        std::vector<double> root = factor.inverse_factor();
+        fit_.freedom = 0.0;
+        for (PatchRoughness& roughness : roughness_)
+            fit_.freedom += roughness.reweigh(root, fit_.map.coefficients(), 1.0);
+        fit_.chi2 /= static_cast<double>(n_) * static_cast<double>(section_.image_count()) - fit_.freedom;
+        fit_.passes.push_back(
+            {fit_.model_share, fit_.chi2, fit_.freedom, fit_.state_sd, step.cwiseAbs().maxCoeff(), fit_.gated});
+        if (last) fit_.root = std::move(root);
+    }
+
+    SeriesStep linearised(std::size_t t, double share2, MapValue& value) const {
+        SeriesStep step;
+        const auto at = static_cast<Eigen::Index>(t);
+        fit_.map.evaluate(fit_.states.col(at).data(), 2, value);
+        if (!value.inside) return step;
+        step.present = true;
+        step.jacobian = value.jacobian;
+        step.model = share2 * reading_;
+        SmallVector moved(n_), bias(n_);
+        for (Eigen::Index d = 0; d < n_; ++d) {
+            moved[d] = section_.difference(section_.point(t)[d], fit_.states(d, at), d);
+            bias[d] = 0.5 * value.bending[static_cast<std::size_t>(d)].cwiseProduct(remaining_[t]).sum();
+        }
+        step.model += bias * bias.transpose();
+        step.residual = lift_.displacement.col(at) - value.displacement + moved - step.jacobian * moved;
+        for (Eigen::Index d = 0; d < n_; ++d)
+            if (section_.angle()[static_cast<std::size_t>(d)]) step.residual[d] -= std::nearbyint(step.residual[d]);
+        return step;
+    }
+
+    void move_states(const ReadingSmoother& smoother, const Eigen::MatrixXd& weighted) {
+        const Eigen::MatrixXd errors = smoother.reading_errors(weighted);
+        const SmallMatrix precision = SmallMatrix(reading_).inverse();
+        double remaining = 0.0;
+        for (std::size_t t = 0; t < section_.size(); ++t) {
+            const auto at = static_cast<Eigen::Index>(t);
+            SmallVector error = errors.col(at);
+            const double size2 = error.dot(precision * error);
+            if (size2 > 16.0) error *= 4.0 / std::sqrt(size2);
+            const Eigen::Map<const Eigen::VectorXd> read(section_.point(t), n_);
+            Eigen::VectorXd moved = section_.wrapped(read - error);
+            PatchSupport support;
+            if (moved.allFinite()) {
+                fit_.map.basis().support(moved.data(), 0, support);
+                fit_.states.col(at) = support.inside ? moved : Eigen::VectorXd(read);
+            }
+            remaining_[t] = smoother.remaining_covariance(t);
+            remaining += (precision * remaining_[t]).trace();
+        }
+        fit_.state_sd = std::sqrt(remaining / static_cast<double>(n_) / static_cast<double>(section_.size()));
+    }
+
+    [[nodiscard]] static double mean_diagonal(const std::vector<double>& matrix) {
+        const auto size = static_cast<std::size_t>(std::sqrt(static_cast<double>(matrix.size())) + 0.5);
+        double sum = 0.0;
+        for (std::size_t i = 0; i < size; ++i)
+            sum += matrix[i * size + i];
+        return sum / static_cast<double>(size);
+    }
+
+    [[nodiscard]] std::vector<double> penalised(std::vector<double> matrix) const {
+        for (const PatchRoughness& roughness : roughness_)
+            roughness.add_to(matrix);
+        return matrix;
+    }
+
+    const SectionPoints& section_;
+    const SectionLift& lift_;
+    SmallMatrix reading_;
+    PatchMapFitOptions options_;
+    Eigen::Index n_;
+    PatchMapFit fit_;
+    std::vector<PatchRoughness> roughness_;
+    std::vector<char> present_;
+    std::vector<SmallMatrix> remaining_;  ///< covariance of what is not known of a reading error
+    bool good_ = true;
+};
+
+}  // namespace
+
+PatchMapFit fit_patch_map(const SectionPoints& section, const SectionLift& lift,
+                          const Eigen::MatrixXd& reading_covariance, const PatchMapFitOptions& options) {
+    return Fitter(section, lift, reading_covariance, options).run();
+}
+
+}  // namespace orbid::orbits
