@@ -1,6 +1,7 @@
 #include "orbits/box_grid.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -27,6 +28,12 @@ constexpr auto nearer = [](const Neighbour& a, const Neighbour& b) {
     if (a.index != b.index) return a.index < b.index;
     return !a.mirrored && b.mirrored;
 };
+
+void prefetch([[maybe_unused]] const double* address) {
+#ifdef __GNUC__
+    __builtin_prefetch(address);
+#endif
+}
 
 template <class Body>
 void each_block(std::size_t count, const Body& body) {
@@ -105,28 +112,56 @@ bool BoxGrid::rounded(const double* place, std::uint32_t* result) const {
     return true;
 }
 
-Neighbour BoxGrid::neighbour(const double* place, std::uint32_t index, bool mirrored) const {
+double BoxGrid::distance2(const double* place, std::uint32_t index) const {
     const double* x = points_->point(index);
-    double distance2 = 0.0;
+    double sum = 0.0;
     for (Eigen::Index d = 0; d < points_->dimension(); ++d) {
         const double r = points_->difference(x[d], place[d], d);
-        distance2 += r * r;
+        sum += r * r;
     }
-    return {distance2, index, mirrored};
+    return sum;
 }
 
-void BoxGrid::ask_all(const double* place, std::size_t k, std::vector<Neighbour>& found) const {
-    const Eigen::VectorXd home = Eigen::Map<const Eigen::VectorXd>(place, points_->dimension());
+// For places far outside.
+void BoxGrid::ask_all(const Eigen::VectorXd& place, std::size_t k, std::vector<Neighbour>& found) const {
     const Eigen::VectorXd mirror =
-        points_->symmetric() ? points_->wrapped(points_->signs().cwiseProduct(home)) : Eigen::VectorXd();
+        points_->symmetric() ? points_->wrapped(points_->signs().cwiseProduct(place)) : Eigen::VectorXd();
     for (std::size_t i = 0; i < points_->size(); ++i) {
         if (!points_->has_image(i)) continue;
-        found.push_back(neighbour(home.data(), static_cast<std::uint32_t>(i), false));
-        if (points_->symmetric()) found.push_back(neighbour(mirror.data(), static_cast<std::uint32_t>(i), true));
+        const auto index = static_cast<std::uint32_t>(i);
+        found.push_back({distance2(place.data(), index), index, false});
+        if (points_->symmetric()) found.push_back({distance2(mirror.data(), index), index, true});
         if (found.size() < 2 * k + 1024) continue;
         std::nth_element(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(k), found.end(), nearer);
         found.resize(k);
     }
+    std::sort(found.begin(), found.end(), nearer);
+}
+
+// Nearest first; no more than k.
+void BoxGrid::sort(std::size_t k, std::vector<Neighbour>& found) const {
+    constexpr std::size_t some = 128;  // more are sorted faster by comparing pairs
+    const std::size_t count = found.size();
+    if (count > some) {
+        std::sort(found.begin(), found.end(), nearer);
+    } else {
+        std::array<double, some> distances;
+        std::array<std::uint32_t, some> places;
+        std::array<Neighbour, some> unsorted;
+        for (std::size_t i = 0; i < count; ++i) {
+            distances[i] = found[i].distance2;
+            unsorted[i] = found[i];
+        }
+        rank(distances.data(), count, places.data());
+        for (std::size_t i = 0; i < count; ++i)
+            found[places[i]] = unsorted[i];
+        for (std::size_t i = 1; i < count; ++i)
+            if (found[i].distance2 == found[i - 1].distance2) {  // rare
+                std::sort(found.begin(), found.end(), nearer);
+                break;
+            }
+    }
+    if (count > k) found.resize(k);
 }
 
 std::vector<Neighbour> BoxGrid::nearest(const Eigen::VectorXd& place, std::size_t k) const {
@@ -137,32 +172,45 @@ std::vector<Neighbour> BoxGrid::nearest(const Eigen::VectorXd& place, std::size_
 
 void BoxGrid::nearest(const Eigen::VectorXd& place, std::size_t k, std::vector<Neighbour>& found) const {
     found.clear();
-    k = std::min(k, tree_.size() * (points_->symmetric() ? 2 : 1));
+    const bool symmetric = points_->symmetric();
+    k = std::min(k, tree_.size() * (symmetric ? 2 : 1));
     if (k == 0 || !place.allFinite()) return;
-    const auto n = static_cast<std::size_t>(points_->dimension());
     constexpr std::size_t small = 8;  // coordinates that need no memory from the heap
-    std::array<std::uint32_t, 2 * small> few;
-    std::vector<std::uint32_t> many(n > small ? 2 * n : 0);
-    std::uint32_t* const here = n > small ? many.data() : few.data();
-    std::uint32_t* const there = here + n;
-
-    const Eigen::VectorXd home = points_->wrapped(place);
-    // Mirrored copies are not stored: |S x - y| = |x - S y|, so the mirrored place is asked instead.
-    Eigen::VectorXd mirror;
-    if (points_->symmetric()) mirror = points_->wrapped(points_->signs().cwiseProduct(home));
-    if (rounded(home.data(), here) && (!points_->symmetric() || rounded(mirror.data(), there))) {
-        NearestCandidates candidates(k, tree_.rounding());
-        tree_.collect(here, false, candidates);
-        if (points_->symmetric()) tree_.collect(there, true, candidates);
-        for (const NearestCandidates::Key key : candidates.keys()) {
-            const bool mirrored = NearestCandidates::mirrored(key);
-            found.push_back(neighbour(mirrored ? mirror.data() : home.data(), NearestCandidates::id(key), mirrored));
-        }
-    } else {
-        ask_all(home.data(), k, found);
+    const auto n = static_cast<std::size_t>(points_->dimension());
+    std::array<double, 2 * small> few;
+    std::array<std::uint32_t, 2 * small> few_rounded;
+    std::vector<double> many(n > small ? 2 * n : 0);
+    std::vector<std::uint32_t> many_rounded(many.size());
+    double* const home = n > small ? many.data() : few.data();
+    double* const mirror = home + n;
+    std::uint32_t* const home_rounded = n > small ? many_rounded.data() : few_rounded.data();
+    std::uint32_t* const mirror_rounded = home_rounded + n;
+    for (std::size_t d = 0; d < n; ++d) {
+        const auto row = static_cast<Eigen::Index>(d);
+        home[d] = points_->wrapped(place[row], row);
+        // Mirrored copies are not stored: |S x - y| = |x - S y|, so the mirrored place is asked instead.
+        if (symmetric) mirror[d] = points_->wrapped(points_->signs()[row] * home[d], row);
     }
-    std::sort(found.begin(), found.end(), nearer);
-    if (found.size() > k) found.resize(k);
+    if (!rounded(home, home_rounded) || (symmetric && !rounded(mirror, mirror_rounded))) {
+        ask_all(Eigen::Map<const Eigen::VectorXd>(home, points_->dimension()), k, found);
+        if (found.size() > k) found.resize(k);
+        return;
+    }
+    NearestCandidates candidates(k, tree_.rounding());
+    tree_.collect(home_rounded, candidates);
+    candidates.part();
+    if (symmetric) tree_.collect(mirror_rounded, candidates);
+    candidates.tighten();
+    // Asked for all at once: every point comes from another corner of the memory.
+    for (const std::uint32_t id : candidates.first())
+        prefetch(points_->point(id));
+    for (const std::uint32_t id : candidates.second())
+        prefetch(points_->point(id));
+    for (const std::uint32_t id : candidates.first())
+        found.push_back({distance2(home, id), id, false});
+    for (const std::uint32_t id : candidates.second())
+        found.push_back({distance2(mirror, id), id, true});
+    sort(k, found);
 }
 
 }  // namespace orbid::orbits

@@ -43,8 +43,9 @@ public:
 
 private:
     [[nodiscard]] bool rounded(const double* place, std::uint32_t* result) const;
-    [[nodiscard]] Neighbour neighbour(const double* place, std::uint32_t index, bool mirrored) const;
-    void ask_all(const double* place, std::size_t k, std::vector<Neighbour>& found) const;
+    [[nodiscard]] double distance2(const double* place, std::uint32_t index) const;
+    void sort(std::size_t k, std::vector<Neighbour>& found) const;
+    void ask_all(const Eigen::VectorXd& place, std::size_t k, std::vector<Neighbour>& found) const;
 
     const SectionPoints* points_;
     std::vector<double> origin_;    ///< scaled units: rounds to 0

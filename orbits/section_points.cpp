@@ -175,7 +175,7 @@ Eigen::VectorXd SectionPoints::difference(const Eigen::VectorXd& a, const Eigen:
 
 Eigen::VectorXd SectionPoints::wrapped(Eigen::VectorXd x) const {
     for (Eigen::Index d = 0; d < x.size(); ++d)
-        if (angle_[static_cast<std::size_t>(d)]) x[d] = wrapped_turns(x[d]);
+        x[d] = wrapped(x[d], d);
     return x;
 }
 

@@ -49,6 +49,12 @@ public:
     }
     /// a - b, shape (n).
     [[nodiscard]] Eigen::VectorXd difference(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
+    /// The same value of coordinate d, an angle in [-1/2, 1/2).
+    [[nodiscard]] double wrapped(double value, Eigen::Index d) const {
+        if (!angle_[static_cast<std::size_t>(d)] || (value >= -0.5 && value < 0.5)) return value;
+        const double r = value - std::nearbyint(value);
+        return r >= 0.5 ? r - 1.0 : r;
+    }
     /// The same state with angles in [-1/2, 1/2).
     [[nodiscard]] Eigen::VectorXd wrapped(Eigen::VectorXd x) const;
     /// Turns taken by an angle from point i to its image, as read; meaningful only when turns_known() and has_image(i).

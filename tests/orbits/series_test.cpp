@@ -1,8 +1,12 @@
 #include "orbits/series.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
+#include <random>
+#include <vector>
 
 #include "orbits/nearest_name.hpp"
 #include "orbits/unit.hpp"
@@ -40,6 +44,35 @@ TEST_CASE("scale is a turn for angles and the central 99.8 % range otherwise", "
     series.segments[0].values(1, 0) = std::numeric_limits<double>::quiet_NaN();
     // 1000 values remain, 1 ... 1000 with 0 gone: quantiles at positions 0.999 and 998.001.
     CHECK_THAT(series.scale()[1], WithinRel(998.001 - 0.999, 1e-12));
+}
+
+TEST_CASE("scale of many values is that of sorting them, whatever their distribution", "[orbits]") {
+    // More values than are sorted at once; the reference sorts all: quantiles at 0.1 % and 99.9 % of count - 1.
+    std::mt19937_64 random(1);
+    std::normal_distribution<double> normal;
+    constexpr Eigen::Index count = 70001;
+    const std::vector<std::function<double()>> distributions{
+        [&] { return normal(random); }, [&] { return std::exp(20.0 * normal(random)); },  // over fifty powers of ten
+        [&] { return std::round(3.0 * normal(random)); },                                 // ties, zeros of both signs
+        [&] { return 1e6 + 1e-9 * normal(random); },                                      // a few hundred doubles apart
+        [&] { return random() % 1000 == 0 ? 1e300 : normal(random); }};  // one quantile in the wild readings
+    for (std::size_t i = 0; i < distributions.size(); ++i) {
+        CAPTURE(i);
+        Series series;
+        series.coordinates = {{"x", "m", false}};
+        Eigen::MatrixXd values(1, count);
+        for (double& value : values.reshaped())
+            value = distributions[i]();
+        series.segments = {{"0", values.leftCols(123), {}}, {"1", values.rightCols(count - 123), {}}};
+        std::vector<double> sorted(values.data(), values.data() + count);
+        std::sort(sorted.begin(), sorted.end());
+        const auto quantile = [&](double share) {
+            const double position = share * (count - 1);
+            const auto at = static_cast<std::size_t>(position);
+            return sorted[at] + (position - std::floor(position)) * (sorted[at + 1] - sorted[at]);
+        };
+        CHECK(series.scale()[0] == quantile(1.0 - 0.001) - quantile(0.001));
+    }
 }
 
 TEST_CASE("scale of a coordinate without readings is one", "[orbits]") {
