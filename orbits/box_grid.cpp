@@ -145,16 +145,15 @@ void BoxGrid::sort(std::size_t k, std::vector<Neighbour>& found) const {
     if (count > some) {
         std::sort(found.begin(), found.end(), nearer);
     } else {
-        std::array<double, some> distances;
+        std::array<double, some> distances{};
         std::array<std::uint32_t, some> places;
-        std::array<Neighbour, some> unsorted;
-        for (std::size_t i = 0; i < count; ++i) {
-            distances[i] = found[i].distance2;
-            unsorted[i] = found[i];
-        }
-        rank(distances.data(), count, places.data());
         for (std::size_t i = 0; i < count; ++i)
-            found[places[i]] = unsorted[i];
+            distances[i] = found[i].distance2;
+        rank(distances.data(), count, places.data());
+        found.resize(2 * count);
+        for (std::size_t i = 0; i < count; ++i)
+            found[count + places[i]] = found[i];
+        found.erase(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(count));
         for (std::size_t i = 1; i < count; ++i)
             if (found[i].distance2 == found[i - 1].distance2) {  // rare
                 std::sort(found.begin(), found.end(), nearer);
