@@ -18,7 +18,8 @@ namespace orbid::periodic {
 /// @return n multipliers, largest modulus first; a complex pair is exactly conjugate, positive imaginary part first;
 ///         real ones have imaginary part exactly 0. At least as many exact zeros as the largest number of zero rows in
 ///         a factor (a period with sticking has a zero row: its multiplier is 0, not rounding).
-///         Empty when the QR steps do not converge (30 n steps; not seen).
+///         Where 30 n QR steps do not converge neighbouring factors are multiplied and it is tried again; empty when
+///         the whole product does not either (not seen).
 /// @throws std::invalid_argument on an empty list, or factors that are not square, of one size and finite.
 /// Cost: O(p n^3).
 /// Source: A. Bojanczyk, G. H. Golub, P. Van Dooren, Proc. SPIE 1770 (1992) 31.

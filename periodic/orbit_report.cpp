@@ -169,4 +169,20 @@ std::vector<MatrixXd> merged_factors(const std::vector<MatrixXd>& factors, const
     return merged;
 }
 
+std::vector<MatrixXd> condensed_factors(const std::vector<MatrixXd>& factors) {
+    std::vector<MatrixXd> condensed;
+    double room = 0.0;  // |X - 1| bounds the logarithm of the growth from above
+    for (const MatrixXd& factor : factors) {
+        const double size = (factor - MatrixXd::Identity(factor.rows(), factor.cols())).norm();
+        if (size <= room) {
+            condensed.back() = factor * condensed.back();
+            room -= size;
+        } else {
+            condensed.push_back(factor);
+            room = 2.0 - size;
+        }
+    }
+    return condensed;
+}
+
 }  // namespace orbid::periodic

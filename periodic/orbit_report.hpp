@@ -34,4 +34,8 @@ struct OrbitPoints {
 [[nodiscard]] std::vector<Eigen::MatrixXd> merged_factors(const std::vector<Eigen::MatrixXd>& factors,
                                                           const std::vector<Eigen::Index>& nodes);
 
+/// The same monodromy matrix from fewer factors: those of short steps are multiplied as long as no direction can grow
+/// or shrink by more than e^2, which costs a digit at most and saves what each factor costs in the periodic Schur form.
+[[nodiscard]] std::vector<Eigen::MatrixXd> condensed_factors(const std::vector<Eigen::MatrixXd>& factors);
+
 }  // namespace orbid::periodic

@@ -132,7 +132,7 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
     orbit.residual = closing.error.cwiseAbs().maxCoeff();
     orbit.sticking = closing.sticking;
     const std::vector<MatrixXd> factors = discretisation.propagators(closing.jacobians, solution.nodes, orbit.time);
-    orbit.multipliers = floquet_multipliers(factors);
+    orbit.multipliers = floquet_multipliers(condensed_factors(factors));
     if (autonomous && !orbit.multipliers.empty()) {
         const auto trivial =
             std::min_element(orbit.multipliers.begin(), orbit.multipliers.end(),

@@ -129,3 +129,23 @@ TEST_CASE("multipliers refuse factors that do not fit", "[periodic]") {
     CHECK_THROWS_AS(floquet_multipliers({MatrixXd::Zero(2, 2), MatrixXd::Zero(3, 3)}), std::invalid_argument);
     CHECK_THROWS_AS(floquet_multipliers({MatrixXd::Constant(2, 2, std::nan(""))}), std::invalid_argument);
 }
+
+TEST_CASE("multipliers of many factors whose growth alternates are found", "[periodic]") {
+    // Steps of h = 0.02 of x'' = 30 cos(t / 2) x - 0.2 x': the determinant of each is exp(-0.2 h).
+    std::vector<MatrixXd> factors;
+    MatrixXd product = MatrixXd::Identity(2, 2);
+    const double h = 0.02;
+    constexpr int count = 1257;  // two periods of the coefficient
+    for (int k = 0; k < count; ++k) {
+        MatrixXd kick(2, 2), drift(2, 2);
+        kick << 1.0, 0.0, h * 30.0 * std::cos(0.5 * h * k), std::exp(-0.2 * h);
+        drift << 1.0, h, 0.0, 1.0;
+        factors.push_back(drift * kick);
+        product = factors.back() * product;
+    }
+    const auto values = floquet_multipliers(factors);
+    REQUIRE(values.size() == 2);
+    // The large one is the trace but for the small one; the product rounds 1257 times.
+    CHECK_THAT(values[0].real(), orbid::tests::WithinRel(product.trace(), 1e-11));
+    CHECK_THAT(values[1].real() * values[0].real(), orbid::tests::WithinRel(std::exp(-0.2 * h * count), 1e-3));
+}
