@@ -1,5 +1,5 @@
 // Time per point and memory of the search for cycles as the series grows: Henon's map and the pendulum's section.
-//   scale_bench [henon | pendulum] [number of points, default 1000000] [largest period, default 5]
+//   scale_bench [henon | pendulum] [number of points, default 1e6] [largest period, default 5] [box, default 0.01]
 // Memory is the highest of the whole program, the series included, as a multiple of the series' own.
 #include <chrono>
 #include <cmath>
@@ -76,9 +76,10 @@ int main(int argc, char** argv) {
     const std::string name = argc > 1 ? argv[1] : "henon";
     const double asked = argc > 2 ? std::atof(argv[2]) : 1e6;
     const int longest = argc > 3 ? std::atoi(argv[3]) : 5;
-    if (!(asked >= 1e4 && asked <= 1e9) || !(longest >= 1 && longest <= 64) ||
+    const double box = argc > 4 ? std::atof(argv[4]) : 0.01;
+    if (!(asked >= 1e4 && asked <= 1e9) || !(longest >= 1 && longest <= 64) || !(box > 0.0 && box < 0.5) ||
         (name != "henon" && name != "pendulum")) {
-        std::fprintf(stderr, "scale_bench [henon | pendulum] [number of points, 1e4 to 1e9] [largest period]\n");
+        std::fprintf(stderr, "scale_bench [henon | pendulum] [number of points, 1e4 to 1e9] [largest period] [box]\n");
         return 2;
     }
     const auto system = models::make_system("parametric_pendulum");
@@ -90,6 +91,8 @@ int main(int argc, char** argv) {
     const double simulated = memory("VmHWM:") - before;
 
     orbits::CycleSearchOptions options;
+    options.box = box;
+    options.minimum_recurrences = 1;
     options.periods.clear();
     for (int period = 1; period <= longest; ++period)
         options.periods.push_back(period);
