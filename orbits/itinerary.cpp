@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -102,9 +103,8 @@ std::vector<RecurrenceSeed> itinerary_seeds(const SectionPoints& points, int per
     if (points.size() <= p) return {};
     const ItineraryHash itinerary(points, p, cell);
     const std::size_t blocks = (points.size() - p + block - 1) / block;
-    std::vector<std::vector<Recurrence>> found(blocks);
-    tbb::parallel_for(std::size_t{0}, blocks, [&](std::size_t b) {
-        std::vector<std::uint64_t> symbols;
+    // use(start, gap) for the recurrent points of a block.
+    const auto each_recurrent = [&](std::size_t b, const auto& use) {
         const std::size_t first = b * block, end = std::min(points.size() - p, first + block);
         std::size_t run = 0;  // images that lead up to point i + p without a break
         for (std::size_t i = first + p; i-- > first && points.has_image(i);)
@@ -116,19 +116,25 @@ std::vector<RecurrenceSeed> itinerary_seeds(const SectionPoints& points, int per
             double gap = 0.0;
             for (Eigen::Index d = 0; d < points.dimension(); ++d)
                 gap = std::max(gap, std::abs(points.difference(points.point(i + p)[d], points.point(i)[d], d)));
-            if (!(gap <= box)) continue;
-            found[b].push_back({itinerary(i, symbols), static_cast<float>(gap), static_cast<std::uint32_t>(i)});
+            if (gap <= box) use(i, gap);
         }
+    };
+    // Counted first: lists that grow would take the memory twice.
+    std::vector<std::size_t> slot(blocks + 1, 0);
+    tbb::parallel_for(std::size_t{0}, blocks, [&](std::size_t b) {
+        std::size_t count = 0;
+        each_recurrent(b, [&](std::size_t, double) { ++count; });
+        slot[b + 1] = count;
     });
-    std::vector<Recurrence> all;
-    std::size_t total = 0;
-    for (const auto& part : found)
-        total += part.size();
-    all.reserve(total);
-    for (auto& part : found) {
-        all.insert(all.end(), part.begin(), part.end());
-        std::vector<Recurrence>().swap(part);
-    }
+    std::partial_sum(slot.begin(), slot.end(), slot.begin());
+    std::vector<Recurrence> all(slot.back());
+    tbb::parallel_for(std::size_t{0}, blocks, [&](std::size_t b) {
+        std::vector<std::uint64_t> symbols;
+        Recurrence* next = all.data() + slot[b];
+        each_recurrent(b, [&](std::size_t i, double gap) {
+            *next++ = {itinerary(i, symbols), static_cast<float>(gap), static_cast<std::uint32_t>(i)};
+        });
+    });
     tbb::parallel_sort(all.begin(), all.end());
 
     std::vector<RecurrenceSeed> seeds;
