@@ -62,19 +62,20 @@ TEST_CASE("box grid finds the same neighbours as brute force", "[orbits][box_gri
             if (symmetric) signs = std::vector<double>(static_cast<std::size_t>(dimension), -1.0);
             const orbits::SectionPoints points(series, signs);
             const orbits::BoxGrid grid(points);
-            for (int trial = 0; trial < 60; ++trial) {
+            for (int trial = 0; trial < 45; ++trial) {
                 Eigen::VectorXd place(dimension);
                 // Inside, at the seam of the angles, and beyond the range of the others.
                 for (Eigen::Index d = 0; d < dimension; ++d)
                     place[d] = (trial % 3 == 0 ? 0.3 : 0.17) * uniform(random);
                 if (trial % 5 == 0) place[0] = 0.4999;
+                const auto expected = by_brute_force(points, points.wrapped(place), 5000);
                 for (const std::size_t k : {1U, 7U, 40U, 5000U}) {
                     const auto found = grid.nearest(place, k);
-                    const auto expected = by_brute_force(points, points.wrapped(place), k);
-                    REQUIRE(found.size() == expected.size());
+                    REQUIRE(found.size() == std::min(k, expected.size()));
+                    double largest = 0.0;
                     for (std::size_t i = 0; i < found.size(); ++i)
-                        // the two sum in different order of mirroring: rounding only
-                        REQUIRE_THAT(found[i].distance2, tests::WithinAbs(expected[i].distance2, 1e-14));
+                        largest = std::max(largest, std::abs(found[i].distance2 - expected[i].distance2));
+                    REQUIRE(largest <= 1e-14);  // the two sum in different order of mirroring: rounding only
                 }
             }
         }
