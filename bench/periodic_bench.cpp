@@ -1,10 +1,10 @@
 // Periodic solutions of the pendulums from disturbed points: the share that ends at the right cycle, how the others
 // end, errors of the multipliers and the time per orbit, for the three discretisations.
 //   periodic_bench [displacement relative to the size of the attractor, default 3e-3] [draws per cycle, default 20]
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <fstream>
 #include <map>
 #include <random>
@@ -34,8 +34,9 @@ struct Reference {
     double stable = 0.0;
 };
 
-double seconds_since(std::chrono::steady_clock::time_point from) {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - from).count();
+/// Processor time, of all threads: run on one core (taskset -c 0) it is the time per orbit also on a busy machine.
+double seconds_since(std::clock_t from) {
+    return static_cast<double>(std::clock() - from) / CLOCKS_PER_SEC;
 }
 
 nlohmann::json table(const std::string& file) {
@@ -109,7 +110,7 @@ void run(const char* title, const models::System& system, const VectorXd& theta,
             for (Index j = 0; j < guess.cols(); ++j)
                 for (Index i = 0; i < 2; ++i)
                     guess(i, j) += displacement * size(i) * normal(generator);
-            const auto start = std::chrono::steady_clock::now();
+            const auto start = std::clock();
             const PeriodicOrbit orbit = solve_multiple_shooting(system, theta, 0.0, guess, {}, {}, options);
             time += seconds_since(start);
             ++all;
@@ -149,7 +150,7 @@ void compare(const models::System& system, const VectorXd& theta, const std::vec
         for (const Reference& cycle : cycles) {
             periodic::StartingSolution start;
             start.points = cycle.points.colwise() + 1e-4 * size;
-            const auto from = std::chrono::steady_clock::now();
+            const auto from = std::clock();
             const PeriodicOrbit orbit = solve(start);
             time += seconds_since(from);
             if (orbit.status != OrbitStatus::converged) continue;
@@ -198,7 +199,7 @@ int main(int argc, char** argv) {
         std::fprintf(stderr, "the displacement must be > 0, the draws >= 1\n");
         return 2;
     }
-    const Eigen::Vector2d size(6.283185307179586, 29.3);
+    const Eigen::Vector2d size(6.283185307179586, 29.3);  // of the section
     const auto pendulum = models::make_system("parametric_pendulum");
     for (const char* g : {"g9.81", "g9.8348933"}) {
         VectorXd theta = pendulum->default_parameters();

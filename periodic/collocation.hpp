@@ -26,8 +26,9 @@ struct CollocationOptions {
 /// points is O(h^(2 m)).
 ///
 /// The mesh is moved so that all intervals have the same share of the integral of |x^(m+1)|^(1/(m+1)), the error of the
-/// polynomials; then intervals are halved until the points of two meshes differ by less than `accuracy` after division
-/// by 4^m - 1, the part of the difference that an error of order 2 m leaves.
+/// polynomials; then intervals are halved until the error is below `accuracy`: a third of the difference of the points
+/// of two meshes, an estimate for order two that is far too large where order 2 m is reached. Where a derivative of the
+/// equations jumps (v|v| at v = 0), orders above two are lost in the intervals it lies in.
 ///
 /// @param start  as for multiple shooting; forced models and autonomous flows.
 /// @return orbit as from multiple shooting; `jacobians` is empty where a point is no mesh point. A discretisation_error

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <span>
+#include <variant>
+
+#include <Eigen/Core>
+
+#include "models/system.hpp"
+#include "periodic/collocation.hpp"
+#include "periodic/course.hpp"
+#include "periodic/finite_difference.hpp"
+#include "periodic/multiple_shooting.hpp"
+#include "periodic/orbit.hpp"
+
+namespace orbid::periodic {
+
+/// The discretisation, chosen by its options.
+using OrbitMethod = std::variant<ShootingOptions, FiniteDifferenceOptions, CollocationOptions>;
+
+/// Periodic orbit by the method that the options belong to: multiple shooting (any model), central finite differences
+/// or collocation (smooth flows). Start, result and failures are the same for all, see solve_multiple_shooting().
+[[nodiscard]] PeriodicOrbit solve_orbit(const models::System& system, const Eigen::VectorXd& theta,
+                                        const StartingSolution& start, std::span<const Eigen::Index> free,
+                                        const OrbitMethod& method = ShootingOptions{});
+
+}  // namespace orbid::periodic
