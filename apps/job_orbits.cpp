@@ -91,6 +91,10 @@ void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
         const auto choice = method->choice({"auto", "local_maps", "closest_return"}, {"patch_map"});
         constexpr std::array methods{Method::automatic, Method::local_maps, Method::closest_return};
         if (choice) search.method = methods[*choice];
+        if (search.method == Method::closest_return) {
+            search.box = 0.01;  // the paper's
+            search.minimum_recurrences = 3;
+        }
     }
     if (const auto periods = object.find("periods")) search.periods = read_periods(*periods).value_or(search.periods);
     if (const auto box = object.find("box")) {

@@ -25,6 +25,9 @@ constexpr int maximum_steps = 25;
 constexpr double centred = 0.02;
 constexpr int maximum_rounds = 5;
 
+// Points that have moved farther than this part of a radius choose their fits again.
+constexpr double moved_away = 0.5;
+
 // Farther from the centre than this, in radii, a map is not asked any more.
 constexpr double extrapolation = 3.0;
 
@@ -33,13 +36,17 @@ Eigen::VectorXd offset_of(const SectionPoints& section, const Eigen::MatrixXd& p
     return section.difference(Eigen::VectorXd(points.col(j)), map.centre);
 }
 
+// Fits around the points, of the sizes chosen before where there are any.
 bool fit_all(const FitChoice& choice, RefinedCycle& cycle) {
+    const auto p = static_cast<std::size_t>(cycle.points.cols());
     cycle.maps.clear();
-    cycle.choices.clear();
-    for (Eigen::Index j = 0; j < cycle.points.cols(); ++j) {
-        cycle.choices.push_back(choice.ranked(cycle.points.col(j)));
-        if (cycle.choices.back().fits.empty()) return false;
-        cycle.maps.push_back(cycle.choices.back().fits.front());
+    cycle.sizes.resize(p);
+    for (std::size_t j = 0; j < p; ++j) {
+        const Eigen::VectorXd place = cycle.points.col(static_cast<Eigen::Index>(j));
+        if (cycle.sizes[j].empty()) cycle.sizes[j] = choice.best(place);
+        if (cycle.sizes[j].empty()) return false;
+        cycle.maps.push_back(choice.fitted(place, {cycle.sizes[j].front()}).fits.front());
+        if (!cycle.maps.back().usable) return false;
     }
     return true;
 }
@@ -79,6 +86,31 @@ bool is_centred(const SectionPoints& section, const RefinedCycle& cycle, double 
     return true;
 }
 
+// From the points of `cycle`, on fits of its sizes; where it has none they are chosen.
+void refine(const SectionPoints& section, const FitChoice& choice, bool fixed_sizes, RefinedCycle& cycle) {
+    for (int round = 0; round < maximum_rounds; ++round) {
+        if (!fit_all(choice, cycle)) {
+            cycle.status = RefinementStatus::no_neighbours;
+            return;
+        }
+        if (!close_orbit(section, cycle)) {
+            cycle.status = RefinementStatus::no_solution;
+            return;
+        }
+        if (is_centred(section, cycle, centred)) {
+            cycle.status = RefinementStatus::converged;
+            return;
+        }
+        // Sizes chosen for other places may not suit these.
+        if (!fixed_sizes && !is_centred(section, cycle, moved_away)) cycle.sizes.clear();
+    }
+    // Neighbours that come and go can keep the points moving a little for ever; well inside the fits that is harmless
+    // and part of the differences between fits.
+    cycle.status =
+        is_centred(section, cycle, 10.0 * centred) ? RefinementStatus::converged : RefinementStatus::unsettled;
+    return;
+}
+
 }  // namespace
 
 Eigen::MatrixXd coupled_matrix(const std::vector<Eigen::MatrixXd>& jacobians) {
@@ -101,43 +133,29 @@ std::vector<Eigen::MatrixXd> RefinedCycle::jacobians(const SectionPoints& sectio
     return result;
 }
 
-Neighbourhood RefinedCycle::support(std::size_t j) const {
-    return nearest_part(choices[j].neighbours, choices[j].sizes.front());
-}
-
 RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice, const Eigen::MatrixXd& start) {
     RefinedCycle cycle;
     cycle.points = start;
-    for (int round = 0; round < maximum_rounds; ++round) {
-        if (!fit_all(choice, cycle)) {
-            cycle.status = RefinementStatus::no_neighbours;
-            return cycle;
-        }
-        if (!close_orbit(section, cycle)) {
-            cycle.status = RefinementStatus::no_solution;
-            return cycle;
-        }
-        if (is_centred(section, cycle, centred)) {
-            cycle.status = RefinementStatus::converged;
-            return cycle;
-        }
-    }
-    // Neighbours that come and go can keep the points moving a little for ever; well inside the fits that is harmless
-    // and part of the differences between fits.
-    cycle.status =
-        is_centred(section, cycle, 10.0 * centred) ? RefinementStatus::converged : RefinementStatus::unsettled;
+    refine(section, choice, false, cycle);
     return cycle;
 }
 
-RefinedCycle alternative_cycle(const SectionPoints& section, const RefinedCycle& cycle, bool of_another_order) {
+RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice, const Eigen::MatrixXd& start,
+                          const FitSize& size) {
+    RefinedCycle cycle;
+    cycle.points = start;
+    cycle.sizes.assign(static_cast<std::size_t>(start.cols()), {size});
+    refine(section, choice, true, cycle);
+    return cycle;
+}
+
+RefinedCycle alternative_cycle(const SectionPoints& section, const RefinedCycle& cycle,
+                               const std::vector<PlacedFits>& fits, std::size_t which) {
     RefinedCycle result;
     result.points = cycle.points;
     for (std::size_t j = 0; j < cycle.maps.size(); ++j) {
-        const std::vector<LocalMap>& fits = cycle.choices[j].fits;
-        const auto other = std::find_if(fits.begin() + 1, fits.end(), [&](const LocalMap& fit) {
-            return (fit.order != cycle.maps[j].order) == of_another_order;
-        });
-        result.maps.push_back(other == fits.end() ? cycle.maps[j] : *other);
+        const bool there = fits[j].fits.size() > which && fits[j].fits[which].usable;
+        result.maps.push_back(there ? fits[j].fits[which] : cycle.maps[j]);
     }
     result.status = close_orbit(section, result) ? RefinementStatus::converged : RefinementStatus::no_solution;
     return result;

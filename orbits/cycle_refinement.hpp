@@ -24,13 +24,11 @@ enum class RefinementStatus {
 /// A closed orbit of the local maps.
 struct RefinedCycle {
     RefinementStatus status = RefinementStatus::no_solution;
-    Eigen::MatrixXd points;           ///< shape (n, p), scaled units, wrapped
-    std::vector<LocalMap> maps;       ///< one per point, centred there up to the last correction
-    std::vector<RankedFits> choices;  ///< all fits of every point; the maps are the first ones
+    Eigen::MatrixXd points;                   ///< shape (n, p), scaled units, wrapped
+    std::vector<LocalMap> maps;               ///< one per point, centred there up to the last correction
+    std::vector<std::vector<FitSize>> sizes;  ///< of every point: of its map, then those of other fits
     [[nodiscard]] int period() const { return static_cast<int>(points.cols()); }
     [[nodiscard]] std::vector<Eigen::MatrixXd> jacobians(const SectionPoints& section) const;  ///< at the points
-    /// What the map of point j was fitted to.
-    [[nodiscard]] Neighbourhood support(std::size_t j) const;
 };
 
 /// Newton on all p points together,  F_j(x_j) - x_{j+1} = 0, j mod p  (P8 for all points at once), on local maps that
@@ -41,12 +39,16 @@ struct RefinedCycle {
 [[nodiscard]] RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice,
                                         const Eigen::MatrixXd& start);
 
-/// The same closed on other fits of the same points, not renewed: how far the answer depends on the fit.
+/// The same with fits of one size.
+[[nodiscard]] RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice,
+                                        const Eigen::MatrixXd& start, const FitSize& size);
+
+/// The cycle on other fits of the same points, not renewed: how far the answer depends on the fit.
 ///
-/// @param of_another_order  the best fit of another order than the maps' at every point; false: the best of the same
-///                          order with another number of neighbours. Points without such a fit keep their map.
+/// @param fits  of every point, as fitted to RefinedCycle::sizes.
+/// @param which the fit to take; points that have no such fit keep their map.
 [[nodiscard]] RefinedCycle alternative_cycle(const SectionPoints& section, const RefinedCycle& cycle,
-                                             bool of_another_order);
+                                             const std::vector<PlacedFits>& fits, std::size_t which);
 
 /// J of Newton's method: A_j on the diagonal, -1 from each point to the next, cyclic; shape (n p, n p).
 [[nodiscard]] Eigen::MatrixXd coupled_matrix(const std::vector<Eigen::MatrixXd>& jacobians);
@@ -65,7 +67,10 @@ struct CycleUncertainty {
 /// their derivative along E_j + F''_j dx_j. Added to it, the differences to the cycles on other fits as outer products:
 /// what the residuals of one fit do not show. Never zero; see covariance_floor in the source for how small eigenvalues
 /// are kept away from it.
+///
+/// @param fits  of every point around it, as fitted to RefinedCycle::sizes.
 [[nodiscard]] CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCycle& cycle,
+                                                 const std::vector<PlacedFits>& fits,
                                                  const std::vector<RefinedCycle>& refits);
 
 }  // namespace orbid::orbits

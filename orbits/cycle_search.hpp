@@ -31,12 +31,12 @@ struct CycleSearchOptions {
     std::vector<int> periods{1, 2, 3, 4, 5};  ///< each in [1, 64]
     /// Linear size of a recurrence box relative to Series::scale(), in (0, 0.5): a start is sought from every piece of
     /// the series that returns so near. Wider finds more cycles and takes longer. closest_return: 0.01 is the paper's.
-    double box = 0.01;
+    double box = 0.1;
     /// Points of a local fit, at least the number of its coefficients + 2; 0: chosen by the data (closest_return: at
     /// least 32, all within two boxes).
     int neighbours = 0;
     int order = 0;                ///< of the local maps, 1 to 6; 0: chosen by the data, cycle by cycle
-    int minimum_recurrences = 3;  ///< candidates with fewer are not tried
+    int minimum_recurrences = 1;  ///< points of the series that lead to a cycle; cycles with fewer are left out
     /// Sections at this phase are mapped onto each other by x -> S x: a mirrored copy of every point serves as
     /// neighbour and every cycle gets its mirror partner. Empty: no symmetry.
     std::optional<std::vector<double>> symmetry_signs;

@@ -44,7 +44,7 @@ Eigen::MatrixXd curvature(const LocalMap& map) {
 }  // namespace
 
 CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCycle& cycle,
-                                   const std::vector<RefinedCycle>& refits) {
+                                   const std::vector<PlacedFits>& fits, const std::vector<RefinedCycle>& refits) {
     const Eigen::Index n = cycle.points.rows(), p = cycle.points.cols();
     const std::vector<Eigen::MatrixXd> jacobians = cycle.jacobians(section);
     CycleUncertainty result;
@@ -58,14 +58,15 @@ CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCy
     Eigen::MatrixXd by_points(n, n * p);
     for (Eigen::Index j = 0; j < p; ++j)
         by_points.middleCols(j * n, n) =
-            derivative.middleCols(j * n * n, n * n) * curvature(cycle.maps[static_cast<std::size_t>(j)]);
+            derivative.middleCols(j * n * n, n * n) * curvature(fits[static_cast<std::size_t>(j)].fits.front());
     const Eigen::MatrixXd by_values = by_points * inverse;
 
     result.covariance = Eigen::MatrixXd::Zero(n * p, n * p);
     result.ln_multiplier_covariance = Eigen::MatrixXd::Zero(n, n);
     for (Eigen::Index j = 0; j < p; ++j) {
-        const Eigen::MatrixXd errors =
-            local_map_covariance(cycle.support(static_cast<std::size_t>(j)), cycle.maps[static_cast<std::size_t>(j)]);
+        const auto at = static_cast<std::size_t>(j);
+        const Eigen::MatrixXd errors = local_map_covariance(
+            nearest_part(fits[at].neighbours, cycle.sizes[at].front().neighbours), fits[at].fits.front());
         Eigen::MatrixXd to_points = Eigen::MatrixXd::Zero(n * p, errors.rows());
         to_points.leftCols(n) = inverse.middleCols(j * n, n);
         Eigen::MatrixXd to_multipliers(n, errors.rows());

@@ -12,15 +12,20 @@
 
 namespace orbid::orbits {
 
-/// Fits of one place, best first, and the neighbours they rest on.
-struct RankedFits {
-    Neighbourhood neighbours;  ///< of the widest fit; the others use the nearest of them
-    std::vector<LocalMap> fits;
-    std::vector<std::size_t> sizes;  ///< neighbours of each fit
+/// A fit of order `order` to the `neighbours` nearest points.
+struct FitSize {
+    int order = 2;
+    std::size_t neighbours = 32;
 };
 
-/// Which order and how many neighbours suit a place: the fit with the smallest predicted error of the value,
-/// leave-one-out times the square root of the leverage (LocalMap::value_sd).
+/// The fits of one place and what they rest on.
+struct PlacedFits {
+    Neighbourhood neighbours;    ///< of the widest fit; the others use the nearest of them
+    std::vector<LocalMap> fits;  ///< in the order of the sizes asked for; not all need be usable
+};
+
+/// Which order and how many neighbours suit a place: the fit with the smallest predicted error of the value
+/// (LocalMap::value_sd).
 ///
 /// For every order the neighbourhood grows from about twice the number of coefficients for as long as that helps:
 /// truncation ends it on clean data early, on noisy data late.
@@ -30,8 +35,11 @@ public:
     /// @param neighbours  0: tried are several.
     FitChoice(const SectionPoints& section, const BoxGrid& grid, int order, std::size_t neighbours);
 
-    /// Usable fits only; may be empty.
-    [[nodiscard]] RankedFits ranked(const Eigen::VectorXd& place) const;
+    /// The best size, then the best of another order, then the best of the same order with another number of
+    /// neighbours; the last two only as far as there are any. Empty: no fit is usable.
+    [[nodiscard]] std::vector<FitSize> best(const Eigen::VectorXd& place) const;
+
+    [[nodiscard]] PlacedFits fitted(const Eigen::VectorXd& place, const std::vector<FitSize>& sizes) const;
 
 private:
     const SectionPoints& section_;

@@ -46,7 +46,9 @@ public:
     ItineraryHash(const SectionPoints& points, std::size_t period, double cell) : points_(&points), period_(period) {
         for (Eigen::Index d = 0; d < points.dimension(); ++d) {
             const bool angle = points.angle()[static_cast<std::size_t>(d)] != 0;
-            const double cells = angle ? std::max(1.0, std::floor(1.0 / cell)) : 0.0;
+            // An even number around the circle: half a turn, a fixed point of the symmetry, is then in the middle of a
+            // cell, as zero is.
+            const double cells = angle ? std::max(2.0, 2.0 * std::floor(0.5 / cell)) : 0.0;
             cells_.push_back(cells);
             inverse_edge_.push_back(angle ? cells : 1.0 / cell);
         }
@@ -81,7 +83,6 @@ private:
         std::uint64_t hash = 0;
         for (std::size_t d = 0; d < cells_.size(); ++d) {
             const double value = mirrored ? points_->signs()[static_cast<Eigen::Index>(d)] * x[d] : x[d];
-            // Half a cell aside: fixed points of the symmetry lie inside of cells.
             double number = std::floor(value * inverse_edge_[d] + 0.5);
             if (cells_[d] > 0.0 && 2.0 * number >= cells_[d]) number -= cells_[d];
             hash = mixed_bits(hash ^ static_cast<std::uint64_t>(static_cast<std::int64_t>(number)));

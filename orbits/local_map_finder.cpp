@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -86,6 +87,43 @@ std::vector<CycleDraft> accepted(std::vector<Trial>& trials, CycleSearch& search
     return drafts;
 }
 
+// A number that does not depend on the point that comes first or on mirroring: what closed orbits are sorted by.
+double fingerprint(const SectionPoints& section, const Eigen::MatrixXd& points) {
+    double sum = 0.0;
+    for (Eigen::Index j = 0; j < points.cols(); ++j)
+        for (Eigen::Index d = 0; d < points.rows(); ++d) {
+            const double x = points(d, j);
+            const bool even = section.symmetric() && section.signs()[d] < 0.0;
+            const double turn = 2.0 * std::numbers::pi * x;
+            const double value = section.angle()[static_cast<std::size_t>(d)]
+                                     ? std::cos(turn) + (even ? 0.0 : std::sin(turn))
+                                     : (even ? x * x : x);
+            sum += static_cast<double>(d + 1) * value;
+        }
+    return sum;
+}
+
+// One draft for starts that ended in one orbit, the same to rounding: thousands of starts end in some hundred orbits.
+// What this leaves apart, merged() joins.
+std::vector<CycleDraft> distinct(const SectionPoints& section, const std::vector<CycleDraft>& drafts) {
+    std::vector<std::pair<double, std::size_t>> order;
+    for (std::size_t i = 0; i < drafts.size(); ++i)
+        order.emplace_back(fingerprint(section, drafts[i].points), i);
+    std::sort(order.begin(), order.end());
+    std::vector<CycleDraft> result;
+    double last = 0.0;
+    for (const auto& [number, i] : order) {
+        if (!result.empty() && number - last < same_distance &&
+            same_cycle(section, result.back().points, drafts[i].points, same_distance)) {
+            result.back().recurrences += drafts[i].recurrences;
+            continue;
+        }
+        last = number;
+        result.push_back(drafts[i]);
+    }
+    return result;
+}
+
 class LocalMapFinder final : public CycleFinder {
 public:
     LocalMapFinder(const SectionPoints& section, const CycleSearchOptions& options)
@@ -100,12 +138,10 @@ public:
         search.candidates += seeds.size();
         std::vector<Trial> closed(seeds.size());
         each(seeds.size(), [&](std::size_t i) { closed[i] = close(seeds[i], period); });
-        std::vector<CycleDraft> drafts =
-            merged(section_, accepted(closed, search), [](const auto&, const auto&) { return same_distance; });
-        std::erase_if(drafts, [&](const CycleDraft& draft) {
-            return !is_prime(section_, draft.points, same_distance) ||
-                   draft.recurrences < static_cast<std::size_t>(options_.minimum_recurrences);
-        });
+        std::vector<CycleDraft> drafts = merged(section_, distinct(section_, accepted(closed, search)),
+                                                [](const auto&, const auto&) { return same_distance; });
+        std::erase_if(drafts,
+                      [&](const CycleDraft& draft) { return !is_prime(section_, draft.points, same_distance); });
         std::vector<Trial> judged(drafts.size());
         each(drafts.size(), [&](std::size_t i) { judged[i] = judge(drafts[i]); });
         drafts = merged(section_, accepted(judged, search), [&](const CycleDraft& a, const CycleDraft& b) {
@@ -113,7 +149,8 @@ public:
         });
         std::erase_if(drafts, [&](const CycleDraft& draft) {
             const double sd = draft.largest_sd();
-            return !is_prime(section_, draft.points, same_cycle_tolerance(sd, sd, same_boxes * options_.box));
+            return draft.recurrences < static_cast<std::size_t>(options_.minimum_recurrences) ||
+                   !is_prime(section_, draft.points, same_cycle_tolerance(sd, sd, same_boxes * options_.box));
         });
         return drafts;
     }
@@ -153,18 +190,27 @@ private:
         return trial;
     }
 
+    void settle(CycleDraft& draft) const {
+        const RefinedCycle cycle =
+            refine_cycle(section_, choice_, draft.points, FitSize{cells_.order(), cells_.neighbours()});
+        if (cycle.status == RefinementStatus::converged) draft.points = cycle.points;
+    }
+
     // The best fits that the data allow, covariance, and whether the cycle can be believed.
     [[nodiscard]] Trial judge(const CycleDraft& start) const {
         Trial trial;
         const RefinedCycle cycle = refine_cycle(section_, choice_, start.points);
         if (cycle.status != RefinementStatus::converged || !(unexplained_part(cycle) <= unexplained)) return trial;
-        const std::vector<RefinedCycle> refits{alternative_cycle(section_, cycle, true),
-                                               alternative_cycle(section_, cycle, false)};
+        std::vector<PlacedFits> fits;
+        for (std::size_t j = 0; j < cycle.maps.size(); ++j)
+            fits.push_back(choice_.fitted(cycle.points.col(static_cast<Eigen::Index>(j)), cycle.sizes[j]));
+        const std::vector<RefinedCycle> refits{alternative_cycle(section_, cycle, fits, 1),
+                                               alternative_cycle(section_, cycle, fits, 2)};
         for (const RefinedCycle& refit : refits)
             if (!(refit.status == RefinementStatus::converged &&
                   cycle_distance(section_, cycle.points, refit.points, 0, false) <= largest_disagreement))
                 return trial;
-        const CycleUncertainty uncertainty = cycle_uncertainty(section_, cycle, refits);
+        const CycleUncertainty uncertainty = cycle_uncertainty(section_, cycle, fits, refits);
         CycleDraft& draft = trial.draft;
         draft.points = cycle.points;
         draft.recurrences = start.recurrences;

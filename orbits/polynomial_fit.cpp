@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "orbits/orthogonal_columns.hpp"
+
 namespace orbid::orbits {
 
 namespace {
@@ -51,34 +53,24 @@ bool PolynomialFit::fit(const Monomials& monomials, int order, const Eigen::Matr
     spread_ = std::sqrt(spread / (total * static_cast<double>(r)));
 
     triangle_.setZero(count, count);
-    projection_.resize(count, r);
+    const auto rows = static_cast<std::size_t>(k);
     for (Eigen::Index c = 0; c < count; ++c) {
         auto column = design_.col(c);
-        // Twice is enough: the second round restores the orthogonality that near dependence costs.
         const double before = column.norm();
-        for (Eigen::Index b = 0; b < c; ++b) {
-            const double share = design_.col(b).dot(column);
-            triangle_(b, c) += share;
-            column -= share * design_.col(b);
-        }
-        double left = column.norm();
-        if (left < 0.1 * before) {
-            for (Eigen::Index b = 0; b < c; ++b) {
-                const double share = design_.col(b).dot(column);
-                triangle_(b, c) += share;
-                column -= share * design_.col(b);
-            }
+        double left = before;
+        // Twice is enough: the second round restores the orthogonality that near dependence costs.
+        for (int round = 0; round < 2 && (round == 0 || left < 0.1 * before); ++round) {
+            take_out(design_.data(), static_cast<std::size_t>(c), rows, column.data(), triangle_.col(c).data());
             left = column.norm();
         }
         if (!(left > lost_rank * before)) return false;
         triangle_(c, c) = left;
         column /= left;
-        for (Eigen::Index d = 0; d < r; ++d) {
-            const double share = column.dot(response_.col(d));
-            projection_(c, d) = share;
-            response_.col(d) -= share * column;
-        }
     }
+    projection_.setZero(count, r);
+    for (Eigen::Index d = 0; d < r; ++d)
+        take_out(design_.data(), static_cast<std::size_t>(count), rows, response_.col(d).data(),
+                 projection_.col(d).data());
     coefficients_.resize(count, r);
     coefficients_ = triangle_.triangularView<Eigen::Upper>().solve(projection_);
     if (!coefficients_.allFinite()) return false;
@@ -89,14 +81,16 @@ bool PolynomialFit::fit(const Monomials& monomials, int order, const Eigen::Matr
     // The value at the origin is the first coefficient, e_1^T R^-1 Q^T W y.
     influence_ = Eigen::VectorXd::Unit(count, 0);
     triangle_.triangularView<Eigen::Upper>().transpose().solveInPlace(influence_);
-    double left_out = 0.0;
-    leverage_ = 0.0;
-    for (Eigen::Index i = 0; i < k; ++i) {
-        const double share = std::min(largest_share, design_.row(i).squaredNorm());
-        left_out += response_.row(i).squaredNorm() / ((1.0 - share) * (1.0 - share));
-        const double influence = weight_[i] * design_.row(i).dot(influence_);
-        leverage_ += influence * influence;
+    share_.setZero(k);
+    value_influence_.setZero(k);
+    for (Eigen::Index c = 0; c < count; ++c) {
+        share_ += design_.col(c).array().square();
+        value_influence_ += influence_[c] * design_.col(c).array();
     }
+    leverage_ = (value_influence_ * weight_.array()).square().sum();
+    double left_out = 0.0;
+    for (Eigen::Index d = 0; d < r; ++d)
+        left_out += (response_.col(d).array() / (1.0 - share_.min(largest_share))).square().sum();
     left_out_ = std::sqrt(left_out / (total * static_cast<double>(r)));
     return std::isfinite(left_out_);
 }
@@ -110,15 +104,17 @@ void PolynomialFit::part_residuals(const Monomials& monomials) {
     columns.rightCols(all - next) *= second_order_share;
     for (Eigen::Index c = 0; c < extra; ++c)
         columns.col(c).array() *= weight_.array();
-    const Eigen::MatrixXd onto = design_.transpose() * columns;
-    columns.noalias() -= design_ * onto;
+    const auto rows = static_cast<std::size_t>(k);
+    Eigen::MatrixXd onto = Eigen::MatrixXd::Zero(count, extra);
+    for (Eigen::Index c = 0; c < extra; ++c)
+        take_out(design_.data(), static_cast<std::size_t>(count), rows, columns.col(c).data(), onto.col(c).data());
     remainder_response_ = triangle_.triangularView<Eigen::Upper>().solve(onto);
     const double smooth_share = columns.squaredNorm();
 
     // Independent errors of equal size per row: weighted, they are no longer equal. What a projection 1 - P leaves of
     // them is tr W (1 - P) W.
     const Eigen::ArrayXd weight2 = weight_.array().square();
-    const double fit_share = (weight2 * (1.0 - design_.rowwise().squaredNorm().array())).sum();
+    const double fit_share = (weight2 * (1.0 - share_)).sum();
     const Eigen::MatrixXd left = response_.transpose() * response_;
     independent_ = left / fit_share;
     remainder_ = smooth_share > 0.0 ? Eigen::MatrixXd(left / smooth_share) : Eigen::MatrixXd::Zero(r, r);
@@ -129,16 +125,16 @@ void PolynomialFit::part_residuals(const Monomials& monomials) {
 
     rest_ = response_;
     double explained_share = 0.0;  // of independent errors by the columns
+    Eigen::VectorXd shares(std::max(extra, r));
     for (Eigen::Index c = 0; c < extra; ++c) {
         auto column = columns.col(c);
         const double before = column.norm();
-        for (Eigen::Index b = 0; b < c; ++b)
-            column -= columns.col(b).dot(column) * columns.col(b);
+        take_out(columns.data(), static_cast<std::size_t>(c), rows, column.data(), shares.data());
         const double norm = column.norm();
         if (!(norm > lost_rank * before) || !(norm > 0.0)) return;
         column /= norm;
         for (Eigen::Index d = 0; d < r; ++d)
-            rest_.col(d) -= column.dot(rest_.col(d)) * column;
+            take_out(column.data(), 1, rows, rest_.col(d).data(), shares.data());
         explained_share += (weight2 * column.array().square()).sum();
     }
     const Eigen::MatrixXd unexplained = rest_.transpose() * rest_;

@@ -63,6 +63,7 @@ private:
     Eigen::MatrixXd columns_, rest_, independent_, remainder_, remainder_response_;
     Eigen::MatrixXd scaled_, design_, triangle_, response_, projection_, coefficients_;
     Eigen::VectorXd weight_, influence_;
+    Eigen::ArrayXd share_, value_influence_;
     double residual_ = 0.0, left_out_ = 0.0, spread_ = 0.0, leverage_ = 0.0;
 };
 

@@ -32,6 +32,8 @@ namespace {
 CycleSearchOptions closest_return() {
     CycleSearchOptions options;
     options.method = CycleSearchOptions::Method::closest_return;
+    options.box = 0.01;
+    options.minimum_recurrences = 3;
     return options;
 }
 

@@ -41,7 +41,7 @@ TEST_CASE("all Henon cycles to period 8 that the series visits are found, and no
     CycleSearchOptions options;
     options.periods = {1, 2, 3, 4, 5, 6, 7, 8};
     const auto series = tests::henon_series(1 << 16);
-    for (const int order : {1, 2}) {
+    for (const int order : {0, 1, 2}) {
         CAPTURE(order);
         options.order = order;
         const auto search = find_cycles(series, options);
@@ -81,8 +81,8 @@ TEST_CASE("all Henon cycles to period 8 that the series visits are found, and no
             CAPTURE(cycle.period, best);
             // Quadratic: the map is quadratic, so only rounding is left (measured 2e-14; the table has 16 digits).
             // Linear: measured 3e-5 at worst.
-            CHECK(best < (order == 2 ? 2e-13 : 3e-4));
-            CHECK_THAT(cycle.multipliers[0].real(), WithinRel(multiplier, order == 2 ? 1e-8 : 0.1));
+            CHECK(best < (order != 1 ? 2e-13 : 3e-4));
+            CHECK_THAT(cycle.multipliers[0].real(), WithinRel(multiplier, order != 1 ? 1e-8 : 0.1));
             const Eigen::VectorXd z = error.cwiseQuotient(cycle.covariance.diagonal().cwiseSqrt());
             sum += z.squaredNorm();
             count += static_cast<int>(z.size());
@@ -155,6 +155,62 @@ TEST_CASE("fixed points of the standard map across the seams of two angles", "[o
     }
     CHECK(hyperbolic == 4);
     CHECK(matched == static_cast<int>(search.cycles.size()));
+}
+
+TEST_CASE("orders and neighbours that are asked for are used", "[orbits][cycles]") {
+    // Fixed point 0.3117... of a map that is a polynomial of no order; higher orders are more exact.
+    const auto next = [](const std::array<double, 1>& x) {
+        return std::array<double, 1>{std::sin(3.3 * x[0]) * std::exp(-0.2 * x[0])};
+    };
+    const auto series = tests::section_series({{"x", "", false}}, {tests::iterate<1>(next, {0.2}, 1 << 12)});
+    double fixed = 0.8;
+    for (int step = 0; step < 60; ++step) {  // Newton with a difference
+        const double h = 1e-6, f = next({fixed})[0] - fixed;
+        fixed -= f / ((next({fixed + h})[0] - next({fixed - h})[0]) / (2.0 * h) - 1.0);
+    }
+    CycleSearchOptions options;
+    options.periods = {1};
+    options.neighbours = 40;
+    double previous = 1.0;
+    for (const int order : {1, 2, 4, 6}) {
+        CAPTURE(order);
+        options.order = order;
+        const auto search = find_cycles(series, options);
+        double error = 1.0;
+        for (const Cycle& cycle : search.cycles)
+            error = std::min(error, std::abs(cycle.points(0, 0) - fixed));
+        // Every two orders gain the square of radius over range, 1e-4; rounding ends that.
+        CHECK(error < std::max(0.1 * previous, 1e-14));
+        previous = error;
+    }
+    options.order = 0;
+    options.neighbours = 0;
+    CHECK(!find_cycles(series, options).cycles.empty());
+}
+
+TEST_CASE("remarks on cycles say what is peculiar about them", "[orbits][cycles]") {
+    // Standard map: the fixed points at sin x = 2 pi / 7 with cos x < 0 are elliptic, the chaotic orbit hardly comes
+    // near; (pi, 0) and (0, 0) are hyperbolic and visited often.
+    CycleSearchOptions options;
+    options.periods = {1};
+    options.minimum_recurrences = 1;
+    const auto search = find_cycles(tests::standard_map_series(1 << 16), options);
+    int plain = 0;
+    for (const Cycle& cycle : search.cycles) {
+        const double modulus = std::abs(cycle.multipliers[0]);
+        const bool degenerate = std::any_of(cycle.quality.begin(), cycle.quality.end(), [](const std::string& remark) {
+            return remark.find("near-degenerate") != std::string::npos;
+        });
+        const bool isolated = std::any_of(cycle.quality.begin(), cycle.quality.end(), [](const std::string& remark) {
+            return remark.find("isolated") != std::string::npos;
+        });
+        CAPTURE(modulus, cycle.recurrences);
+        if (modulus > 2.0) CHECK(!degenerate);
+        if (modulus < 1.02) CHECK(degenerate);
+        CHECK(isolated == (cycle.recurrences < 3));
+        plain += cycle.quality.empty() ? 1 : 0;
+    }
+    CHECK(plain >= 2);
 }
 
 TEST_CASE("turns are counted when the angle was read without wrapping", "[orbits][cycles]") {

@@ -67,18 +67,20 @@ TEST_CASE("quadratic fit of a quadratic map is exact", "[orbits][local_map]") {
 
 TEST_CASE("local fits converge with the radius in their order", "[orbits][local_map]") {
     const Eigen::Vector2d centre(0.2, 0.1);
-    for (const int order : {1, 2}) {
+    for (const int order : {1, 2, 3, 4, 5, 6}) {
         double previous_value = 0.0, previous_jacobian = 0.0;
+        // High orders reach rounding in small neighbourhoods.
         for (const double radius : {0.08, 0.04, 0.02, 0.01}) {
-            CAPTURE(order, radius);
-            const auto fit = orbits::fit_local_map(plane(), sampled(wavy, centre, radius, 40), order);
+            const double r = order < 3 ? radius : 4.0 * radius;
+            CAPTURE(order, r);
+            const auto fit = orbits::fit_local_map(plane(), sampled(wavy, centre, r, 20 * order), order);
             REQUIRE(fit.usable);
             const double value = (fit.value - wavy(centre)).norm();
             const double jacobian = (fit.jacobian - wavy_jacobian(centre)).norm();
-            if (previous_value > 0.0) {
+            if (previous_value > 0.0 && value > 1e-13) {
                 // value O(r^(order + 1)), jacobian O(r^order); the sampling pattern scales with the radius
-                CHECK_THAT(std::log2(previous_value / value), tests::WithinAbs(order + 1.0, 0.35));
-                CHECK_THAT(std::log2(previous_jacobian / jacobian), tests::WithinAbs(order, 0.35));
+                CHECK_THAT(std::log2(previous_value / value), tests::WithinAbs(order + 1.0, 0.6));
+                CHECK_THAT(std::log2(previous_jacobian / jacobian), tests::WithinAbs(order, 0.6));
             }
             previous_value = value;
             previous_jacobian = jacobian;

@@ -2,6 +2,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -12,6 +13,7 @@
 #include "orbits/cycle_search.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/map_series.hpp"
+#include "tests/orbits/true_cycles.hpp"
 
 using namespace orbid;
 using orbits::Cycle;
@@ -122,6 +124,59 @@ TEST_CASE("cycles of a simulated pendulum are those of the model", "[orbits][cyc
     CHECK(rms < 1.5);
     CHECK(rms > 0.1);
     CHECK(largest < 5.0);
+}
+
+TEST_CASE("wide recurrences find cycles that hardly recur, and no false one", "[orbits][cycles][pendulum]") {
+    // 2^16 sections, boxes of a fifth of the range. True cycles including mirror partners: 6, 9, 28, at least 98 and
+    // 326.
+    const auto system = models::make_system("parametric_pendulum");
+    orbits::CycleSearchOptions options = search_options();
+    options.periods = {1, 2, 3, 4, 5};
+    options.box = 0.2;
+    const auto search = find_cycles(simulated(), options);
+    const auto truths =
+        tests::true_cycles(*system, tests::pendulum_at(*system, 0.0), search.cycles, tests::pendulum_range());
+    // Measured 6, 7, 22, 53, 128, all true; the bounds leave a tenth of them to other rounding.
+    const std::array<std::size_t, 6> least{0, 5, 6, 18, 46, 112};
+    for (const int period : options.periods) {
+        const auto summary = tests::summary(search.cycles, truths, period);
+        CAPTURE(period, summary.found, summary.median_position);
+        CHECK(summary.true_ones == summary.found);
+        CHECK(summary.found >= least[static_cast<std::size_t>(period)]);
+    }
+    const auto all = tests::summary(search.cycles, truths, 0);
+    INFO("error / sd rms " << all.z_rms << ", largest " << all.z_largest << ", ln|multiplier| "
+                           << all.ln_multiplier_z_rms);
+    CHECK(all.z_rms > 0.3);
+    CHECK(all.z_rms < 1.1);
+    CHECK(all.ln_multiplier_z_rms < 1.5);
+}
+
+TEST_CASE("shuffled sections have no cycles", "[orbits][cycles][pendulum]") {
+    std::mt19937_64 random(29);
+    std::normal_distribution<double> normal;
+    for (const double noise : {0.0, 5e-3})
+        for (const bool symmetric : {true, false}) {
+            CAPTURE(noise, symmetric);
+            orbits::Series series = simulated();
+            Eigen::MatrixXd all(2, static_cast<Eigen::Index>(series.size()));
+            Eigen::Index at = 0;
+            for (const auto& segment : series.segments) {
+                all.middleCols(at, segment.values.cols()) = segment.values;
+                at += segment.values.cols();
+            }
+            for (Eigen::Index i = all.cols() - 1; i > 0; --i)
+                all.col(i).swap(all.col(static_cast<Eigen::Index>(random() % static_cast<std::uint64_t>(i + 1))));
+            for (Eigen::Index i = 0; i < all.cols(); ++i)
+                all.col(i) += noise * Eigen::Vector2d(turn * normal(random), velocity_range * normal(random));
+            series.segments = {{"shuffled", all, {}}};
+            orbits::CycleSearchOptions options = search_options();
+            options.method = orbits::CycleSearchOptions::Method::local_maps;
+            if (!symmetric) options.symmetry_signs.reset();
+            const auto search = find_cycles(series, options);
+            CHECK(search.cycles.empty());
+            CHECK(search.candidates > 1000);  // there were recurrences enough to be fooled by
+        }
 }
 
 TEST_CASE("reading noise makes cycles fewer and sds larger, not false", "[orbits][cycles][pendulum]") {
