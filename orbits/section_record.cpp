@@ -195,6 +195,17 @@ private:
         walker.fruitless = 0;
     }
 
+    [[nodiscard]] static std::string reason(const Loss& loss) {
+        switch (loss.kind) {
+            case TrajectoryEvent::Kind::captured:
+                return fmt::format("it was captured by an orbit of period {}", loss.period);
+            case TrajectoryEvent::Kind::at_rest:
+                return "it came to rest";
+            default:
+                return fmt::format("it could not be continued ({})", models::description(loss.status));
+        }
+    }
+
     void lose(Walker& walker, const Loss& loss) {
         const auto since = static_cast<std::size_t>(std::max<Eigen::Index>(walker.filled - 1 - loss.settled, 0));
         events_[walker.index].push_back(
@@ -212,8 +223,8 @@ private:
         deliver(walker, loss.settled);
         if (walker.fruitless >= fruitless_limit) {
             give_up(walker, fmt::format("it was captured, at rest or failed {} times in a row before the transient of "
-                                        "{} sections was over",
-                                        fruitless_limit, plan_.transient));
+                                        "{} sections was over; the last time {}",
+                                        fruitless_limit, plan_.transient, reason(loss)));
             return;
         }
         ++walker.attempts;

@@ -176,7 +176,21 @@ TEST_CASE("stable cycles of an autonomous flow capture its returns", "[orbits][r
     options.random_range = Eigen::Vector3d(3.0, 3.0, 0.5);
     const auto given_up = simulate(*system, changed(*system, "c", 2.5), options);
     CHECK_FALSE(given_up.complete);
-    CHECK_THAT(given_up.message, ContainsSubstring("20 times in a row"));
+    CHECK_THAT(given_up.message, ContainsSubstring("20 times in a row") &&
+                                     ContainsSubstring("the last time it was captured by an orbit of period"));
+}
+
+TEST_CASE("a section that is never reached is said to be the reason", "[orbits]") {
+    // z of the Lorenz attractor stays positive.
+    const auto system = models::make_system("lorenz");
+    VirtualExperimentOptions options;
+    options.plan = SectionPlan{10, 0, plane(3, 2, -50.0, -1), 20.0};
+    const auto experiment = simulate(*system, system->default_parameters(), options);
+    CHECK_FALSE(experiment.complete);
+    CHECK(experiment.series.size() == 0);
+    CHECK_THAT(experiment.message, ContainsSubstring("20 times in a row") &&
+                                       ContainsSubstring("the last time it could not be continued (") &&
+                                       ContainsSubstring("the section was not reached"));
 }
 
 TEST_CASE("a flow that settles on an equilibrium is at rest", "[orbits]") {

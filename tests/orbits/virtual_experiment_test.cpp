@@ -207,8 +207,9 @@ TEST_CASE("a pendulum that stops is reported, and given up when every start stop
     options.restart = Restart::when_captured_or_at_rest;
     experiment = simulate(*system, theta, options);
     CHECK_FALSE(experiment.complete);
-    CHECK_THAT(experiment.message,
-               ContainsSubstring("trajectory 0 stopped 100 sections short") && ContainsSubstring("20 times in a row"));
+    CHECK_THAT(experiment.message, ContainsSubstring("trajectory 0 stopped 100 sections short") &&
+                                       ContainsSubstring("20 times in a row") &&
+                                       ContainsSubstring("the last time it came to rest"));
     CHECK(experiment.series.size() == 0);
     CHECK(experiment.events.size() == 39);  // 20 losses, 19 restarts
 }
