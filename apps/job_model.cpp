@@ -46,8 +46,8 @@ void resolve(const ValueReader& name_value, const std::optional<ValueReader>& va
         size_value->report(fmt::format("the number of coordinates of {} is part of its equations", *name));
     } else if (size_value) {
         const auto chosen = size_value->whole(entry->size->smallest, models::ModelSize::largest);
-        if (!chosen) return;
-        size = static_cast<std::size_t>(*chosen);
+        // A bad size is reported; with the standard one the rest of the job can be checked too.
+        if (chosen) size = static_cast<std::size_t>(*chosen);
     }
     job.model.name = *name;
     job.model.size = size;

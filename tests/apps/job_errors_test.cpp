@@ -6,16 +6,18 @@
 
 #include "apps/job_reader.hpp"
 #include "apps/job_writer.hpp"
+#include "tests/apps/job_problems.hpp"
 #include "tests/apps/program.hpp"
 #include "tests/catch.hpp"
 
 using namespace orbid;
 using namespace orbid::apps;
+using tests::check_only;
 using tests::ContainsSubstring;
+using tests::job_folder;
+using tests::problems;
 
 namespace {
-
-const std::filesystem::path folder = ORBID_SOURCE_DIR "/configs";
 
 /// Two series of the pendulum; `errors` and `estimate` are members put into the residual and the estimate.
 std::string series_job(const std::string& errors, const std::string& estimate = "") {
@@ -38,25 +40,11 @@ std::string cycles_job(const std::string& rest) {
 )" + rest + " } ] } }";
 }
 
-std::vector<std::string> problems(const std::string& text) {
-    std::vector<std::string> result;
-    for (const Problem& problem : read_job(text, folder / "job.json").problems)
-        result.push_back(message(problem, "job.json"));
-    return result;
-}
-
-void check_only(const std::string& text, const std::string& expected) {
-    const auto found = problems(text);
-    CAPTURE(text, found);
-    REQUIRE(found.size() == 1);
-    CHECK_THAT(found[0], ContainsSubstring(expected));
-}
-
 Job read(const std::string& text) {
     const auto found = problems(text);
     CAPTURE(text, found);
     REQUIRE(found.empty());
-    return *read_job(text, folder / "job.json").job;
+    return *read_job(text, job_folder / "job.json").job;
 }
 
 const std::string at_u = "job.json:6: /estimate/residuals/0/errors/u";
@@ -238,8 +226,8 @@ TEST_CASE("several starts, samples, profiles and marginals are read and written"
     CHECK(job.estimate->marginals.contains("u_0@run1.5"));  // one of its segments
     CHECK_FALSE(job.estimate->marginals.contains("u_0@run12"));
     CHECK_FALSE(job.estimate->marginals.contains("alpha"));
-    const std::string text = job_text(job, folder);
-    CHECK(job_text(*read_job(text, folder / "job.json").job, folder) == text);
+    const std::string text = job_text(job, job_folder);
+    CHECK(job_text(*read_job(text, job_folder / "job.json").job, job_folder) == text);
 
     const auto refused = [](const std::string& member, const std::string& message) {
         check_only(series_job("\"errors\": {}", member), message);

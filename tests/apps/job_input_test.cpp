@@ -8,6 +8,7 @@
 #include "apps/job_reader.hpp"
 #include "apps/job_summary.hpp"
 #include "apps/job_writer.hpp"
+#include "tests/apps/job_problems.hpp"
 #include "tests/apps/program.hpp"
 #include "tests/catch.hpp"
 
@@ -15,6 +16,7 @@ using namespace orbid;
 using namespace orbid::apps;
 using tests::ContainsSubstring;
 using tests::Path;
+using tests::problems;
 using tests::WithinAbs;
 
 namespace {
@@ -46,13 +48,6 @@ std::string job_with(const std::string& data, const std::string& variant = "meas
 const std::string simulated = R"("simulate": { "samples": { "step": 0.01, "count": 201 }, "initial": [[0.14, 0.1]] })";
 const std::string ground = R"("inputs": { "file": "ground.csv", "time": { "column": "ms", "unit": "ms" },
     "base_acceleration": { "column": "acc", "unit": "g" } }, "interpolation": "cubic")";
-
-std::vector<std::string> problems(const std::string& text, const Path& folder) {
-    std::vector<std::string> result;
-    for (const Problem& problem : read_job(text, folder / "job.json").problems)
-        result.push_back(message(problem, "job.json"));
-    return result;
-}
 
 /// Columns of a table with a header, comments left out.
 std::vector<std::vector<double>> table(const Path& file) {

@@ -5,16 +5,17 @@
 #include "apps/estimate_setup.hpp"
 #include "apps/job_reader.hpp"
 #include "apps/job_writer.hpp"
+#include "tests/apps/job_problems.hpp"
 #include "tests/catch.hpp"
 
 using namespace orbid;
 using namespace orbid::apps;
 using estimator::Scale;
 using tests::ContainsSubstring;
+using tests::job_folder;
+using tests::problems;
 
 namespace {
-
-const std::filesystem::path folder = ORBID_SOURCE_DIR "/configs";
 
 /// A good job with the given parameters, further keys of "estimate" (each followed by a comma), and further keys of
 /// two experiments.
@@ -35,25 +36,16 @@ std::string job_with(const std::string& parameters, const std::string& estimate 
 })";
 }
 
-std::vector<std::string> problems(const std::string& text) {
-    std::vector<std::string> result;
-    for (const Problem& problem : read_job(text, folder / "job.json").problems)
-        result.push_back(message(problem, "job.json"));
-    return result;
-}
-
 Job good(const std::string& text) {
-    const auto reading = read_job(text, folder / "job.json");
+    const auto reading = read_job(text, job_folder / "job.json");
     CAPTURE(problems(text));
     REQUIRE(reading.job);
     return *reading.job;
 }
 
-void check_only(const std::string& text, const std::string& beginning) {
-    const auto found = problems(text);
-    CAPTURE(text, found);
-    REQUIRE(found.size() == 1);
-    CHECK_THAT(found[0], Catch::StartsWith("job.json:" + beginning));
+/// One thing is wrong, in the line and at the place with which `beginning` starts.
+void check_at(const std::string& text, const std::string& beginning) {
+    tests::check_only(text, "job.json:" + beginning);
 }
 
 const estimator::FreeParameter& first(const Job& job) {
@@ -62,11 +54,11 @@ const estimator::FreeParameter& first(const Job& job) {
 
 /// Reads back to an equal text.
 void check_round_trip(const Job& job) {
-    const std::string text = job_text(job, folder);
-    const auto again = read_job(text, folder / "job.json");
+    const std::string text = job_text(job, job_folder);
+    const auto again = read_job(text, job_folder / "job.json");
     CAPTURE(text);
     REQUIRE(again.job);
-    CHECK(job_text(*again.job, folder) == text);
+    CHECK(job_text(*again.job, job_folder) == text);
 }
 
 }  // namespace
@@ -74,7 +66,7 @@ void check_round_trip(const Job& job) {
 TEST_CASE("every prior is read and written back", "[apps][job][prior]") {
     const auto read = [](const std::string& prior) {
         const Job job = good(job_with("\"k2\": { \"start\": 1e-3, \"prior\": " + prior + " }"));
-        const auto written = job_document(job, folder)["estimate"]["parameters"]["k2"]["prior"];
+        const auto written = job_document(job, job_folder)["estimate"]["parameters"]["k2"]["prior"];
         CHECK(written == nlohmann::ordered_json::parse(prior));
         check_round_trip(job);
         return first(job).prior;
@@ -102,7 +94,7 @@ TEST_CASE("every prior is read and written back", "[apps][job][prior]") {
 
 TEST_CASE("what is wrong with a prior is named with place and rule", "[apps][job][prior]") {
     const auto wrong = [](const std::string& prior, const std::string& beginning) {
-        check_only(job_with("\n\"k2\": { \"start\": 1e-3, \"prior\": " + prior + " }"), beginning);
+        check_at(job_with("\n\"k2\": { \"start\": 1e-3, \"prior\": " + prior + " }"), beginning);
     };
     const std::string at = "9: /estimate/parameters/k2/prior";
     wrong("\"flatt\"", at + ": unknown value \"flatt\"; did you mean \"flat\"?");
@@ -126,7 +118,7 @@ TEST_CASE("what is wrong with a prior is named with place and rule", "[apps][job
 TEST_CASE("every scale is read and written back", "[apps][job][scale]") {
     const auto read = [](const std::string& scale, const std::string& more) {
         const Job job = good(job_with("\"k2\": { \"start\": 1e-3, \"scale\": \"" + scale + "\"" + more + " }"));
-        CHECK(job_document(job, folder)["estimate"]["parameters"]["k2"]["scale"] == scale);
+        CHECK(job_document(job, job_folder)["estimate"]["parameters"]["k2"]["scale"] == scale);
         check_round_trip(job);
         return first(job);
     };
@@ -141,7 +133,7 @@ TEST_CASE("every scale is read and written back", "[apps][job][scale]") {
 
     const std::string at = "9: /estimate/parameters/k2";
     const auto wrong = [](const std::string& entry, const std::string& beginning) {
-        check_only(job_with("\n\"k2\": " + entry), beginning);
+        check_at(job_with("\n\"k2\": " + entry), beginning);
     };
     wrong(R"({ "start": 1e-3, "scale": "loggit", "bounds": [0, 1] })",
           at + "/scale: unknown value \"loggit\"; did you mean \"logit\"?");
@@ -165,14 +157,14 @@ TEST_CASE("ties are read, written back and checked", "[apps][job][tie]") {
     CHECK(parameters[2].value.tie_factor == 2.0);
     CHECK(parameters[2].value.start == 2e-3);
     CHECK(parameters[2].value.lower == 0.0);
-    CHECK(job_document(job, folder)["estimate"]["parameters"]["k3"] ==
+    CHECK(job_document(job, job_folder)["estimate"]["parameters"]["k3"] ==
           nlohmann::ordered_json::parse(R"({ "tied": { "to": "k2", "factor": 2.0 } })"));
     check_round_trip(job);
 
     const std::string at = "9: /estimate/parameters/k3/tied";
     const auto wrong = [](const std::string& entry, const std::string& beginning) {
-        check_only(job_with("\n\"k3\": " + entry + ", \"k2\": { \"start\": 1e-3 }, \"k1\": { \"tied\": \"k2\" }"),
-                   beginning);
+        check_at(job_with("\n\"k3\": " + entry + ", \"k2\": { \"start\": 1e-3 }, \"k1\": { \"tied\": \"k2\" }"),
+                 beginning);
     };
     wrong(R"({ "tied": "k3" })", at + ": k3 is tied to itself");
     wrong(R"({ "tied": "k4" })", at + ": \"k4\" is no estimated parameter; did you mean");
@@ -195,8 +187,8 @@ TEST_CASE("a tie of parameters that are free per experiment holds in each of the
     for (const auto& parameter : setup.parameters)
         if (!parameter.tied_to.empty()) ties.emplace_back(parameter.name, parameter.tied_to);
     CHECK(ties == std::vector<std::pair<std::string, std::string>>{{"k3@run1", "k2@run1"}, {"k3@run2", "k2"}});
-    check_only(job_with("\n" + parameters, "", R"("free": ["k2"], )"),
-               "9: /estimate/parameters/k3/tied: k2 is free in \"run1\": list k3 in \"free\" there too");
+    check_at(job_with("\n" + parameters, "", R"("free": ["k2"], )"),
+             "9: /estimate/parameters/k3/tied: k2 is free in \"run1\": list k3 in \"free\" there too");
 }
 
 TEST_CASE("joint priors are read, written back and checked", "[apps][job][prior]") {
@@ -214,15 +206,15 @@ TEST_CASE("joint priors are read, written back and checked", "[apps][job][prior]
     CHECK(joint.mean == Eigen::Vector2d(0.3, 0.001));
     CHECK(joint.covariance(0, 1) == 1e-5);
     CHECK(joint.covariance(1, 1) == 1e-6);
-    CHECK(job_document(job, folder)["estimate"]["joint_priors"] == nlohmann::ordered_json::parse(prior));
+    CHECK(job_document(job, job_folder)["estimate"]["joint_priors"] == nlohmann::ordered_json::parse(prior));
     check_round_trip(job);
 
     const std::string at = "6: /estimate/joint_priors";
     const auto wrong = [&](const std::string& names, const std::string& mean, const std::string& covariance,
                            const std::string& beginning) {
-        check_only(with("[ { \"normal\": { \"names\": " + names + ", \"mean\": " + mean +
-                        ", \"covariance\": " + covariance + " } } ]"),
-                   beginning);
+        check_at(with("[ { \"normal\": { \"names\": " + names + ", \"mean\": " + mean +
+                      ", \"covariance\": " + covariance + " } } ]"),
+                 beginning);
     };
     const std::string unit = "[[1, 0], [0, 1]]";
     wrong(R"(["l", "k4"])", "[1, 1]", unit, at + "/0/normal/names/1: \"k4\" is no estimated parameter; did you mean");
@@ -234,11 +226,11 @@ TEST_CASE("joint priors are read, written back and checked", "[apps][job][prior]
     wrong(R"(["l", "k2"])", "[1, 1]", "[[1, 2], [2, 1]]", at + "/0/normal: joint normal prior: covariance must be");
     wrong(R"(["l", "k2"])", "[1, 1]", "[[1, 0.5], [0, 1]]", at + "/0/normal: joint normal prior: covariance[1][0]");
     wrong("[]", "[]", "[]", at + "/0/normal: joint normal prior: names: needs at least one");
-    check_only(with("{}"), at + ": must be a list");
-    check_only(with("[ {} ]"), at + "/0: \"normal\" is missing");
-    check_only(with("[ { \"normall\": 1, \"normal\": { \"names\": [\"l\"], \"mean\": [1], \"covariance\": [[1]] } } ]"),
-               at + "/0/normall: unknown key; did you mean \"normal\"?");
+    check_at(with("{}"), at + ": must be a list");
+    check_at(with("[ {} ]"), at + "/0: \"normal\" is missing");
+    check_at(with("[ { \"normall\": 1, \"normal\": { \"names\": [\"l\"], \"mean\": [1], \"covariance\": [[1]] } } ]"),
+             at + "/0/normall: unknown key; did you mean \"normal\"?");
     // The same parameter in two joint priors.
     const std::string one = R"({ "normal": { "names": ["l"], "mean": [1], "covariance": [[1]] } })";
-    check_only(with("[" + one + ", " + one + "]"), at + "/1/normal/names/0: \"l\" stands in a joint prior already");
+    check_at(with("[" + one + ", " + one + "]"), at + "/1/normal/names/0: \"l\" stands in a joint prior already");
 }

@@ -8,15 +8,16 @@
 #include "apps/model_listing.hpp"
 #include "apps/starting_job.hpp"
 #include "models/registry.hpp"
+#include "tests/apps/job_problems.hpp"
 #include "tests/catch.hpp"
 
 using namespace orbid;
 using namespace orbid::apps;
 using tests::ContainsSubstring;
+using tests::job_folder;
+using tests::problems;
 
 namespace {
-
-const std::filesystem::path folder = ORBID_SOURCE_DIR "/configs";
 
 /// A good job in which one text is replaced by another.
 std::string job_with(const std::string& from = "", const std::string& to = "") {
@@ -45,14 +46,6 @@ std::string job_with(const std::string& from = "", const std::string& to = "") {
     return text;
 }
 
-std::vector<std::string> problems(const std::string& text) {
-    std::vector<std::string> result;
-    for (const Problem& problem : read_job(text, folder / "job.json").problems) {
-        result.push_back(message(problem, "job.json"));
-    }
-    return result;
-}
-
 struct Wrong {
     std::string from;
     std::string to;
@@ -72,7 +65,7 @@ void check_each(const std::vector<Wrong>& table) {
 }  // namespace
 
 TEST_CASE("a good job is read into plain values", "[apps][job]") {
-    const auto reading = read_job(job_with(), folder / "job.json");
+    const auto reading = read_job(job_with(), job_folder / "job.json");
     REQUIRE(problems(job_with()).empty());
     CHECK(reading.exit_code() == 0);
     const Job& job = *reading.job;
@@ -137,7 +130,7 @@ TEST_CASE("reserved names and values are refused by name", "[apps][job]") {
          "\"type\": \"angle_difference\", \"angle\": \"phi\", \"rate\": \"phi_dot\", \"delay\": 0.015"}};
     for (const auto& [from, to] : later) {
         CAPTURE(to);
-        const auto reading = read_job(job_with(from, to), folder / "job.json");
+        const auto reading = read_job(job_with(from, to), job_folder / "job.json");
         REQUIRE_FALSE(reading.problems.empty());
         CHECK_THAT(message(reading.problems[0], "job.json"), ContainsSubstring("not in this version"));
         CHECK(reading.exit_code() == 2);
@@ -161,23 +154,23 @@ TEST_CASE("a missing data file is a problem of the data", "[apps][job]") {
     const auto reading = read_job(R"({ "model": { "name": "free_pendulum" },
       "data": { "file": "no_such.csv", "kind": "samples", "columns": { "time": "t", "phi": "phi" } },
       "estimate": { "parameters": {}, "residuals": [ { "type": "series" } ] } })",
-                                  folder / "job.json");
+                                  job_folder / "job.json");
     REQUIRE(reading.problems.size() == 1);
     CHECK_THAT(message(reading.problems[0], "job.json"),
                ContainsSubstring("job.json:2: /data/file: the file") && ContainsSubstring("does not exist"));
     CHECK(reading.exit_code() == 3);
-    CHECK(read_job_file(folder / "no_such_job.json").exit_code() == 2);
+    CHECK(read_job_file(job_folder / "no_such_job.json").exit_code() == 2);
 }
 
 TEST_CASE("every job in configs is read, and its complete form reads back", "[apps][job]") {
     int count = 0;
-    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    for (const auto& entry : std::filesystem::directory_iterator(job_folder)) {
         if (entry.path().extension() != ".json") continue;
         ++count;
         CAPTURE(entry.path());
         const auto reading = read_job_file(entry.path());
         REQUIRE(reading.job);
-        const auto out = folder / "some" / "where";
+        const auto out = job_folder / "some" / "where";
         const std::string text = job_text(*reading.job, out);
         const auto again = read_job(text, out / "job.json");
         REQUIRE(again.job);

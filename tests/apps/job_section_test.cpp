@@ -7,17 +7,18 @@
 #include "apps/job_summary.hpp"
 #include "apps/job_writer.hpp"
 #include "orbits/series_file.hpp"
+#include "tests/apps/job_problems.hpp"
 #include "tests/apps/program.hpp"
 #include "tests/catch.hpp"
 
 using namespace orbid;
 using namespace orbid::apps;
+using tests::check_only;
 using tests::ContainsSubstring;
+using tests::job_folder;
 using tests::WithinAbs;
 
 namespace {
-
-const std::filesystem::path folder = ORBID_SOURCE_DIR "/configs";
 
 std::string lorenz_job(const std::string& section, const std::string& output = "csv") {
     return R"({ "model": { "name": "lorenz" }, "seed": 2,
@@ -29,30 +30,16 @@ std::string lorenz_job(const std::string& section, const std::string& output = "
            output + "\" } }";
 }
 
-std::vector<std::string> problems(const std::string& text) {
-    std::vector<std::string> result;
-    for (const Problem& problem : read_job(text, folder / "job.json").problems)
-        result.push_back(message(problem, "job.json"));
-    return result;
-}
-
-void check_only(const std::string& text, const std::string& expected) {
-    const auto found = problems(text);
-    CAPTURE(text, found);
-    REQUIRE(found.size() == 1);
-    CHECK_THAT(found[0], ContainsSubstring(expected));
-}
-
 }  // namespace
 
 TEST_CASE("a section of an autonomous flow is read and written", "[apps][job]") {
     const auto plane = [](const std::string& section) {
-        const auto reading = read_job(lorenz_job(section), folder / "job.json");
+        const auto reading = read_job(lorenz_job(section), job_folder / "job.json");
         REQUIRE(reading.job);
-        const std::string complete = job_text(*reading.job, folder);
-        const auto again = read_job(complete, folder / "job.json");
+        const std::string complete = job_text(*reading.job, job_folder);
+        const auto again = read_job(complete, job_folder / "job.json");
         REQUIRE(again.job);
-        CHECK(job_text(*again.job, folder) == complete);
+        CHECK(job_text(*again.job, job_folder) == complete);
         return *again.job->section_plane;
     };
     const auto falling = plane(R"({ "coordinate": "z", "value": 27, "direction": -1 })");
@@ -61,7 +48,7 @@ TEST_CASE("a section of an autonomous flow is read and written", "[apps][job]") 
     CHECK(falling.direction == -1);
     CHECK(plane(R"({ "coordinate": "x", "value": -1.5 })").direction == 1);
     const auto job =
-        read_job(lorenz_job(R"({ "coordinate": "z", "value": 27, "direction": -1 })"), folder / "job.json");
+        read_job(lorenz_job(R"({ "coordinate": "z", "value": 27, "direction": -1 })"), job_folder / "job.json");
     CHECK_THAT(job_summary(*job.job), ContainsSubstring("  section    z = 27, falling\n"));
 }
 

@@ -6,17 +6,19 @@
 
 #include "apps/job_reader.hpp"
 #include "apps/job_writer.hpp"
+#include "tests/apps/job_problems.hpp"
 #include "tests/apps/program.hpp"
 #include "tests/catch.hpp"
 
 using namespace orbid;
 using namespace orbid::apps;
+using tests::check_only;
 using tests::ContainsSubstring;
+using tests::job_folder;
+using tests::problems;
 using tests::WithinAbs;
 
 namespace {
-
-const std::filesystem::path folder = ORBID_SOURCE_DIR "/configs";
 
 /// A swing read by a sensor, and the damping from it.
 std::string job_with(const std::string& sensor, const std::string& rest = "") {
@@ -28,31 +30,17 @@ std::string job_with(const std::string& sensor, const std::string& rest = "") {
   "reference": { "c2": 0.05 }, "output": { "series": "csv" } })";
 }
 
-std::vector<std::string> problems(const std::string& text) {
-    std::vector<std::string> result;
-    for (const Problem& problem : read_job(text, folder / "job.json").problems)
-        result.push_back(message(problem, "job.json"));
-    return result;
-}
-
 models::Sensor sensor_of(const std::string& sensor) {
     const std::string text = job_with(sensor);
     CAPTURE(problems(text));
-    const auto reading = read_job(text, folder / "job.json");
+    const auto reading = read_job(text, job_folder / "job.json");
     REQUIRE(reading.job);
     // The complete form says the same.
-    const std::string complete = job_text(*reading.job, folder);
-    const auto again = read_job(complete, folder / "job.json");
+    const std::string complete = job_text(*reading.job, job_folder);
+    const auto again = read_job(complete, job_folder / "job.json");
     REQUIRE(again.job);
-    CHECK(job_text(*again.job, folder) == complete);
+    CHECK(job_text(*again.job, job_folder) == complete);
     return again.job->data[0].sensor;
-}
-
-void check_only(const std::string& text, const std::string& expected) {
-    const auto found = problems(text);
-    CAPTURE(text, found);
-    REQUIRE(found.size() == 1);
-    CHECK_THAT(found[0], ContainsSubstring(expected));
 }
 
 void refused(const std::string& sensor, const std::string& expected) {

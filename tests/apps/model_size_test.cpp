@@ -9,16 +9,18 @@
 #include "apps/job_writer.hpp"
 #include "apps/model_listing.hpp"
 #include "apps/starting_job.hpp"
+#include "tests/apps/job_problems.hpp"
 #include "tests/apps/program.hpp"
 #include "tests/catch.hpp"
 
 using namespace orbid;
 using namespace orbid::apps;
+using tests::check_only;
 using tests::ContainsSubstring;
+using tests::job_folder;
+using tests::problems;
 
 namespace {
-
-const std::filesystem::path folder = ORBID_SOURCE_DIR "/configs";
 
 std::string job_of(const std::string& model, const std::string& initial) {
     return "{ \"model\": " + model +
@@ -34,56 +36,48 @@ const std::string forty = [] {
     return state + "]";
 }();
 
-std::vector<std::string> problems(const std::string& text) {
-    std::vector<std::string> result;
-    for (const Problem& problem : read_job(text, folder / "job.json").problems)
-        result.push_back(message(problem, "job.json"));
-    return result;
-}
-
-void check_only(const std::string& text, const std::string& expected) {
-    const auto found = problems(text);
-    CAPTURE(text, found);
-    REQUIRE(found.size() == 1);
-    CHECK_THAT(found[0], ContainsSubstring(expected));
-}
-
 }  // namespace
 
 TEST_CASE("a job chooses the size of a model", "[apps][job]") {
     const std::string text =
         job_of(R"({ "name": "lorenz96", "size": 5, "parameters": { "F": 6 } })", "[1, 2, 3, 4, 5]");
     REQUIRE(problems(text).empty());
-    const Job job = *read_job(text, folder / "job.json").job;
+    const Job job = *read_job(text, job_folder / "job.json").job;
     REQUIRE(job.model.system->dimension() == 5);
     CHECK(job.model.size == 5);
     CHECK(job.model.values[0] == 6.0);
     // What is written says the size, and reads back as the same job.
-    const std::string written = job_text(job, folder, {});
+    const std::string written = job_text(job, job_folder, {});
     CHECK_THAT(written, ContainsSubstring("\"size\": 5"));
-    const auto again = read_job(written, folder / "job.json");
+    const auto again = read_job(written, job_folder / "job.json");
     REQUIRE(again.job);
     CHECK(again.job->model.size == 5);
-    CHECK(job_text(*again.job, folder, {}) == written);
+    CHECK(job_text(*again.job, job_folder, {}) == written);
 
     // The default is written out too; a model without sizes says nothing of them.
-    const auto standard = read_job(job_of(R"({ "name": "lorenz96" })", forty), folder / "job.json");
+    const auto standard = read_job(job_of(R"({ "name": "lorenz96" })", forty), job_folder / "job.json");
     REQUIRE(standard.job);
     CHECK(standard.job->model.size == 40);
-    CHECK_THAT(job_text(*standard.job, folder, {}), ContainsSubstring("\"size\": 40"));
-    const auto fixed = read_job(job_of(R"({ "name": "lotka_volterra" })", "[30, 4]"), folder / "job.json");
+    CHECK_THAT(job_text(*standard.job, job_folder, {}), ContainsSubstring("\"size\": 40"));
+    const auto fixed = read_job(job_of(R"({ "name": "lotka_volterra" })", "[30, 4]"), job_folder / "job.json");
     REQUIRE(fixed.job);
     CHECK_FALSE(fixed.job->model.size);
-    CHECK_THAT(job_text(*fixed.job, folder, {}), !ContainsSubstring("\"size\""));
+    CHECK_THAT(job_text(*fixed.job, job_folder, {}), !ContainsSubstring("\"size\""));
 }
 
 TEST_CASE("a wrong size is refused", "[apps][job]") {
     check_only(job_of(R"({ "name": "lotka_volterra", "size": 3 })", "[30, 4]"),
                "/model/size: the number of coordinates of lotka_volterra is part of its equations");
     for (const char* size : {"3", "0", "-1", "10001", "4.5", "1e9"})
-        check_only(job_of(std::string(R"({ "name": "lorenz96", "size": )") + size + " }", "[1, 2, 3, 4]"),
+        check_only(job_of(std::string(R"({ "name": "lorenz96", "size": )") + size + " }", forty),
                    "/model/size: must be a whole number");
-    check_only(job_of(R"({ "name": "lorenz96", "size": "4" })", "[1, 2, 3, 4]"), "/model/size: must be a number");
+    check_only(job_of(R"({ "name": "lorenz96", "size": "4" })", forty), "/model/size: must be a number");
+    // The rest of the job is checked with the standard size.
+    const auto both = problems(job_of(R"({ "name": "lorenz96", "size": 3, "parameters": { "G": 1 } })", forty));
+    CAPTURE(both);
+    REQUIRE(both.size() == 2);
+    CHECK_THAT(both[0], ContainsSubstring("/model/size: must be a whole number"));
+    CHECK_THAT(both[1], ContainsSubstring("/model/parameters"));
     check_only(job_of(R"({ "name": "lorenz96", "sise": 40 })", forty), "did you mean \"size\"?");
     check_only(job_of(R"({ "name": "lorenz96", "size": 4 })", "[1, 2, 3]"), "[x1, x2, x3, x4]");
 }

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apps/job_reader.hpp"
+#include "tests/catch.hpp"
+
+namespace orbid::tests {
+
+/// Where the jobs of tests are thought to lie: file paths in them are relative to it.
+inline const std::filesystem::path job_folder = ORBID_SOURCE_DIR "/configs";
+
+/// Everything that is wrong with the text of a job, as it is printed: "job.json:7: /data/name: ...".
+inline std::vector<std::string> problems(const std::string& text, const std::filesystem::path& folder = job_folder) {
+    std::vector<std::string> result;
+    for (const apps::Problem& problem : apps::read_job(text, folder / "job.json").problems)
+        result.push_back(apps::message(problem, "job.json"));
+    return result;
+}
+
+/// One thing is wrong with the job, and the message holds `expected`.
+inline void check_only(const std::string& text, const std::string& expected) {
+    const auto found = problems(text);
+    CAPTURE(text, found);
+    REQUIRE(found.size() == 1);
+    CHECK_THAT(found[0], ContainsSubstring(expected));
+}
+
+}  // namespace orbid::tests
