@@ -22,9 +22,8 @@ namespace orbid::models {
 /// their own with steps of their own length:
 ///
 ///     tolerance not kept    two half steps
-///     one crossing          a step to where a quartic through the ends of the step puts it, a correction to the zero
-///     of
-///                           the velocity, a step on the other side to the end
+///     one crossing          a step to where a quartic through the ends of the step puts it, a correction to where
+///                           the velocity is zero, a step on the other side to the end
 ///     all else              (two crossings in a step, sticking, grazing, a start on the surface, a tolerance not kept
 ///                           by half steps) a Trajectory, which refines and sticks
 ///

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "models/cubic_zero.hpp"
 #include "models/flow.hpp"
 
 namespace orbid::models {
@@ -232,7 +233,8 @@ private:
         View below = lo, above = hi;
         std::optional<Path> path;
         View at;
-        double s = zero_of_cubic(lo, hi, level);
+        const double length = hi.s - lo.s;
+        double s = lo.s + cubic_zero(lo.g - level, hi.g - level, lo.slope * length, hi.slope * length) * length;
         // Newton needs two or three; 100 is more than bisection needs to shrink any step to neighbouring doubles.
         for (int i = 0; i < 100; ++i) {
             if (!(below.s < s && s < above.s)) s = 0.5 * (below.s + above.s);
@@ -271,16 +273,6 @@ private:
         for (std::size_t i = 0; i < n; ++i)
             crossing.state[i] = crossing.state[i] + f[i] * ds;
         found_.push_back(crossing);
-    }
-
-    /// Zero of the cubic with these end values and slopes, by a few steps of Newton's method: a guess.
-    static double zero_of_cubic(const View& a, const View& b, double level) {
-        const double ds = b.s - a.s, v0 = a.g - level, v1 = b.g - level, a0 = a.slope * ds, a1 = b.slope * ds;
-        const double c2 = 3.0 * (v1 - v0) - 2.0 * a0 - a1, c3 = 2.0 * (v0 - v1) + a0 + a1;
-        double at = v0 / (v0 - v1);
-        for (int i = 0; i < 4; ++i)
-            at -= (v0 + at * (a0 + at * (c2 + at * c3))) / (a0 + at * (2.0 * c2 + 3.0 * at * c3));
-        return a.s + at * ds;
     }
 
     SectionPlane plane_;

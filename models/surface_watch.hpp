@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <optional>
 
+#include "models/cubic_zero.hpp"
 #include "models/surface_field.hpp"
 
 namespace orbid::models {
@@ -192,7 +193,7 @@ private:
             return {std::nullopt, !(last.rate > 0.0)};
         }
         if (last.value < 0.0 || (last.value == 0.0 && last.rate < 0.0)) {
-            const double guess = zero_of_cubic(first.value, last.value, a0, a1);
+            const double guess = falling_cubic_zero(first.value, last.value, a0, a1);
             return {zero_between(field, e, step, 0.0, length, guess * length)};
         }
         for (const double part : parts)
@@ -214,17 +215,7 @@ private:
         return {};
     }
 
-    /// Zero in (0, 1) of the cubic with these end values and slopes, by a few steps of Newton's method: a guess.
-    static double zero_of_cubic(double v0, double v1, double a0, double a1) {
-        // Rising first: the zero is nearer to the end.
-        double at = a0 > 0.0 ? 1.0 : v0 / (v0 - v1);
-        for (int i = 0; i < 4; ++i) {
-            const double c2 = 3.0 * (v1 - v0) - 2.0 * a0 - a1, c3 = 2.0 * (v0 - v1) + a0 + a1;
-            at -= (v0 + at * (a0 + at * (c2 + at * c3))) / (a0 + at * (2.0 * c2 + 3.0 * at * c3));
-        }
-        return at;
-    }
-    /// Where that cubic, rising at 0, has its maximum; 0 where it has none in (0, 1).
+    /// Where the cubic with these end values and slopes, rising at 0, has its maximum; 0 where it has none in (0, 1).
     static double peak_of_cubic(double v0, double v1, double a0, double a1) {
         const double c2 = 3.0 * (v1 - v0) - 2.0 * a0 - a1, c3 = 2.0 * (v0 - v1) + a0 + a1;
         const double root = std::sqrt(c2 * c2 - 3.0 * a0 * c3);

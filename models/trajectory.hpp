@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "models/controlled_step.hpp"
+#include "models/cubic_zero.hpp"
 #include "models/input_knots.hpp"
 #include "models/sticking.hpp"
 
@@ -204,7 +205,7 @@ private:
                 if (!(speed(lo) > 0.0)) return {std::nullopt, true};
             }
             const double a1 = side * value_of(walk_.end_slope()[velocity]);
-            return {zero_of_speed(lo, ds, zero_of_cubic(v0, v1, a0 * ds, a1 * ds) * ds), false};
+            return {zero_of_speed(lo, ds, cubic_zero(v0, v1, a0 * ds, a1 * ds) * ds), false};
         }
         if (!(v0 > 0.0 && (a0 < 0.0 || v1 == 0.0))) return {};
         const double a1 = side * value_of(walk_.end_slope()[velocity]);
@@ -223,16 +224,6 @@ private:
             (side * values_(x, s() + middle)[velocity] < 0.0 ? lo : hi) = middle;
         }
         return {};
-    }
-
-    /// Zero in (0, 1) of the cubic with these end values and slopes, by a few steps of Newton's method: a guess.
-    static double zero_of_cubic(double v0, double v1, double a0, double a1) {
-        double at = v0 / (v0 - v1);
-        for (int i = 0; i < 4; ++i) {
-            const double c2 = 3.0 * (v1 - v0) - 2.0 * a0 - a1, c3 = 2.0 * (v0 - v1) + a0 + a1;
-            at -= (v0 + at * (a0 + at * (c2 + at * c3))) / (a0 + at * (2.0 * c2 + 3.0 * at * c3));
-        }
-        return at;
     }
 
     /// Zero of the velocity between lo (right side of the surface) and hi (wrong side), to machine accuracy: Newton's
