@@ -125,6 +125,14 @@ private:
         draft.covariance = errors.covariance;
         draft.multipliers = errors.multipliers;
         draft.ln_multiplier_covariance = errors.ln_multiplier_covariance;
+        if (section_.timed()) {
+            draft.time = 0.0;
+            for (Index j = 0; j < p; ++j) {
+                const ReferenceMap& map = maps[static_cast<std::size_t>(j)];
+                draft.time += map.return_time + map.time_slope.dot(offset.segment(j * n, n));
+            }
+            draft.time_sd = errors.time_sd;
+        }
         draft.advance = count_turns(section_, grid_, draft.points);
         trial.accepted =
             draft.multipliers.ln_modulus.size() > 0 && draft.largest_sd() <= largest_sd_boxes * options_.box;

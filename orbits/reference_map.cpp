@@ -158,6 +158,7 @@ ReferenceMap fit_reference_map(const SectionPoints& section, const BoxGrid& grid
     ReferenceMap map;
     map.offsets.resize(static_cast<Index>(found.size()), n);
     MatrixXd images(static_cast<Index>(found.size()), n);
+    VectorXd times(section.timed() ? static_cast<Index>(found.size()) : 0);
     Index k = 0;
     for (const Neighbour& neighbour : found) {
         if (neighbour.index == reference && !neighbour.mirrored) continue;
@@ -170,6 +171,7 @@ ReferenceMap fit_reference_map(const SectionPoints& section, const BoxGrid& grid
             if (section.angle()[static_cast<std::size_t>(d)] && !(std::abs(images(k, d)) < torn)) whole = false;
         }
         if (!whole) break;
+        if (section.timed()) times[k] = section.return_time(neighbour.index) - section.return_time(reference);
         ++k;
     }
     map.offsets.conservativeResize(k, n);
@@ -189,6 +191,12 @@ ReferenceMap fit_reference_map(const SectionPoints& section, const BoxGrid& grid
     map.image_spread =
         std::sqrt((images.rowwise() - images.colwise().mean()).squaredNorm() / static_cast<double>((k - 1) * n));
     tell_truncation(images, map);
+    if (section.timed()) {
+        map.return_time = section.return_time(reference);
+        map.time_slope = map.solver * times.head(k);
+        map.time_residual =
+            (times.head(k) - map.offsets * map.time_slope).norm() / std::sqrt(static_cast<double>(k - n));
+    }
     map.usable = true;
     return map;
 }
@@ -223,6 +231,18 @@ ReferenceErrors reference_errors(const std::vector<ReferenceMap>& maps, const Ve
         result.covariance += to_points * errors.topLeftCorner(n, n) * to_points.transpose();
         result.ln_multiplier_covariance +=
             to_multipliers * errors.bottomRightCorner(n * n, n * n) * to_multipliers.transpose();
+    }
+    if (maps.front().time_slope.size() > 0) {
+        // The return times' own errors are taken as large as the neighbours' residuals: at most, for the cycle lies
+        // nearer to the reference than they do.
+        VectorXd slope(n * p);
+        double variance = 0.0;
+        for (Index j = 0; j < p; ++j) {
+            const ReferenceMap& map = maps[static_cast<std::size_t>(j)];
+            slope.segment(j * n, n) = map.time_slope;
+            variance += map.time_residual * map.time_residual;
+        }
+        result.time_sd = std::sqrt(variance + slope.dot(result.covariance * slope));
     }
     result.covariance = floored(result.covariance);
     result.ln_multiplier_covariance = floored(result.ln_multiplier_covariance);

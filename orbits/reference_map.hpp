@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 #include <Eigen/Core>
@@ -27,7 +28,11 @@ struct ReferenceMap {
     /// Part of the squared residuals of a linear map with intercept that the curved terms explain, 0 to 1: what is
     /// truncation. 1 when there are too few neighbours to tell.
     double truncation = 1.0;
-    bool usable = false;  ///< false: fewer neighbours than n + 2, or neighbours without n dimensions
+    double return_time = std::numeric_limits<double>::quiet_NaN();  ///< [s] of the reference; nan: the series has none
+    Eigen::VectorXd
+        time_slope;  ///< of the return time at the reference [s per scaled unit], shape (n); empty: no times
+    double time_residual = 0.0;  ///< rms of what the slopes leave over of the neighbours' return times [s]
+    bool usable = false;         ///< false: fewer neighbours than n + 2, or neighbours without n dimensions
 };
 
 /// Least squares fit about point `reference` of the series, which must have an image, to at most `most` neighbours,
@@ -42,7 +47,8 @@ struct ReferenceMap {
 struct ReferenceErrors {
     Eigen::MatrixXd covariance;  ///< of all points, shape (n p, n p), coordinate fastest
     CycleMultipliers multipliers;
-    Eigen::MatrixXd ln_multiplier_covariance;  ///< shape (n, n)
+    Eigen::MatrixXd ln_multiplier_covariance;                   ///< shape (n, n)
+    double time_sd = std::numeric_limits<double>::quiet_NaN();  ///< [s] of the cycle's time; nan: the series has none
 };
 
 /// Covariance of a cycle whose points are x_{t+j} + u_j,  u_{j+1} = A_j u_j,  closed by the return x_{t+p} (P8).

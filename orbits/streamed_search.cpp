@@ -235,7 +235,9 @@ CycleSearch find_cycles(const SeriesStream& record, const CycleSearchOptions& op
         search.remarks.push_back(
             fmt::format("Of {} points {} fit into memory and were searched: {} stretches evenly over the record.",
                         total, sample.size(), stretches));
-        if (search.patch_map || search.cycles.empty()) return search;
+        // Local maps would be another analysis than the one asked for.
+        const bool closest_return = options.method == CycleSearchOptions::Method::closest_return;
+        if (search.patch_map || closest_return || search.cycles.empty()) return search;
         starts = starts_of(sample, options, search, share);
         scale = sample.scale();
     }

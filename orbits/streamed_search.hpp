@@ -14,8 +14,8 @@ namespace orbid::orbits {
 /// larger one, stretches that fit, evenly spaced, are searched; then the record is read once more in blocks, keeping
 /// those points with their images that lie near the cycles found, and every cycle is refined on all of them. Cycles
 /// that only the whole record would show are not found; those found are as accurate as the whole record allows, as far
-/// as local maps refine them (cycles of a patch map stay as the stretches tell). Cycle::recurrences and
-/// CycleSearch::candidates count what the stretches hold. More cycles than fit near their points are refined in
+/// as local maps refine them (cycles of a patch map or a closest return stay as the stretches tell). Cycle::recurrences
+/// and CycleSearch::candidates count what the stretches hold. More cycles than fit near their points are refined in
 /// several readings. CycleSearch::remarks says what was done.
 ///
 /// @param memory  [byte] for the points and the search; the program itself comes on top.
