@@ -117,9 +117,34 @@ TEST_CASE("what is wrong is named with place and rule", "[apps][job]") {
     });
 }
 
+TEST_CASE("the way of telling the map is chosen by name", "[apps][job]") {
+    using Method = orbits::CycleSearchOptions::Method;
+    const std::vector<std::pair<std::string, Method>> methods{{"auto", Method::automatic},
+                                                              {"local_maps", Method::local_maps},
+                                                              {"patch_map", Method::patch_map},
+                                                              {"closest_return", Method::closest_return}};
+    for (const auto& [name, method] : methods) {
+        CAPTURE(name);
+        const auto reading = read_job(
+            job_with(
+                "\"local_maps\", \"periods\": [1, 2], \"box\": 0.01, \"neighbours\": 32, \"local_map\": \"quadratic\"",
+                "\"" + name + "\", \"periods\": [1, 2]"),
+            job_folder / "job.json");
+        REQUIRE(reading.job);
+        CHECK(reading.job->orbits->search.method == method);
+        const std::string written = job_text(*reading.job, job_folder);
+        CHECK_THAT(written, ContainsSubstring("\"method\": \"" + name + "\""));
+        const auto again = read_job(written, job_folder / "job.json");
+        REQUIRE(again.job);
+        CHECK(again.job->orbits->search.method == method);
+    }
+    tests::check_only(job_with("\"local_maps\"", "\"closest_return\""),
+                      "job.json:8: /orbits/local_map: with \"method\": \"closest_return\" maps are linear");
+    tests::check_only(job_with("\"local_maps\"", "\"closest\""), "/orbits/method: unknown value \"closest\"");
+}
+
 TEST_CASE("reserved names and values are refused by name", "[apps][job]") {
     const std::vector<std::pair<std::string, std::string>> later{
-        {"\"local_maps\"", "\"patch_map\""},
         {"\"multipliers\": false", "\"multipliers\": true"},
         {"[\"cycles\"]", "\"auto\""},
         {"\"phase\": 0.0", "\"coordinate\": \"phi\""},
