@@ -36,7 +36,7 @@ constexpr std::size_t trial_points = 256;
 // A wider neighbourhood that predicts this much worse than the best is as good and steadier: at heavy noise the
 // prediction error is the point's own and hardly depends on the fit.
 constexpr double as_good = 1.05;
-constexpr std::size_t widest = 500;  // neighbours tried at most: a fit takes half a millisecond then
+constexpr std::size_t widest = 1000;  // neighbours tried at most: a fit takes a millisecond then
 // Below this the exponents' errors are statistical: the cheapest fit will do. At least cubic, because quadratic maps
 // across a curved sheet err as much as the sheet is thick (0.1 % of Lorenz's exponent, 10 % of Roessler's).
 constexpr double exact_enough = 1e-9;
