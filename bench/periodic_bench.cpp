@@ -100,6 +100,7 @@ void run(const char* title, const models::System& system, const VectorXd& theta,
     std::mt19937_64 generator(1);
     std::normal_distribution<double> normal;
     std::map<std::string, int> ends;
+    std::map<Index, int> lost;  // per period
     int right = 0, wrong = 0, all = 0, orbits = 0;
     double unstable_error = 0.0, stable_error = 0.0, time = 0.0;
     long iterations = 0;
@@ -121,10 +122,12 @@ void run(const char* title, const models::System& system, const VectorXd& theta,
                 unstable_error = std::max(unstable_error, std::abs(orbit.multipliers[0].real() / cycle.unstable - 1.0));
                 stable_error = std::max(stable_error, std::abs(orbit.multipliers[1].real() / cycle.stable - 1.0));
             } else if (orbit.status == OrbitStatus::converged) {
+                ++lost[cycle.points.cols()];
                 ++wrong;
                 std::printf("  called converged, %.1e off: period %td multiplier %g, distance %.3g\n",
                             distance(orbit.points, cycle.points), cycle.points.cols(), cycle.unstable, orbit.distance);
             } else {
+                ++lost[cycle.points.cols()];
                 ++ends[std::string(name(orbit.status))];
             }
         }
@@ -136,6 +139,8 @@ void run(const char* title, const models::System& system, const VectorXd& theta,
         static_cast<double>(iterations) / all);
     for (const auto& [end, count] : ends)
         std::printf("  %s %d\n", end.c_str(), count);
+    for (const auto& [period, count] : lost)
+        std::printf("  not found at period %td: %d\n", period, count);
     std::printf("  largest relative error of the multipliers: unstable %.1e, stable %.1e (as far as the table goes)\n",
                 unstable_error, stable_error);
 }
