@@ -123,9 +123,9 @@ private:
 }  // namespace
 
 OrbitPoints points_at(const models::System& system, const VectorXd& theta, const StartingSolution& start,
-                      const Discretisation& discretisation, const MatrixXd& nodes, const MatrixXd& /*turns*/,
-                      const MatrixXd& sensitivities, const std::vector<double>& shares, double time,
-                      std::span<const Index> free, const models::FlowOptions& options) {
+                      const Discretisation& discretisation, const MatrixXd& nodes, const MatrixXd& sensitivities,
+                      const std::vector<double>& shares, double time, std::span<const Index> free,
+                      const models::FlowOptions& options) {
     const Report report(system, theta, start, discretisation, nodes, sensitivities, time, free, options);
     const Index n = system.dimension();
     const auto f = static_cast<Index>(free.size());

@@ -25,9 +25,8 @@ struct OrbitPoints {
 /// @param sensitivities  of the nodes and ln T, from node_sensitivities(); empty: none wanted.
 [[nodiscard]] OrbitPoints points_at(const models::System& system, const Eigen::VectorXd& theta,
                                     const StartingSolution& start, const Discretisation& discretisation,
-                                    const Eigen::MatrixXd& nodes, const Eigen::MatrixXd& turns,
-                                    const Eigen::MatrixXd& sensitivities, const std::vector<double>& shares,
-                                    double time, std::span<const Eigen::Index> free,
+                                    const Eigen::MatrixXd& nodes, const Eigen::MatrixXd& sensitivities,
+                                    const std::vector<double>& shares, double time, std::span<const Eigen::Index> free,
                                     const models::FlowOptions& options);
 
 /// Products of the factors from each of these nodes to the next; empty for no nodes.

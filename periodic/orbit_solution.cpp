@@ -100,14 +100,14 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
         return solution;
     }
     ClosingError closing = first.closing;
-    solution.turns = whole_turns(closing.error.bottomRows(n), angles, start.rotation).replicate(copies, 1);
-    closing.error -= full_turn * solution.turns;
+    const MatrixXd turns = whole_turns(closing.error.bottomRows(n), angles, start.rotation).replicate(copies, 1);
+    closing.error -= full_turn * turns;
     for (const Index i : angles)
-        orbit.rotation.push_back(static_cast<int>(std::lround(solution.turns.row(i).sum())));
+        orbit.rotation.push_back(static_cast<int>(std::lround(turns.row(i).sum())));
 
     const std::optional<PhaseCondition> condition = phase_condition(system, theta, start);
-    const NewtonResult newton_result = newton(discretisation, first.nodes, first.time, std::move(closing),
-                                              solution.turns, condition, node_scale, options);
+    const NewtonResult newton_result =
+        newton(discretisation, first.nodes, first.time, std::move(closing), turns, condition, node_scale, options);
     orbit.status = newton_result.status;
     orbit.iterations = newton_result.iterations;
     orbit.residual = newton_result.residual;
@@ -124,7 +124,7 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
     }
     if (orbit.status != OrbitStatus::converged) return solution;
 
-    closing = closing_error(discretisation, solution.nodes, orbit.time, solution.turns, free);
+    closing = closing_error(discretisation, solution.nodes, orbit.time, turns, free);
     if (!closing.simulated) {
         orbit.status = OrbitStatus::not_simulated;
         return solution;
@@ -146,8 +146,8 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
             node_sensitivities(discretisation, closing, solution.nodes, orbit.time, condition, node_scale, free);
         if (autonomous) orbit.time_sensitivities = orbit.time * sensitivities.bottomRows(1);
     }
-    const OrbitPoints reported = points_at(system, theta, start, discretisation, solution.nodes, solution.turns,
-                                           sensitivities, first.points, orbit.time, free, options.flow);
+    const OrbitPoints reported = points_at(system, theta, start, discretisation, solution.nodes, sensitivities,
+                                           first.points, orbit.time, free, options.flow);
     if (!reported.simulated) {
         orbit.status = OrbitStatus::not_simulated;
         return solution;

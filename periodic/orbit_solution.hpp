@@ -26,7 +26,6 @@ struct DiscreteStart {
 struct DiscreteSolution {
     PeriodicOrbit orbit;
     Eigen::MatrixXd nodes;  ///< shape (d, N): the last iterate
-    Eigen::MatrixXd turns;  ///< whole turns per step, shape (d, N)
 };
 
 /// Solves a discretised orbit and reports it: points, Jacobians, multipliers, sensitivities (M7), prime period,

@@ -21,7 +21,7 @@ struct ShootingOptions {
     models::FlowOptions flow{};
     /// A segment over which the ratio of the largest to the smallest growth of an error exceeds this gets further nodes
     /// inside (flows); > 1, infinity: none. Multipliers lose as many digits as this has. Measured: docs/periodic.md.
-    double segment_growth = 1e3;
+    double segment_growth = 1e5;
 };
 
 }  // namespace orbid::periodic

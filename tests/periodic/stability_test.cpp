@@ -38,6 +38,7 @@ PeriodicOrbit solve(const models::System& system, const VectorXd& theta, const S
     periodic::ShootingOptions options;
     options.flow.relative_tolerance = options.flow.absolute_tolerance = 1e-13;
     options.maximum_distance = 1.0;
+    options.segment_growth = 1e3;  // differences of multipliers need all their digits
     PeriodicOrbit orbit = solve_multiple_shooting(system, theta, start, free, options);
     REQUIRE(orbit.status == OrbitStatus::converged);
     return orbit;
