@@ -97,6 +97,14 @@ private:
     std::uint64_t highest_ = 1;  // base^(period - 1)
 };
 
+// Different itineraries in a sorted list.
+std::size_t groups_of(const std::vector<Recurrence>& sorted) {
+    std::size_t groups = 0;
+    for (std::size_t i = 0; i < sorted.size(); ++i)
+        if (i == 0 || sorted[i].itinerary != sorted[i - 1].itinerary) ++groups;
+    return groups;
+}
+
 }  // namespace
 
 std::vector<RecurrenceSeed> itinerary_seeds(const SectionPoints& points, int period, double box, double cell) {
@@ -139,6 +147,7 @@ std::vector<RecurrenceSeed> itinerary_seeds(const SectionPoints& points, int per
     tbb::parallel_sort(all.begin(), all.end());
 
     std::vector<RecurrenceSeed> seeds;
+    seeds.reserve(groups_of(all));
     for (std::size_t i = 0; i < all.size();) {
         std::size_t end = i + 1;
         while (end < all.size() && all[end].itinerary == all[i].itinerary)
