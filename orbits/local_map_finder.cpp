@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <optional>
 #include <stdexcept>
@@ -67,6 +68,9 @@ double unexplained_part(const RefinedCycle& cycle) {
         largest = std::max(largest, map.left_out / map.image_spread);
     return largest;
 }
+
+// Starts that are closed before those that ended in one orbit are joined: a draft takes half a kilobyte.
+constexpr std::size_t starts_at_once = 1 << 14;
 
 template <class Body>
 void each(std::size_t count, const Body& body) {
@@ -136,10 +140,15 @@ public:
     [[nodiscard]] std::vector<CycleDraft> find(int period, CycleSearch& search) const override {
         const std::vector<RecurrenceSeed> seeds = itinerary_seeds(section_, period, options_.box, itinerary_cell);
         search.candidates += seeds.size();
-        std::vector<Trial> closed(seeds.size());
-        each(seeds.size(), [&](std::size_t i) { closed[i] = close(seeds[i], period); });
-        std::vector<CycleDraft> drafts = merged(section_, distinct(section_, accepted(closed, search)),
-                                                [](const auto&, const auto&) { return same_distance; });
+        std::vector<CycleDraft> drafts;
+        for (std::size_t first = 0; first < seeds.size(); first += starts_at_once) {
+            std::vector<Trial> closed(std::min(starts_at_once, seeds.size() - first));
+            each(closed.size(), [&](std::size_t i) { closed[i] = close(seeds[first + i], period); });
+            std::vector<CycleDraft> more = accepted(closed, search);
+            std::move(more.begin(), more.end(), std::back_inserter(drafts));
+            drafts = distinct(section_, drafts);
+        }
+        drafts = merged(section_, std::move(drafts), [](const auto&, const auto&) { return same_distance; });
         std::erase_if(drafts,
                       [&](const CycleDraft& draft) { return !is_prime(section_, draft.points, same_distance); });
         std::vector<Trial> judged(drafts.size());
