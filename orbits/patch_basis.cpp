@@ -123,6 +123,16 @@ bool PatchBasis::locate(const double* place, std::array<std::int64_t, 4>& cell, 
     return true;
 }
 
+std::int64_t PatchBasis::region(const double* place, std::int64_t width) const {
+    std::array<std::int64_t, maximum_dimension> cell{};
+    std::array<double, maximum_dimension> u{};
+    if (!locate(place, cell, u)) return -1;
+    std::int64_t box = 0;
+    for (std::size_t d = 0; d < axes_.size(); ++d)
+        box = box * (axes_[d].cells / width + 1) + cell[d] / width;
+    return box;
+}
+
 // Function `offset` places along the axis: cell + 0 ... cell + 3 overlap in a cell. On the circle function j is centred
 // on grid point j - 1.
 std::int64_t PatchBasis::function_of(std::size_t d, std::int64_t offset) const {

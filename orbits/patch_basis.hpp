@@ -43,6 +43,9 @@ public:
     /// @param derivatives  0, 1 or 2: as far as they are needed.
     void support(const double* place, int derivatives, PatchSupport& result) const;
 
+    /// Number of the box of `width` x ... cells that a place lies in; -1 outside.
+    [[nodiscard]] std::int64_t region(const double* place, std::int64_t width) const;
+
     /// Third differences of the coefficients of coordinate d on the grid, along and across its axes: a row each, over
     /// the unknowns. Quadratic polynomials have none, so |rows c|^2 measures the roughness of a map.
     /// @param region  receives for every row the number of the region that it lies in, boxes of `width` patches.

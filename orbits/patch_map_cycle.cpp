@@ -88,6 +88,16 @@ PatchMapCycle close_on_patch_map(const SectionPoints& section, const PatchMap& m
     return cycle;
 }
 
+CycleMultipliers multipliers_of(const PatchMap& map, const Eigen::MatrixXd& points) {
+    std::vector<Eigen::MatrixXd> jacobians;
+    MapValue value;
+    for (Eigen::Index j = 0; j < points.cols(); ++j) {
+        map.evaluate(points.col(j).data(), 1, value);
+        jacobians.push_back(value.jacobian);
+    }
+    return cycle_multipliers(jacobians);
+}
+
 CycleDraft draft_of(const SectionPoints& section, const PatchMapFit& fit, const PatchMapCycle& cycle) {
     const Eigen::Index n = cycle.points.rows(), p = cycle.points.cols();
     const auto size = static_cast<std::size_t>(fit.map.basis().unknowns());
@@ -117,7 +127,17 @@ CycleDraft draft_of(const SectionPoints& section, const PatchMapFit& fit, const 
                 }
             }
     }
-    const Eigen::MatrixXd errors = image.transpose() * image;
+    Eigen::MatrixXd errors = image.transpose() * image;
+    for (Eigen::Index j = 0; j < p; ++j) {
+        const Eigen::VectorXd& missed = fit.model_error.variance(fit.map.basis(), cycle.points.col(j).data());
+        for (Eigen::Index d = 0; d < n; ++d) {
+            errors(j * entries + d, j * entries + d) += missed[d];
+            for (Eigen::Index a = 0; a < n; ++a) {
+                const Eigen::Index entry = j * entries + n + a * n + d;
+                errors(entry, entry) += missed[d] / std::pow(fit.map.basis().spacing(a), 2);
+            }
+        }
+    }
 
     CycleDraft draft;
     draft.points = cycle.points;

@@ -23,6 +23,9 @@ struct PatchMapCycle {
 [[nodiscard]] PatchMapCycle close_on_patch_map(const SectionPoints& section, const PatchMap& map,
                                                const Eigen::MatrixXd& start);
 
+/// Multipliers of the map along points, shape (n, p), all of them at places with data.
+[[nodiscard]] CycleMultipliers multipliers_of(const PatchMap& map, const Eigen::MatrixXd& points);
+
 /// Covariance of all points and of ln|multipliers| of a closed orbit from that of the map's coefficients, to first
 /// order:  J dx = -dF(x), with dF = Phi(x) dc, and the jacobians' own errors dPhi/dx dc + F'' dx.
 [[nodiscard]] CycleDraft draft_of(const SectionPoints& section, const PatchMapFit& fit, const PatchMapCycle& cycle);

@@ -1,6 +1,7 @@
 #include "orbits/patch_map_fit.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -26,17 +27,22 @@ public:
           reading_(reading_covariance),
           options_(options),
           n_(section.dimension()),
-          fit_(PatchMap(PatchBasis(section, read_points(section), options.spacing), lift.offset, section.signs())) {
+          fit_(PatchMap(PatchBasis(section, read_points(section), options.spacing), lift.offset, section.signs()),
+               1e-4 * reading_covariance.diagonal()) {
         fit_.states = read_points(section);
         present_.resize(section.size());
         for (std::size_t t = 0; t < section.size(); ++t)
             present_[t] = section.has_image(t) ? 1 : 0;
         for (Eigen::Index d = 0; d < n_; ++d)
             roughness_.emplace_back(fit_.map.basis(), d);
-        remaining_.assign(section.size(), SmallMatrix(reading_));
+        fit_.remaining.assign(section.size(), SmallMatrix(reading_));
     }
 
-    PatchMapFit run() {
+    PatchMapFit run(const PatchMapFit* coarser) {
+        if (coarser && coarser->usable) {
+            fit_.states = coarser->states;
+            fit_.remaining = coarser->remaining;
+        }
         start();
         for (int pass = 0; pass < options_.passes && good_; ++pass) {
             const double fall = options_.passes > 1
@@ -63,7 +69,7 @@ private:
         Eigen::MatrixXd target = lift_.displacement;
         for (Eigen::Index t = 0; t < target.cols(); ++t)
             if (present_[static_cast<std::size_t>(t)])
-                target.col(t) -= lift_.offset;
+                target.col(t) += image_shift(t) - lift_.offset;
             else
                 target.col(t).setZero();
         const Eigen::VectorXd right = design.gathered(target);
@@ -84,8 +90,35 @@ private:
                 roughness_[static_cast<std::size_t>(d)].reweigh(root, solution, variance[d]);
             }
         }
-        for (Eigen::Index d = 0; d < n_; ++d)
+        fit_.unexplained = 0.0;
+        for (Eigen::Index d = 0; d < n_; ++d) {
             roughness_[static_cast<std::size_t>(d)].scale_weight(1.0 / variance[d]);
+            fit_.unexplained += variance[d] / image_variance(d) / static_cast<double>(n_);
+        }
+        good_ = fit_.unexplained < options_.largest_unexplained;
+    }
+
+    // By how much smoothing moved the image of a point more than the point.
+    [[nodiscard]] Eigen::VectorXd image_shift(Eigen::Index t) const {
+        Eigen::VectorXd shift(n_);
+        for (Eigen::Index d = 0; d < n_; ++d)
+            shift[d] =
+                section_.difference(fit_.states(d, t + 1), section_.point(static_cast<std::size_t>(t + 1))[d], d) -
+                section_.difference(fit_.states(d, t), section_.point(static_cast<std::size_t>(t))[d], d);
+        return shift;
+    }
+
+    // Variance of the images about their mean; uniform around the circle for angles.
+    [[nodiscard]] double image_variance(Eigen::Index d) const {
+        if (section_.angle()[static_cast<std::size_t>(d)]) return 1.0 / 12.0;
+        double sum = 0.0, squares = 0.0;
+        for (std::size_t t = 0; t < section_.size(); ++t)
+            if (section_.has_image(t)) {
+                sum += section_.point(t + 1)[d];
+                squares += section_.point(t + 1)[d] * section_.point(t + 1)[d];
+            }
+        const auto count = static_cast<double>(section_.image_count());
+        return squares / count - sum * sum / (count * count);
     }
 
     void improve(bool last) {
@@ -105,7 +138,6 @@ private:
         for (std::size_t t = 0; t < count; ++t)
             present[t] = steps[t].present ? 1 : 0;
         const ReadingSmoother smoother(std::move(steps), reading_, options_.gate);
-        fit_.gated = smoother.gated();
 
         const PatchDesign design(fit_.map, fit_.states, present);
         const std::vector<double> normal = design.normal_matrix(&smoother);
@@ -119,6 +151,7 @@ private:
         residual -= design.spread(step);
         const Eigen::MatrixXd weighted = smoother.weighted(residual);
         fit_.chi2 = weighted.cwiseProduct(residual).sum();
+        if (fit_.passes.size() > 0) fit_.model_error.update(fit_.map.basis(), fit_.states, weighted, smoother);
         move_states(smoother, weighted);
 
         std::vector<double> root = factor.inverse_factor();
@@ -127,7 +160,7 @@ private:
             fit_.freedom += roughness.reweigh(root, fit_.map.coefficients(), 1.0);
         fit_.chi2 /= static_cast<double>(n_) * static_cast<double>(section_.image_count()) - fit_.freedom;
         fit_.passes.push_back(
-            {fit_.model_share, fit_.chi2, fit_.freedom, fit_.state_sd, step.cwiseAbs().maxCoeff(), fit_.gated});
+            {fit_.model_share, fit_.chi2, fit_.freedom, state_sd_, step.cwiseAbs().maxCoeff(), smoother.gated()});
         if (last) fit_.root = std::move(root);
     }
 
@@ -139,12 +172,17 @@ private:
         step.present = true;
         step.jacobian = value.jacobian;
         step.model = share2 * reading_;
-        SmallVector moved(n_), bias(n_);
+        step.model.diagonal() += fit_.model_error.variance(fit_.map.basis(), fit_.states.col(at).data());
+        SmallVector moved(n_);
+        std::array<SmallMatrix, 4> curved;
         for (Eigen::Index d = 0; d < n_; ++d) {
             moved[d] = section_.difference(section_.point(t)[d], fit_.states(d, at), d);
-            bias[d] = 0.5 * value.bending[static_cast<std::size_t>(d)].cwiseProduct(remaining_[t]).sum();
+            curved[static_cast<std::size_t>(d)] = value.bending[static_cast<std::size_t>(d)] * fit_.remaining[t];
         }
-        step.model += bias * bias.transpose();
+        for (Eigen::Index a = 0; a < n_; ++a)
+            for (Eigen::Index b = 0; b < n_; ++b)
+                step.model(a, b) +=
+                    0.5 * (curved[static_cast<std::size_t>(a)] * curved[static_cast<std::size_t>(b)]).trace();
         step.residual = lift_.displacement.col(at) - value.displacement + moved - step.jacobian * moved;
         for (Eigen::Index d = 0; d < n_; ++d)
             if (section_.angle()[static_cast<std::size_t>(d)]) step.residual[d] -= std::nearbyint(step.residual[d]);
@@ -167,10 +205,10 @@ private:
                 fit_.map.basis().support(moved.data(), 0, support);
                 fit_.states.col(at) = support.inside ? moved : Eigen::VectorXd(read);
             }
-            remaining_[t] = smoother.remaining_covariance(t);
-            remaining += (precision * remaining_[t]).trace();
+            fit_.remaining[t] = smoother.remaining_covariance(t);
+            remaining += (precision * fit_.remaining[t]).trace();
         }
-        fit_.state_sd = std::sqrt(remaining / static_cast<double>(n_) / static_cast<double>(section_.size()));
+        state_sd_ = std::sqrt(remaining / static_cast<double>(n_) / static_cast<double>(section_.size()));
     }
 
     [[nodiscard]] static double mean_diagonal(const std::vector<double>& matrix) {
@@ -195,15 +233,16 @@ private:
     PatchMapFit fit_;
     std::vector<PatchRoughness> roughness_;
     std::vector<char> present_;
-    std::vector<SmallMatrix> remaining_;  ///< covariance of what is not known of a reading error
+    double state_sd_ = 1.0;
     bool good_ = true;
 };
 
 }  // namespace
 
 PatchMapFit fit_patch_map(const SectionPoints& section, const SectionLift& lift,
-                          const Eigen::MatrixXd& reading_covariance, const PatchMapFitOptions& options) {
-    return Fitter(section, lift, reading_covariance, options).run();
+                          const Eigen::MatrixXd& reading_covariance, const PatchMapFitOptions& options,
+                          const PatchMapFit* coarser) {
+    return Fitter(section, lift, reading_covariance, options).run(coarser);
 }
 
 }  // namespace orbid::orbits

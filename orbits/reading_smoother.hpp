@@ -41,6 +41,7 @@ public:
     /// Covariance of what remains unknown of the reading error of point t.
     [[nodiscard]] SmallMatrix remaining_covariance(std::size_t t) const;
 
+    [[nodiscard]] const SmallMatrix& inverse_diagonal(std::size_t t) const { return diagonal_[t]; }  ///< (V^-1)_tt
     /// Blocks (V^-1)_{t,t+k} for k = 0, 1, ... until they are negligible (or the piece ends), first into `row`.
     void inverse_row(std::size_t t, std::vector<SmallMatrix>& row) const;
 
