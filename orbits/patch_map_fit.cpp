@@ -18,6 +18,10 @@ namespace orbid::orbits {
 
 namespace {
 
+// Prior on every coefficient: sd of ten ranges (turns). It only matters for patches at the border that neither data nor
+// neighbours hold; what it leaves open shows in the covariance.
+constexpr double ridge = 1e-2;
+
 class Fitter {
 public:
     Fitter(const SectionPoints& section, const SectionLift& lift, const Eigen::MatrixXd& reading_covariance,
@@ -78,23 +82,27 @@ private:
         for (PatchRoughness& roughness : roughness_)
             roughness.set_weight(1e-3 * scale);
         for (int round = 0; round < 4; ++round) {
-            const TiledCholesky factor(penalised(normal), static_cast<std::size_t>(right.size()));
+            const TiledCholesky factor(penalised(normal, ridge * variance.mean()),
+                                       static_cast<std::size_t>(right.size()));
             if (!(good_ = factor.positive_definite())) return;
             Eigen::VectorXd solution = right;
             factor.solve(solution.data());
             fit_.map.set_coefficients(solution);
             const Eigen::MatrixXd residual = target - design.spread(solution);
-            const std::vector<double> root = factor.inverse_factor();
+            fit_.unexplained = 0.0;
             for (Eigen::Index d = 0; d < n_; ++d) {
                 variance[d] = residual.row(d).squaredNorm() / static_cast<double>(section_.image_count());
+                fit_.unexplained += variance[d] / image_variance(d) / static_cast<double>(n_);
+            }
+            // Other weights cannot help so much: spare the rounds.
+            if (!(good_ = fit_.unexplained < 2.0 * options_.largest_unexplained)) return;
+            const std::vector<double> root = factor.inverse_factor();
+            for (Eigen::Index d = 0; d < n_; ++d) {
                 roughness_[static_cast<std::size_t>(d)].reweigh(root, solution, variance[d]);
             }
         }
-        fit_.unexplained = 0.0;
-        for (Eigen::Index d = 0; d < n_; ++d) {
+        for (Eigen::Index d = 0; d < n_; ++d)
             roughness_[static_cast<std::size_t>(d)].scale_weight(1.0 / variance[d]);
-            fit_.unexplained += variance[d] / image_variance(d) / static_cast<double>(n_);
-        }
         good_ = fit_.unexplained < options_.largest_unexplained;
     }
 
@@ -142,9 +150,10 @@ private:
         const PatchDesign design(fit_.map, fit_.states, present);
         const std::vector<double> normal = design.normal_matrix(&smoother);
         Eigen::VectorXd step = design.gathered(smoother.weighted(residual));
+        step -= ridge * fit_.map.coefficients();
         for (const PatchRoughness& roughness : roughness_)
             step -= roughness.times(fit_.map.coefficients());
-        const TiledCholesky factor(penalised(normal), static_cast<std::size_t>(step.size()));
+        const TiledCholesky factor(penalised(normal, ridge), static_cast<std::size_t>(step.size()));
         if (!(good_ = factor.positive_definite())) return;
         factor.solve(step.data());
         fit_.map.set_coefficients(fit_.map.coefficients() + step);
@@ -219,7 +228,10 @@ private:
         return sum / static_cast<double>(size);
     }
 
-    [[nodiscard]] std::vector<double> penalised(std::vector<double> matrix) const {
+    [[nodiscard]] std::vector<double> penalised(std::vector<double> matrix, double diagonal) const {
+        const auto size = static_cast<std::size_t>(fit_.map.basis().unknowns());
+        for (std::size_t i = 0; i < size; ++i)
+            matrix[i * size + i] += diagonal;
         for (const PatchRoughness& roughness : roughness_)
             roughness.add_to(matrix);
         return matrix;
