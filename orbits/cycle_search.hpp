@@ -48,9 +48,11 @@ struct CycleSearchOptions {
 
 /// Unstable periodic orbits of a section series (van de Water 1991; P5-P8; mathematics.md, section 2).
 ///
-/// A cycle is accepted when its local fits explain their neighbours' images, refits with half and double the
-/// neighbours agree with it and its sds are below 2e-3 of the range. Covariances are meant relatively: error / sd is of
-/// the order of one half everywhere on clean data.
+/// By local maps: a start from every coarse itinerary that returns within the box, closed on cheap maps of small cells;
+/// the orbits that come out are closed again on the best fits that the data allow at each of their points. A cycle is
+/// accepted when these fits explain their neighbours' images with the neighbour itself left out, other orders and
+/// numbers of neighbours give the same cycle within 3e-3 and its sds are below 2e-3 of the range. Covariances are meant
+/// relatively: error / sd is 0.5 to 0.8 rms on clean data and at reading errors up to 1e-3.
 ///
 /// Cycle::rotation stays empty for angles read wrapped (in one turn): the section then shows turns only modulo one.
 /// With a symmetry, partners are exact images of each other and rest on the same data: whoever uses both counts them

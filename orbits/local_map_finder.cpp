@@ -140,15 +140,19 @@ public:
     [[nodiscard]] std::vector<CycleDraft> find(int period, CycleSearch& search) const override {
         const std::vector<RecurrenceSeed> seeds = itinerary_seeds(section_, period, options_.box, itinerary_cell);
         search.candidates += seeds.size();
-        std::vector<CycleDraft> drafts;
+        std::vector<CycleDraft> orbits;
+        // In blocks: wide boxes have a hundred times more starts than orbits.
         for (std::size_t first = 0; first < seeds.size(); first += starts_at_once) {
             std::vector<Trial> closed(std::min(starts_at_once, seeds.size() - first));
             each(closed.size(), [&](std::size_t i) { closed[i] = close(seeds[first + i], period); });
-            std::vector<CycleDraft> more = accepted(closed, search);
-            std::move(more.begin(), more.end(), std::back_inserter(drafts));
-            drafts = distinct(section_, drafts);
+            std::vector<CycleDraft> some = accepted(closed, search);
+            std::move(some.begin(), some.end(), std::back_inserter(orbits));
+            orbits = distinct(section_, orbits);
         }
-        drafts = merged(section_, std::move(drafts), [](const auto&, const auto&) { return same_distance; });
+        // Starts that met other cells ended a little apart: one centred fit each brings them together.
+        each(orbits.size(), [&](std::size_t i) { settle(orbits[i]); });
+        std::vector<CycleDraft> drafts =
+            merged(section_, distinct(section_, orbits), [](const auto&, const auto&) { return same_distance; });
         std::erase_if(drafts,
                       [&](const CycleDraft& draft) { return !is_prime(section_, draft.points, same_distance); });
         std::vector<Trial> judged(drafts.size());

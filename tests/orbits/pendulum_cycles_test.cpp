@@ -136,8 +136,8 @@ TEST_CASE("wide recurrences find cycles that hardly recur, and no false one", "[
     const auto search = find_cycles(simulated(), options);
     const auto truths =
         tests::true_cycles(*system, tests::pendulum_at(*system, 0.0), search.cycles, tests::pendulum_range());
-    // Measured 6, 7, 22, 53, 128, all true; the bounds leave a tenth of them to other rounding.
-    const std::array<std::size_t, 6> least{0, 5, 6, 18, 46, 112};
+    // Measured 6, 9, 24, 72, 152, all true; the bounds leave a tenth of them to other rounding.
+    const std::array<std::size_t, 6> least{0, 5, 8, 21, 64, 136};
     for (const int period : options.periods) {
         const auto summary = tests::summary(search.cycles, truths, period);
         CAPTURE(period, summary.found, summary.median_position);
@@ -147,6 +147,7 @@ TEST_CASE("wide recurrences find cycles that hardly recur, and no false one", "[
     const auto all = tests::summary(search.cycles, truths, 0);
     INFO("error / sd rms " << all.z_rms << ", largest " << all.z_largest << ", ln|multiplier| "
                            << all.ln_multiplier_z_rms);
+    // Measured 0.77 and 1.06 (0.5 to 0.8 and 0.5 to 1.1 over all series tried).
     CHECK(all.z_rms > 0.3);
     CHECK(all.z_rms < 1.1);
     CHECK(all.ln_multiplier_z_rms < 1.5);
