@@ -51,4 +51,11 @@ protected:
                                                             const CycleSearchOptions& options,
                                                             const Eigen::MatrixXd& reading_covariance_scaled);
 
+/// Local polynomials along the sheet of fewer dimensions that the points of a section of a strongly contracting flow
+/// lie on within their reading errors (SheetMap). Its cycles have the multipliers along the sheet only.
+/// @param reading_covariance  shape (n, n), scaled units, positive definite.
+[[nodiscard]] std::unique_ptr<CycleFinder> sheet_map_finder(const SectionPoints& section,
+                                                            const CycleSearchOptions& options,
+                                                            const Eigen::MatrixXd& reading_covariance);
+
 }  // namespace orbid::orbits

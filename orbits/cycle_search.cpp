@@ -2,16 +2,26 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
+#include <Eigen/Cholesky>
+
+#include "orbits/box_grid.hpp"
 #include "orbits/cycle_finder.hpp"
+#include "orbits/cycle_time.hpp"
 #include "orbits/noise_level.hpp"
 #include "orbits/section_points.hpp"
+#include "orbits/sheet_map.hpp"
 
 namespace orbid::orbits {
 
 namespace {
+
+// Fewer points tell neither the errors of readings nor a sheet.
+constexpr std::size_t least_for_sheet = 300;
 
 // Partners of a mirror pair lie no farther apart than this part of a box before they count as one.
 constexpr double same_boxes = 0.3;
@@ -71,13 +81,43 @@ Eigen::MatrixXd reading_covariance(const SectionPoints& section, const CycleSear
     return unit.asDiagonal() * covariance * unit.asDiagonal();
 }
 
-std::unique_ptr<CycleFinder> finder_for(const SectionPoints& section, const CycleSearchOptions& options) {
+// Along the sheet that the points of a strongly contracting flow's section lie on within their errors; nothing when
+// they fill their dimensions, or when their errors are too small to be told.
+std::unique_ptr<CycleFinder> finder_along_sheet(const SectionPoints& section, const CycleSearchOptions& options,
+                                                CycleSearch& result) {
+    const bool angles = std::any_of(section.angle().begin(), section.angle().end(), [](char a) { return a != 0; });
+    if (section.dimension() < 2 || angles || section.image_count() < least_for_sheet) return nullptr;
+    Eigen::MatrixXd covariance = options.reading_covariance;
+    const BoxGrid grid(section);
+    if (covariance.size() == 0) {
+        const NoiseLevel level = noise_level(section, grid);
+        if (!level.resolved) return nullptr;
+        covariance = level.covariance;
+    }
+    const Eigen::VectorXd unit = section.scale().cwiseInverse();
+    const Eigen::MatrixXd scaled = unit.asDiagonal() * covariance * unit.asDiagonal();
+    const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
+    if (factor.info() != Eigen::Success) return nullptr;
+    const SheetMapFits fits(section, grid, factor.matrixL());
+    const Eigen::Index k = fits.sheet_dimension();
+    if (k == section.dimension()) return nullptr;
+    result.reading_covariance = covariance;
+    result.remarks.push_back("Within the errors of its readings the section is a sheet of " + std::to_string(k) +
+                             (k == 1 ? " dimension" : " dimensions") +
+                             "; maps were fitted along it, and cycles have the multipliers along it only.");
+    return sheet_map_finder(section, options, scaled);
+}
+
+std::unique_ptr<CycleFinder> finder_for(const SectionPoints& section, const CycleSearchOptions& options,
+                                        CycleSearch& result) {
     switch (options.method) {
         case CycleSearchOptions::Method::closest_return:
             return closest_return_finder(section, options);
         case CycleSearchOptions::Method::patch_map:
             return patch_map_finder(section, options, reading_covariance(section, options));
         case CycleSearchOptions::Method::automatic:
+            if (auto finder = finder_along_sheet(section, options, result)) return finder;
+            break;
         case CycleSearchOptions::Method::local_maps:
             break;
     }
@@ -89,15 +129,19 @@ std::unique_ptr<CycleFinder> finder_for(const SectionPoints& section, const Cycl
 CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options) {
     validate(options, series.dimension());
     const SectionPoints section(series, options.symmetry_signs);
-    const std::unique_ptr<CycleFinder> finder = finder_for(section, options);
+    CycleSearch result;
+    const std::unique_ptr<CycleFinder> finder = finder_for(section, options, result);
+    // Finders that fit along a sheet know the times along it.
+    std::optional<BoxGrid> timing;
+    if (section.timed()) timing.emplace(section);
     std::vector<int> periods = options.periods;
     std::sort(periods.begin(), periods.end());
     periods.erase(std::unique(periods.begin(), periods.end()), periods.end());
-    CycleSearch result;
     for (const int period : periods) {
-        const std::vector<CycleDraft> drafts = finder->find(period, result);
+        std::vector<CycleDraft> drafts = finder->find(period, result);
         if (drafts.empty()) result.missing.push_back(period);
-        for (const CycleDraft& draft : drafts) {
+        for (CycleDraft& draft : drafts) {
+            if (timing && std::isnan(draft.time)) time_cycle(section, *timing, draft);
             const double sd = draft.largest_sd();
             const double tolerance = same_cycle_tolerance(sd, sd, same_boxes * options.box);
             publish(section, draft, draft.same_within.value_or(tolerance), result.cycles);

@@ -5,7 +5,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "orbits/local_map.hpp"
+#include "orbits/monomials.hpp"
 
 namespace orbid::orbits {
 

@@ -15,7 +15,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "orbits/held_out_fit.hpp"
-#include "orbits/local_map.hpp"
+#include "orbits/monomials.hpp"
 
 namespace orbid::orbits {
 

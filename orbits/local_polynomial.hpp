@@ -1,0 +1,33 @@
+#pragma once
+
+#include <Eigen/Core>
+
+namespace orbid::orbits {
+
+/// A polynomial through values given at points near a place, there.
+struct LocalPolynomial {
+    Eigen::VectorXd value;           ///< at the place, shape (m)
+    Eigen::MatrixXd slope;           ///< shape (m, n), per unit of the offsets
+    Eigen::MatrixXd residual;        ///< covariance of what the polynomial leaves over of the values, shape (m, m)
+    double leverage = 0.0;           ///< variance of `value` for unit variance of independent errors of the values
+    Eigen::VectorXd slope_leverage;  ///< the same of the columns of `slope`, shape (n)
+    bool usable = false;             ///< false: fewer points than coefficients + 2, or points without n dimensions
+};
+
+/// Weighted least squares, weights (1 - (d / radius)^2)^2 on the squares, orthogonal factorisation in units of the
+/// radius, values about their mean.
+///
+/// With normal errors of the places the fit tells the values averaged over them, F smeared = F + (b / 2) laplace F +
+/// ... for errors of variance b in every direction; `blur` = b takes that term away, from the value and the slope:
+///
+///     F(0) = c_0 - b sum_a c_aa,   dF/dt_a = c_a - b (3 c_aaa + sum_b c_abb),
+///
+/// with the coefficients c of the polynomial (quadratic ones need order 2, cubic ones 3).
+///
+/// @param offsets  shape (k, n): points minus place, all within the radius.
+/// @param values   shape (k, m).
+/// @param order    1 to 3.
+[[nodiscard]] LocalPolynomial fit_local_polynomial(const Eigen::MatrixXd& offsets, const Eigen::MatrixXd& values,
+                                                   double radius, int order, double blur = 0.0);
+
+}  // namespace orbid::orbits
