@@ -13,6 +13,7 @@
 #include "orbits/cycle_finder.hpp"
 #include "orbits/cycle_time.hpp"
 #include "orbits/noise_level.hpp"
+#include "orbits/section_check.hpp"
 #include "orbits/section_points.hpp"
 #include "orbits/sheet_map.hpp"
 
@@ -81,13 +82,32 @@ Eigen::MatrixXd reading_covariance(const SectionPoints& section, const CycleSear
     return unit.asDiagonal() * covariance * unit.asDiagonal();
 }
 
+// Mean covariance of the readings whose sds the series knows, in its units; empty when it does not know all.
+Eigen::MatrixXd known_covariance(const Series& series) {
+    const Eigen::Index n = series.dimension();
+    Eigen::VectorXd squares = Eigen::VectorXd::Zero(n);
+    double count = 0.0;
+    for (const Segment& segment : series.segments) {
+        if (segment.deviations.rows() != n || segment.deviations.cols() != segment.values.cols()) return {};
+        for (Eigen::Index i = 0; i < segment.values.cols(); ++i) {
+            if (!segment.values.col(i).allFinite()) continue;
+            if (!segment.deviations.col(i).allFinite()) return {};
+            squares += segment.deviations.col(i).cwiseAbs2();
+            count += 1.0;
+        }
+    }
+    if (!(count > 0.0 && squares.minCoeff() > 0.0)) return {};
+    return (squares / count).asDiagonal();
+}
+
 // Along the sheet that the points of a strongly contracting flow's section lie on within their errors; nothing when
 // they fill their dimensions, or when their errors are too small to be told.
-std::unique_ptr<CycleFinder> finder_along_sheet(const SectionPoints& section, const CycleSearchOptions& options,
-                                                CycleSearch& result) {
+std::unique_ptr<CycleFinder> finder_along_sheet(const Series& series, const SectionPoints& section,
+                                                const CycleSearchOptions& options, CycleSearch& result) {
     const bool angles = std::any_of(section.angle().begin(), section.angle().end(), [](char a) { return a != 0; });
     if (section.dimension() < 2 || angles || section.image_count() < least_for_sheet) return nullptr;
-    Eigen::MatrixXd covariance = options.reading_covariance;
+    Eigen::MatrixXd covariance =
+        options.reading_covariance.size() > 0 ? options.reading_covariance : known_covariance(series);
     const BoxGrid grid(section);
     if (covariance.size() == 0) {
         const NoiseLevel level = noise_level(section, grid);
@@ -108,15 +128,15 @@ std::unique_ptr<CycleFinder> finder_along_sheet(const SectionPoints& section, co
     return sheet_map_finder(section, options, scaled);
 }
 
-std::unique_ptr<CycleFinder> finder_for(const SectionPoints& section, const CycleSearchOptions& options,
-                                        CycleSearch& result) {
+std::unique_ptr<CycleFinder> finder_for(const Series& series, const SectionPoints& section,
+                                        const CycleSearchOptions& options, CycleSearch& result) {
     switch (options.method) {
         case CycleSearchOptions::Method::closest_return:
             return closest_return_finder(section, options);
         case CycleSearchOptions::Method::patch_map:
             return patch_map_finder(section, options, reading_covariance(section, options));
         case CycleSearchOptions::Method::automatic:
-            if (auto finder = finder_along_sheet(section, options, result)) return finder;
+            if (auto finder = finder_along_sheet(series, section, options, result)) return finder;
             break;
         case CycleSearchOptions::Method::local_maps:
             break;
@@ -128,9 +148,10 @@ std::unique_ptr<CycleFinder> finder_for(const SectionPoints& section, const Cycl
 
 CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options) {
     validate(options, series.dimension());
-    const SectionPoints section(series, options.symmetry_signs);
     CycleSearch result;
-    const std::unique_ptr<CycleFinder> finder = finder_for(section, options, result);
+    result.remarks = check_section(series, options.periods);
+    const SectionPoints section(series, options.symmetry_signs);
+    const std::unique_ptr<CycleFinder> finder = finder_for(series, section, options, result);
     // Finders that fit along a sheet know the times along it.
     std::optional<BoxGrid> timing;
     if (section.timed()) timing.emplace(section);

@@ -59,15 +59,16 @@ public:
 
     [[nodiscard]] const SectionPoints& points() const { return *points_; }
 
-    /// Dimension of the sheet that the points lie on within their errors: at nine of ten places the neighbours spread
+    /// Dimension of the sheet that the points lie on within their errors: at 85 % of the places the neighbours spread
     /// along so many directions and what is left across is noise. The points' own dimension when there is no sheet.
     [[nodiscard]] Eigen::Index sheet_dimension() const;
 
 private:
     struct Support;
     [[nodiscard]] Support gather(const Eigen::VectorXd& place, std::size_t neighbours) const;
-    [[nodiscard]] SheetMap fit(const Support& support, int order, std::size_t neighbours) const;
+    [[nodiscard]] SheetMap fit(const Support& support, int order, std::size_t neighbours, bool backwards) const;
 
+    [[nodiscard]] Eigen::Index sheet_dimension_at(const Eigen::VectorXd& place) const;
     // Of an expanding one-dimensional map: the place as a function of the image.
     void read_backwards(SheetMap& map, const Eigen::MatrixXd& t, const Eigen::MatrixXd& values, int order) const;
 

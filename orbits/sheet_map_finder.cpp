@@ -31,8 +31,9 @@ constexpr double settled = 0.02;
 // Longest step of a coordinate of a point in one round (scaled units).
 constexpr double step_limit = 0.05;
 
-// What a fit explains must exceed what it leaves over so many times, per coefficient and point: shuffled images
-// reach 5.
+// What a fit explains must exceed what it leaves over so many times, per coefficient and point, at every point of a
+// cycle: of fits to shuffled images (Lorenz, Roessler) 95 % stay below 4.3, 99 % of those that can be fitted below 8
+// and 22; fits to true images have medians of 900 and 5700.
 constexpr double significant = 10.0;
 
 // A place with fewer of its neighbours on one side is extrapolated to: the sheet has ended, or another piece of the map

@@ -130,13 +130,16 @@ SmoothedValue TimeSmoothing::at(Eigen::Index i, double u) const {
             readings.push_back(readings_[j]);
         }
     const auto count = static_cast<Eigen::Index>(places.size());
-    if (count <= window_.degree) return result;
+    // Half of a window must be there; an interpolation with fewer samples has a lower degree, and a sample to spare, or
+    // its weights would grow.
+    if (count <= std::max(h, 1)) return result;
+    const int degree = std::min(window_.degree, static_cast<int>(count) - 2);
     const Eigen::MatrixXd solver =
-        pseudo_inverse(powers(Eigen::Map<const Eigen::VectorXd>(places.data(), count), window_.degree));
+        pseudo_inverse(powers(Eigen::Map<const Eigen::VectorXd>(places.data(), count), degree));
     const Eigen::Map<const Eigen::VectorXd> window(readings.data(), count);
-    const Eigen::RowVectorXd weights = value * solver;
+    const Eigen::RowVectorXd weights = value.head(degree + 1) * solver;
     result.value = weights.dot(window);
-    result.slope = (slope * solver).dot(window) / (h * step_);
+    result.slope = (slope.head(degree + 1) * solver).dot(window) / (h * step_);
     result.value_variance = weights.squaredNorm();
     result.usable = std::isfinite(result.value);
     return result;

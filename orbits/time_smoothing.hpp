@@ -31,9 +31,10 @@ struct SmoothedValue {
 
 /// Local polynomials in time (Savitzky and Golay 1964) through the samples of one coordinate of one segment.
 ///
-/// The window around the interval [i, i + 1] holds the samples i - h + 1 to i + h; missing ones are left out, and at
-/// the ends of a segment it holds those that are there. With 2 h = degree + 1 it is an interpolation. Angles are
-/// unwrapped from one sample to the next, across missing ones by the shorter way. Keeps a reference to the segment.
+/// The window around the interval [i, i + 1] holds the samples i - h + 1 to i + h; missing ones are left out (an
+/// interpolation then has a lower degree), and at the ends of a segment it holds those that are there, at least half.
+/// With 2 h = degree + 1 it is an interpolation. Angles are unwrapped from one sample to the next, across missing ones
+/// by the shorter way. Keeps a reference to the segment.
 class TimeSmoothing {
 public:
     /// @param window  see TimeWindow. @param step [s] sampling interval, > 0.
