@@ -20,6 +20,7 @@
 #include "models/input_signal.hpp"
 #include "models/sensor.hpp"
 #include "models/system.hpp"
+#include "orbits/cycle_expansion.hpp"
 #include "orbits/cycle_search.hpp"
 #include "orbits/series.hpp"
 
@@ -143,8 +144,9 @@ struct OrbitsJob {
     std::string sha256;                         ///< of that file, expected; empty: not given
     orbits::CycleSearchOptions search;          ///< symmetry_signs filled from the model
     Eigen::VectorXd reading_sd;  ///< of a reading, one per coordinate of the model; empty: estimated from the series
-    bool invariants = false;     ///< exponents, dimensions and entropies from the cycles and from the series
-    std::size_t data = 0;        ///< index into Job::data of the searched series; unused with `file`
+    bool invariants = false;     ///< exponents, dimensions and entropies from the series and, if complete, the cycles
+    orbits::CycleExpansionOptions expansion = {};  ///< complete_to 0: not stated, no expansion
+    std::size_t data = 0;                          ///< index into Job::data of the searched series; unused with `file`
 };
 
 struct OrbitStart {

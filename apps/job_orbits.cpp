@@ -84,6 +84,27 @@ void read_reading_error(const ValueReader& value, const Job& job, OrbitsJob& orb
     orbits.reading_sd = std::move(sds);
 }
 
+/// true, false, or { "complete_to": 8, "continuous": true } for a cycle expansion beside those of the series.
+void read_invariants(const ValueReader& value, OrbitsJob& orbits) {
+    if (!value.is(JsonValue::Kind::object)) {
+        orbits.invariants = value.boolean().value_or(false);
+        return;
+    }
+    ObjectReader object(value);
+    orbits.invariants = true;
+    if (const auto period = object.require("complete_to", "the period up to which the list of cycles is complete")) {
+        const int longest = *std::max_element(orbits.search.periods.begin(), orbits.search.periods.end());
+        orbits.expansion.complete_to =
+            static_cast<int>(period->whole(1, static_cast<std::uint64_t>(longest)).value_or(1));
+        for (int p = 1; p <= orbits.expansion.complete_to; ++p)
+            if (std::count(orbits.search.periods.begin(), orbits.search.periods.end(), p) == 0)
+                period->report(fmt::format("period {} is not searched for: it does not stand in /orbits/periods", p));
+    }
+    if (const auto continuous = object.find("continuous"))
+        orbits.expansion.continuous = continuous->boolean().value_or(true);
+    object.finish();
+}
+
 void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     using Method = orbits::CycleSearchOptions::Method;
     orbits::CycleSearchOptions& search = orbits.search;
@@ -118,24 +139,35 @@ void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     }
     if (const auto partition = object.find("partition")) read_partition(*partition, job, orbits);
     if (const auto error = object.find("reading_error")) read_reading_error(*error, job, orbits);
-    if (const auto invariants = object.find("invariants")) orbits.invariants = invariants->boolean().value_or(false);
+    if (const auto invariants = object.find("invariants")) read_invariants(*invariants, orbits);
     read_symmetry(object, job, orbits);
-    // The first section series is searched.
-    const auto series = std::find_if(job.data.begin(), job.data.end(), [](const DataJob& data) {
-        return data.sampling() == orbits::Series::Sampling::section;
-    });
+    // The first section series is searched; without one the first record of samples, cut by the job's section.
+    const auto is = [](orbits::Series::Sampling sampling) {
+        return [sampling](const DataJob& data) { return data.sampling() == sampling; };
+    };
+    auto series = std::find_if(job.data.begin(), job.data.end(), is(orbits::Series::Sampling::section));
+    const bool samples = series == job.data.end();
+    if (samples) series = std::find_if(job.data.begin(), job.data.end(), is(orbits::Series::Sampling::samples));
     if (series == job.data.end()) {
-        object.self().report("needs a section series in \"data\", or the \"file\" of a list of cycles");
+        object.self().report("needs a series in \"data\", or the \"file\" of a list of cycles");
         return;
     }
     orbits.data = static_cast<std::size_t>(series - job.data.begin());
+    if (samples && job.model.system && job.model.system->kind() == models::Kind::autonomous && !job.section_plane) {
+        object.self().report(
+            fmt::format("samples of {} are cut by a plane: needs \"section\": {{ \"coordinate\": ..., "
+                        "\"value\": ..., \"direction\": ... }}",
+                        job.model.name));
+    }
+    if (samples && orbits.reading_sd.size() > 0)
+        object.self().report(
+            "the errors of a section cut from samples follow from these: \"reading_error\" must be "
+            "\"estimate\"");
     if (series->sensor.type == models::Sensor::Type::function) {
         object.self().report(fmt::format("cycles read by a sensor \"function\": {}", not_in_this_version));
     }
-    const bool another = std::any_of(series + 1, job.data.end(), [](const DataJob& data) {
-        return data.sampling() == orbits::Series::Sampling::section;
-    });
-    if (another) object.self().report(fmt::format("cycles of several section series: {}", not_in_this_version));
+    if (std::any_of(series + 1, job.data.end(), is(series->sampling())))
+        object.self().report(fmt::format("cycles of several series: {}", not_in_this_version));
     if (job.model.system && series->observe.size() < job.model.system->coordinates().size()) {
         object.self().report(fmt::format("needs every coordinate of the model, but \"{}\" observes {} of {}",
                                          series->name, series->observe.size(), job.model.system->coordinates().size()));

@@ -94,6 +94,9 @@ Json orbits_document(const Job& job, const std::filesystem::path& folder) {
     object["reading_error"] = reading_error_document(orbits, job);
     if (orbits.search.partition) object["partition"] = partition_document(*orbits.search.partition, job);
     object["invariants"] = orbits.invariants;
+    if (orbits.expansion.complete_to > 0)
+        object["invariants"] = {{"complete_to", orbits.expansion.complete_to},
+                                {"continuous", orbits.expansion.continuous}};
     return object;
 }
 

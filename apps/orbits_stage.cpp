@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include "apps/cycle_reader.hpp"
-#include "apps/searched_section.hpp"
+#include "apps/invariants_file.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "orbits/data_error.hpp"
 
@@ -61,7 +61,7 @@ CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint) {
     return head;
 }
 
-orbits::CycleSearch load_cycles(const Workspace& work, const std::vector<Experiment>& data) {
+orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<SearchedSection>& section) {
     const OrbitsJob& orbits = *work.job.orbits;
     if (orbits.file) {
         orbits::CycleSearch search = from_file(work);
@@ -87,10 +87,10 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::vector<Experim
         }
     }
     work.progress.begin("orbits");
+    if (!section->remark.empty()) work.progress.say(section->remark);
     orbits::CycleSearch search;
     try {
-        const SearchedSection section = searched_section(work.job, data[orbits.data].series);
-        search = orbits::find_cycles(*section.series, section.options);
+        search = orbits::find_cycles(section->series(), section->options);
     } catch (const std::invalid_argument& error) {
         // The job was checked: what is refused here is the series (too short, a coordinate without spread).
         throw orbits::DataError(
@@ -102,6 +102,23 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::vector<Experim
     for (const std::string& remark : search.remarks)
         work.progress.say(remark);
     return search;
+}
+
+orbits::Invariants compute_invariants(const Workspace& work, const SearchedSection& section,
+                                      const orbits::CycleSearch& search) {
+    work.progress.begin("invariants");
+    orbits::InvariantOptions options;
+    options.expansion = work.job.orbits->expansion;
+    options.lyapunov.symmetry_signs = section.options.symmetry_signs;
+    try {
+        orbits::Invariants invariants = find_invariants(section.series(), search, options);
+        work.folder.store("invariants.json", invariants_text(invariants));
+        work.progress.end("exponents, dimensions and entropies");
+        return invariants;
+    } catch (const std::invalid_argument& error) {
+        throw orbits::DataError(fmt::format("{}: has no invariants to be told: {}",
+                                            work.job.data[work.job.orbits->data].name, error.what()));
+    }
 }
 
 }  // namespace orbid::apps

@@ -12,6 +12,7 @@
 #include "apps/fingerprint.hpp"
 #include "apps/first_use.hpp"
 #include "apps/interruption.hpp"
+#include "apps/invariants_file.hpp"
 #include "apps/job_writer.hpp"
 #include "apps/orbits_stage.hpp"
 #include "apps/output_folder.hpp"
@@ -91,14 +92,17 @@ int run_stages(const Workspace& work) {
 
     orbits::CycleSearch search;
     if (searching && !work.interruption.asked()) {
-        search = load_cycles(work, data);
+        std::optional<SearchedSection> section;
+        if (is_section_search(job)) section = searched_section(job, data[job.orbits->data].series);
+        search = load_cycles(work, section);
         if (wants(work.options, Stage::orbits)) print(cycles_summary(search));
         if (search.cycles.empty()) code = no_valid_answer;
-        if (is_section_search(job) && section_coordinates(job).size() >= 2) {
+        if (section && job.orbits->invariants && !work.interruption.asked())
+            print(invariants_summary(compute_invariants(work, *section, search)));
+        if (section && section->series().dimension() >= 2) {
             SectionPlotOptions plot;
             plot.title = job.title;
-            const SearchedSection section = searched_section(job, data[job.orbits->data].series);
-            work.folder.store("section.svg", section_svg(*section.series, plotted(search.cycles), plot));
+            work.folder.store("section.svg", section_svg(section->series(), plotted(search.cycles), plot));
         }
     }
     if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {

@@ -1,8 +1,14 @@
 #include "apps/searched_section.hpp"
 
+#include <stdexcept>
 #include <string>
+#include <utility>
+
+#include <fmt/format.h>
 
 #include "apps/cycle_reader.hpp"
+#include "orbits/data_error.hpp"
+#include "orbits/sampled_section.hpp"
 
 namespace orbid::apps {
 
@@ -27,17 +33,52 @@ orbits::Series without_coordinate(const orbits::Series& record, Eigen::Index coo
     return rest;
 }
 
+/// What was done, with the sds of the samples that were smoothed.
+std::string cutting_remark(const orbits::SampledSection& section, const orbits::Series& record) {
+    std::string text = fmt::format("{} points of the section from {} samples", section.series.size(), record.size());
+    if (section.windows.empty()) return text + ", taken as they are";
+    text += "; sd of a sample";
+    for (Eigen::Index i = 0; i < section.sample_deviation.size(); ++i)
+        text += fmt::format("{} {} {:.2g}", i == 0 ? "" : ",", record.coordinates[static_cast<std::size_t>(i)].name,
+                            section.sample_deviation[i]);
+    if (section.breaks > 0) text += fmt::format("; cut in {} places by holes or doubtful crossings", section.breaks);
+    return text;
+}
+
+void cut_samples(const Job& job, SearchedSection& section) {
+    const DataJob& data = job.data[job.orbits->data];
+    orbits::SampledSection cut;
+    try {
+        if (job.section_plane) {
+            const SectionPlaneJob& plane = *job.section_plane;
+            cut = plane_section(*section.record, {plane.coordinate, plane.value, plane.direction});
+        } else {
+            Eigen::VectorXd values = job.model.values;
+            for (const ParameterValue& own : data.parameters)
+                values[own.parameter] = own.value;
+            cut = stroboscopic_section(*section.record, job.model.system->period(values, models::Clock::time),
+                                       job.section_phase);
+        }
+    } catch (const std::invalid_argument& error) {
+        throw orbits::DataError(fmt::format("{}: no section can be made of its samples: {}", data.name, error.what()));
+    }
+    section.remark = cutting_remark(cut, *section.record);
+    if (!cut.windows.empty()) section.options.reading_covariance = cut.reading_covariance;
+    section.cut = std::move(cut.series);
+}
+
 }  // namespace
 
 SearchedSection searched_section(const Job& job, const orbits::Series& record) {
     SearchedSection section;
+    section.record = &record;
     section.options = job.orbits->search;
     Eigen::VectorXd sd = job.orbits->reading_sd;
-    section.series = &record;
+    const bool samples = record.sampling == orbits::Series::Sampling::samples;
+    if (samples) cut_samples(job, section);
     if (job.section_plane) {
         const Eigen::Index plane = job.section_plane->coordinate;
-        section.cut = without_coordinate(record, plane);
-        section.series = &*section.cut;
+        if (!samples) section.cut = without_coordinate(record, plane);
         if (sd.size() > 0) sd = without_row(sd, plane);
         if (section.options.symmetry_signs)
             section.options.symmetry_signs->erase(section.options.symmetry_signs->begin() + plane);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "apps/cycle_file.hpp"
@@ -12,13 +13,17 @@ namespace orbid::apps {
 
 /// The section that a job's record shows, with the search's options in its coordinates.
 struct SearchedSection {
-    const orbits::Series* series = nullptr;  ///< the record itself, or `cut`
-    std::optional<orbits::Series> cut;       ///< made of the record
+    const orbits::Series* record = nullptr;
+    std::optional<orbits::Series> cut;  ///< made of the record, where that is no section yet
     orbits::CycleSearchOptions options;
+    std::string remark;  ///< what was made of the record; empty: nothing
+
+    [[nodiscard]] const orbits::Series& series() const { return cut ? *cut : *record; }
 };
 
-/// A record of an autonomous flow loses the coordinate that is the same at all crossings. Keeps a reference to
-/// `record`.
+/// Crossings of a plane lose the coordinate that is the same at all of them; samples are cut by the job's plane or at
+/// its phase of the forcing. Keeps a reference to the record.
+/// @throws orbits::DataError when the samples cannot be cut.
 [[nodiscard]] SearchedSection searched_section(const Job& job, const orbits::Series& record);
 
 /// What the points of the job's cycles are made of: the model's coordinates, without the plane's.

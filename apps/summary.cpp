@@ -211,10 +211,6 @@ std::string prediction_table(const std::vector<Prediction>& predictions) {
     return table.text();
 }
 
-std::string section(std::string_view heading, const std::string& body) {
-    return body.empty() ? "" : fmt::format("\n{}\n{}", heading, body);
-}
-
 std::string rotation_text(const std::vector<int>& rotation) {
     std::string out;
     for (const int turns : rotation) {
@@ -231,16 +227,16 @@ std::string estimate_summary(const estimator::Estimate& estimate, const ResultCo
     out +=
         fmt::format("{}{}{} ({} iterations, {} evaluations)\n", estimator::name(estimate.status),
                     estimate.message.empty() ? "" : ": ", estimate.message, estimate.iterations, estimate.evaluations);
-    out += section("Parameters", estimated_table(estimate.parameters));
-    out += section("Derived", estimated_table(estimate.derived));
-    out += section("Against known values", reference_table(estimate, context));
-    out += section("Errors", scale_table(estimate.scales));
-    out += section("Covariances of errors", covariance_table(estimate.covariances));
-    out += section("Not determined by the data", null_directions(estimate));
-    out += section("Remarks", remarks(estimate));
-    out += section("Cycles in the data", orbits_line(context));
-    out += section("Used", counts_table(estimate.counts));
-    out += section("Prediction", prediction_table(context.predictions));
+    out += titled("Parameters", estimated_table(estimate.parameters));
+    out += titled("Derived", estimated_table(estimate.derived));
+    out += titled("Against known values", reference_table(estimate, context));
+    out += titled("Errors", scale_table(estimate.scales));
+    out += titled("Covariances of errors", covariance_table(estimate.covariances));
+    out += titled("Not determined by the data", null_directions(estimate));
+    out += titled("Remarks", remarks(estimate));
+    out += titled("Cycles in the data", orbits_line(context));
+    out += titled("Used", counts_table(estimate.counts));
+    out += titled("Prediction", prediction_table(context.predictions));
     return out + posterior_summary(context.posterior);
 }
 
@@ -276,7 +272,7 @@ std::string cycles_summary(const orbits::CycleSearch& search) {
                    row.largest > 0.0 ? fmt::format("{:.3g} ... {:.3g}", row.least, row.largest) : "",
                    row.worst_sd > 0.0 ? significant(row.worst_sd, 2) : ""});
     }
-    std::string out = section("Unstable periodic orbits in the series", table.text());
+    std::string out = titled("Unstable periodic orbits in the series", table.text());
     for (const int period : search.missing) {
         out += fmt::format("  period {}: none found\n", period);
     }
@@ -303,7 +299,7 @@ std::string orbits_summary(const std::vector<periodic::PeriodicOrbit>& orbits) {
         table.add({std::to_string(orbit.period), rotation_text(orbit.rotation),
                    std::string(periodic::name(orbit.status)), point, multipliers, significant(orbit.residual, 2)});
     }
-    return section("Periodic orbits of the model", table.text());
+    return titled("Periodic orbits of the model", table.text());
 }
 
 }  // namespace orbid::apps

@@ -90,4 +90,8 @@ std::string SummaryTable::text() const {
     return out;
 }
 
+std::string titled(std::string_view heading, const std::string& body) {
+    return body.empty() ? "" : fmt::format("\n{}\n{}", heading, body);
+}
+
 }  // namespace orbid::apps

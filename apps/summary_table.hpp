@@ -45,4 +45,7 @@ private:
 /// A relative deviation in percent with sign, three significant digits: "+0.00032 %"; "" for nan.
 [[nodiscard]] std::string percent(double relative);
 
+/// A heading above a table; nothing for an empty body.
+[[nodiscard]] std::string titled(std::string_view heading, const std::string& body);
+
 }  // namespace orbid::apps

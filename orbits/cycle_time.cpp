@@ -7,8 +7,8 @@
 #include <optional>
 #include <vector>
 
-#include "orbits/monomials.hpp"
 #include "orbits/local_polynomial.hpp"
+#include "orbits/monomials.hpp"
 
 namespace orbid::orbits {
 
