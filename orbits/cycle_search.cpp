@@ -7,22 +7,16 @@
 #include <stdexcept>
 #include <string>
 
-#include <Eigen/Cholesky>
-
 #include "orbits/box_grid.hpp"
 #include "orbits/cycle_finder.hpp"
 #include "orbits/cycle_time.hpp"
-#include "orbits/noise_level.hpp"
+#include "orbits/finder_choice.hpp"
 #include "orbits/section_check.hpp"
 #include "orbits/section_points.hpp"
-#include "orbits/sheet_map.hpp"
 
 namespace orbid::orbits {
 
 namespace {
-
-// Fewer points tell neither the errors of readings nor a sheet.
-constexpr std::size_t least_for_sheet = 300;
 
 // Partners of a mirror pair lie no farther apart than this part of a box before they count as one.
 constexpr double same_boxes = 0.3;
@@ -73,77 +67,6 @@ std::string symbolic_code(const Partition& partition, const Eigen::MatrixXd& poi
     return code;
 }
 
-// In scaled units; as given, or estimated from the data.
-Eigen::MatrixXd reading_covariance(const SectionPoints& section, const CycleSearchOptions& options) {
-    const Eigen::VectorXd unit = section.scale().cwiseInverse();
-    const Eigen::MatrixXd covariance = options.reading_covariance.size() > 0
-                                           ? options.reading_covariance
-                                           : noise_level(section, BoxGrid(section)).covariance;
-    return unit.asDiagonal() * covariance * unit.asDiagonal();
-}
-
-// Mean covariance of the readings whose sds the series knows, in its units; empty when it does not know all.
-Eigen::MatrixXd known_covariance(const Series& series) {
-    const Eigen::Index n = series.dimension();
-    Eigen::VectorXd squares = Eigen::VectorXd::Zero(n);
-    double count = 0.0;
-    for (const Segment& segment : series.segments) {
-        if (segment.deviations.rows() != n || segment.deviations.cols() != segment.values.cols()) return {};
-        for (Eigen::Index i = 0; i < segment.values.cols(); ++i) {
-            if (!segment.values.col(i).allFinite()) continue;
-            if (!segment.deviations.col(i).allFinite()) return {};
-            squares += segment.deviations.col(i).cwiseAbs2();
-            count += 1.0;
-        }
-    }
-    if (!(count > 0.0 && squares.minCoeff() > 0.0)) return {};
-    return (squares / count).asDiagonal();
-}
-
-// Along the sheet that the points of a strongly contracting flow's section lie on within their errors; nothing when
-// they fill their dimensions, or when their errors are too small to be told.
-std::unique_ptr<CycleFinder> finder_along_sheet(const Series& series, const SectionPoints& section,
-                                                const CycleSearchOptions& options, CycleSearch& result) {
-    const bool angles = std::any_of(section.angle().begin(), section.angle().end(), [](char a) { return a != 0; });
-    if (section.dimension() < 2 || angles || section.image_count() < least_for_sheet) return nullptr;
-    Eigen::MatrixXd covariance =
-        options.reading_covariance.size() > 0 ? options.reading_covariance : known_covariance(series);
-    const BoxGrid grid(section);
-    if (covariance.size() == 0) {
-        const NoiseLevel level = noise_level(section, grid);
-        if (!level.resolved) return nullptr;
-        covariance = level.covariance;
-    }
-    const Eigen::VectorXd unit = section.scale().cwiseInverse();
-    const Eigen::MatrixXd scaled = unit.asDiagonal() * covariance * unit.asDiagonal();
-    const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
-    if (factor.info() != Eigen::Success) return nullptr;
-    const SheetMapFits fits(section, grid, factor.matrixL());
-    const Eigen::Index k = fits.sheet_dimension();
-    if (k == section.dimension()) return nullptr;
-    result.reading_covariance = covariance;
-    result.remarks.push_back("Within the errors of its readings the section is a sheet of " + std::to_string(k) +
-                             (k == 1 ? " dimension" : " dimensions") +
-                             "; maps were fitted along it, and cycles have the multipliers along it only.");
-    return sheet_map_finder(section, options, scaled);
-}
-
-std::unique_ptr<CycleFinder> finder_for(const Series& series, const SectionPoints& section,
-                                        const CycleSearchOptions& options, CycleSearch& result) {
-    switch (options.method) {
-        case CycleSearchOptions::Method::closest_return:
-            return closest_return_finder(section, options);
-        case CycleSearchOptions::Method::patch_map:
-            return patch_map_finder(section, options, reading_covariance(section, options));
-        case CycleSearchOptions::Method::automatic:
-            if (auto finder = finder_along_sheet(series, section, options, result)) return finder;
-            break;
-        case CycleSearchOptions::Method::local_maps:
-            break;
-    }
-    return local_map_finder(section, options);
-}
-
 }  // namespace
 
 CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options) {
@@ -151,7 +74,7 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
     CycleSearch result;
     result.remarks = check_section(series, options.periods);
     const SectionPoints section(series, options.symmetry_signs);
-    const std::unique_ptr<CycleFinder> finder = finder_for(series, section, options, result);
+    const std::unique_ptr<CycleFinder> finder = choose_finder(series, section, options, result);
     // Finders that fit along a sheet know the times along it.
     std::optional<BoxGrid> timing;
     if (section.timed()) timing.emplace(section);
