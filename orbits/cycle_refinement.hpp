@@ -58,15 +58,18 @@ struct CycleUncertainty {
     Eigen::MatrixXd covariance;  ///< shape (n p, n p), coordinate fastest
     CycleMultipliers multipliers;
     Eigen::MatrixXd ln_multiplier_covariance;  ///< shape (n, n)
+    /// Largest over the points: how far other fits are away, over what their predicted errors allow; at least 1.
+    double disagreement = 1.0;
 };
 
 /// Covariance of all points together and of ln|multipliers|.
 ///
 /// Errors e_j of the fits' values and E_j of their jacobians (local_map_covariance) move the points by the coupled
 /// system dx_{j+1} - A_j dx_j = e_j (for p = 1 and independent reading errors this is (M6)), and ln|multipliers| by
-/// their derivative along E_j + F''_j dx_j. Added to it, the differences to the cycles on other fits as outer products:
-/// what the residuals of one fit do not show. Never zero; see covariance_floor in the source for how small eigenvalues
-/// are kept away from it.
+/// their derivative along E_j + F''_j dx_j. Where other fits of a point are farther away than their predicted errors
+/// allow, its errors grow accordingly: what the residuals of one fit do not show. The ln|multipliers| of the cycles on
+/// other fits (`refits`) are added as outer products. Never zero; see covariance_floor in the source for how small
+/// eigenvalues are kept away from it.
 ///
 /// @param fits  of every point around it, as fitted to RefinedCycle::sizes.
 [[nodiscard]] CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCycle& cycle,

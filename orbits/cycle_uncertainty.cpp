@@ -41,6 +41,24 @@ Eigen::MatrixXd curvature(const LocalMap& map) {
     return result;
 }
 
+// Squared distance of the values of other fits of a point from its map's, over what their predicted errors allow; at
+// least 1. The other fits are worse by orders of magnitude on clean data, so that the distance itself says little.
+double disagreement(const SectionPoints& section, const PlacedFits& placed) {
+    const LocalMap& own = placed.fits.front();
+    double sum = 0.0;
+    int count = 0;
+    for (std::size_t other = 1; other < placed.fits.size(); ++other) {
+        const LocalMap& fit = placed.fits[other];
+        if (!fit.usable) continue;
+        const double predicted = own.value_sd * own.value_sd + fit.value_sd * fit.value_sd;
+        const double found =
+            section.difference(fit.value, own.value).squaredNorm() / static_cast<double>(own.value.size());
+        sum += predicted > 0.0 ? found / predicted : 1.0;
+        ++count;
+    }
+    return count > 0 ? std::max(1.0, sum / count) : 1.0;
+}
+
 }  // namespace
 
 CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCycle& cycle,
@@ -65,8 +83,11 @@ CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCy
     result.ln_multiplier_covariance = Eigen::MatrixXd::Zero(n, n);
     for (Eigen::Index j = 0; j < p; ++j) {
         const auto at = static_cast<std::size_t>(j);
-        const Eigen::MatrixXd errors = local_map_covariance(
-            nearest_part(fits[at].neighbours, cycle.sizes[at].front().neighbours), fits[at].fits.front());
+        const double apart = disagreement(section, fits[at]);
+        result.disagreement = std::max(result.disagreement, std::sqrt(apart));
+        const Eigen::MatrixXd errors =
+            apart * local_map_covariance(nearest_part(fits[at].neighbours, cycle.sizes[at].front().neighbours),
+                                         fits[at].fits.front());
         Eigen::MatrixXd to_points = Eigen::MatrixXd::Zero(n * p, errors.rows());
         to_points.leftCols(n) = inverse.middleCols(j * n, n);
         Eigen::MatrixXd to_multipliers(n, errors.rows());
@@ -76,17 +97,12 @@ CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCy
         result.ln_multiplier_covariance += to_multipliers * errors * to_multipliers.transpose();
     }
 
+    // Sizes were chosen for the values; what the jacobians depend on them is seen in the cycles on other fits.
     for (const RefinedCycle& refit : refits) {
-        if (refit.status != RefinementStatus::converged) continue;
-        Eigen::VectorXd change(n * p);
-        for (Eigen::Index j = 0; j < p; ++j)
-            change.segment(j * n, n) =
-                section.difference(Eigen::VectorXd(refit.points.col(j)), Eigen::VectorXd(cycle.points.col(j)));
-        const Eigen::VectorXd ln_change =
+        const Eigen::VectorXd change =
             cycle_multipliers(refit.jacobians(section)).ln_modulus - result.multipliers.ln_modulus;
-        const double share = 1.0 / static_cast<double>(refits.size());
-        result.covariance += share * change * change.transpose();
-        if (ln_change.allFinite()) result.ln_multiplier_covariance += share * ln_change * ln_change.transpose();
+        if (change.allFinite())
+            result.ln_multiplier_covariance += change * change.transpose() / static_cast<double>(refits.size());
     }
 
     result.covariance = floored(result.covariance);

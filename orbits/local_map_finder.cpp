@@ -232,22 +232,12 @@ private:
         draft.ln_multiplier_covariance = uncertainty.ln_multiplier_covariance;
         draft.advance = count_turns(section_, grid_, draft.points);
         trial.accepted = draft.largest_sd() <= largest_sd && draft.multipliers.ln_modulus.size() > 0;
-        remark(draft, cycle, refits);
+        remark(draft, cycle, uncertainty.disagreement);
         return trial;
     }
 
-    void remark(CycleDraft& draft, const RefinedCycle& cycle, const std::vector<RefinedCycle>& refits) const {
+    void remark(CycleDraft& draft, const RefinedCycle& cycle, double disagreement) const {
         const Eigen::Index n = section_.dimension();
-        const Eigen::VectorXd sd = draft.covariance.diagonal().cwiseSqrt();
-        double disagreement = 0.0;  // of other fits, largest over the coordinates, in sds
-        for (const RefinedCycle& refit : refits)
-            for (Eigen::Index j = 0; j < draft.points.cols(); ++j)
-                disagreement = std::max(
-                    disagreement,
-                    section_.difference(Eigen::VectorXd(refit.points.col(j)), Eigen::VectorXd(cycle.points.col(j)))
-                        .cwiseQuotient(sd.segment(j * n, n))
-                        .cwiseAbs()
-                        .maxCoeff());
         if (disagreement > remarkable)
             draft.quality.emplace_back("depends on the neighbourhoods' size beyond its error");
         if (draft.recurrences < few_recurrences)

@@ -76,6 +76,7 @@ Match nearest_reference(const Cycle& cycle, const nlohmann::json& reference) {
 
 orbits::CycleSearchOptions search_options() {
     orbits::CycleSearchOptions options;
+    options.method = orbits::CycleSearchOptions::Method::local_maps;
     options.periods = {1, 2, 3};
     options.minimum_recurrences = 1;
     options.box = 0.1;
@@ -147,9 +148,10 @@ TEST_CASE("wide recurrences find cycles that hardly recur, and no false one", "[
     const auto all = tests::summary(search.cycles, truths, 0);
     INFO("error / sd rms " << all.z_rms << ", largest " << all.z_largest << ", ln|multiplier| "
                            << all.ln_multiplier_z_rms);
-    // Measured 0.77 and 1.06 (0.5 to 0.8 and 0.5 to 1.1 over all series tried).
+    // Measured 1.15 here; 0.9 to 1.2 on 2^20 sections, boxes of 1 to 40 %. A bound of twice that would let sds be half
+    // of what they should be.
     CHECK(all.z_rms > 0.3);
-    CHECK(all.z_rms < 1.1);
+    CHECK(all.z_rms < 1.5);
     CHECK(all.ln_multiplier_z_rms < 1.5);
 }
 
