@@ -12,8 +12,8 @@ namespace orbid::orbits {
 
 namespace {
 
-// Neighbours per coefficient of the smallest fits; measured on the pendulum: 20 for the 6 coefficients of order 2 in
-// two dimensions find as many cycles as 30 for the 10 of order 3, in half the time.
+// Neighbours per coefficient of the smallest fits: 21 for the 6 coefficients of order 2 in two dimensions (prototypes
+// on the pendulum found as many cycles with 20 as with 30 for the 10 coefficients of order 3).
 constexpr double smallest_share = 3.4;
 
 // Larger neighbourhoods are tried in these steps; one that does not bring the median error down to this part is not
@@ -107,6 +107,14 @@ CellMap::Cell CellMap::fitted(const double* x) const {
         const double cells = cells_per_unit_[static_cast<std::size_t>(d)];
         centre[d] = (std::floor(x[d] * cells) + 0.5) / cells;
     }
+    // Around a point of the series, not around the middle of the cell: on attractors thinner than a cell the data say
+    // nothing about a place beside them.
+    const std::vector<Neighbour> nearest = grid_.nearest(centre, 1);
+    // A neighbouring cell's points may serve, those farther off may not.
+    if (nearest.empty() || !(nearest.front().distance2 <= static_cast<double>(n) * edge_ * edge_)) return {};
+    const double* point = section_.point(nearest.front().index);
+    for (Eigen::Index d = 0; d < n; ++d)
+        centre[d] = nearest.front().mirrored ? section_.signs()[d] * point[d] : point[d];
     PolynomialFit workspace;
     const Neighbourhood near = gather_neighbourhood(section_, grid_, centre, neighbours_);
     const LocalMap map = fit_local_map(section_, near, order_, neighbours_, monomials_, workspace);

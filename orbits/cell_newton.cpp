@@ -12,8 +12,8 @@ namespace orbid::orbits {
 
 namespace {
 
-// Largest coordinate of a Newton step (scaled units): beyond it the map is not linear enough. Measured on the pendulum:
-// 0.02 and 0.1 lose cycles of period 5.
+// Largest coordinate of a Newton step (scaled units): beyond it the map is not linear enough (from prototypes on the
+// pendulum).
 constexpr double step_cap = 0.04;
 
 // A start needs 5-10 steps; more means that it wanders.

@@ -128,6 +128,9 @@ std::vector<CycleDraft> distinct(const SectionPoints& section, const std::vector
     return result;
 }
 
+// Starts that get fits of their own where cells fail: about a millisecond of one core each.
+constexpr std::size_t direct_starts = 512;
+
 class LocalMapFinder final : public CycleFinder {
 public:
     LocalMapFinder(const SectionPoints& section, const CycleSearchOptions& options)
@@ -141,16 +144,21 @@ public:
         const std::vector<RecurrenceSeed> seeds = itinerary_seeds(section_, period, options_.box, itinerary_cell);
         search.candidates += seeds.size();
         std::vector<CycleDraft> orbits;
+        std::vector<std::size_t> lost;  // starts that do not close on cells
         // In blocks: wide boxes have a hundred times more starts than orbits.
         for (std::size_t first = 0; first < seeds.size(); first += starts_at_once) {
             std::vector<Trial> closed(std::min(starts_at_once, seeds.size() - first));
             each(closed.size(), [&](std::size_t i) { closed[i] = close(seeds[first + i], period); });
+            for (std::size_t i = 0; i < closed.size(); ++i)
+                if (!closed[i].accepted) lost.push_back(first + i);
             std::vector<CycleDraft> some = accepted(closed, search);
             std::move(some.begin(), some.end(), std::back_inserter(orbits));
             orbits = distinct(section_, orbits);
         }
         // Starts that met other cells ended a little apart: one centred fit each brings them together.
-        each(orbits.size(), [&](std::size_t i) { settle(orbits[i]); });
+        each(orbits.size(), [&](std::size_t i) { (void)settle(orbits[i]); });
+        for (CycleDraft& draft : closed_directly(seeds, std::move(lost), period))
+            orbits.push_back(std::move(draft));
         std::vector<CycleDraft> drafts =
             merged(section_, distinct(section_, orbits), [](const auto&, const auto&) { return same_distance; });
         std::erase_if(drafts,
@@ -192,21 +200,48 @@ private:
     }
 
     [[nodiscard]] Trial close(const RecurrenceSeed& seed, int period) const {
-        const Eigen::Index n = section_.dimension();
         Trial trial;
-        trial.draft.recurrences = seed.recurrences;
-        trial.draft.points.resize(n, period);
-        for (int j = 0; j < period; ++j)
-            trial.draft.points.col(j) =
-                Eigen::Map<const Eigen::VectorXd>(section_.point(seed.start + static_cast<std::size_t>(j)), n);
+        trial.draft = start_of(seed, period);
         trial.accepted = close_on_cells(section_, cells_, trial.draft.points);
         return trial;
     }
 
-    void settle(CycleDraft& draft) const {
+    [[nodiscard]] bool settle(CycleDraft& draft) const {
         const RefinedCycle cycle =
             refine_cycle(section_, choice_, draft.points, FitSize{cells_.order(), cells_.neighbours()});
-        if (cycle.status == RefinementStatus::converged) draft.points = cycle.points;
+        const bool converged = cycle.status == RefinementStatus::converged;
+        if (converged) draft.points = cycle.points;
+        return converged && unexplained_part(cycle) <= unexplained;
+    }
+
+    // Where the map bends within a cell (next to the fold of a Lorenz section) only fits centred on the points close an
+    // orbit. They cost a hundred times as much, so that the starts with most recurrences alone get them.
+    [[nodiscard]] std::vector<CycleDraft> closed_directly(const std::vector<RecurrenceSeed>& seeds,
+                                                          std::vector<std::size_t> lost, int period) const {
+        const auto more = [&](std::size_t a, std::size_t b) {
+            return seeds[a].recurrences != seeds[b].recurrences ? seeds[a].recurrences > seeds[b].recurrences : a < b;
+        };
+        const std::size_t count = std::min(direct_starts, lost.size());
+        std::partial_sort(lost.begin(), lost.begin() + static_cast<std::ptrdiff_t>(count), lost.end(), more);
+        std::vector<Trial> trials(count);
+        each(count, [&](std::size_t i) {
+            trials[i].draft = start_of(seeds[lost[i]], period);
+            trials[i].accepted = settle(trials[i].draft);
+        });
+        std::vector<CycleDraft> drafts;
+        for (Trial& trial : trials)
+            if (trial.accepted) drafts.push_back(std::move(trial.draft));
+        return drafts;
+    }
+
+    [[nodiscard]] CycleDraft start_of(const RecurrenceSeed& seed, int period) const {
+        CycleDraft draft;
+        draft.recurrences = seed.recurrences;
+        draft.points.resize(section_.dimension(), period);
+        for (int j = 0; j < period; ++j)
+            draft.points.col(j) = Eigen::Map<const Eigen::VectorXd>(
+                section_.point(seed.start + static_cast<std::size_t>(j)), section_.dimension());
+        return draft;
     }
 
     // The best fits that the data allow, covariance, and whether the cycle can be believed.

@@ -66,3 +66,40 @@ TEST_CASE("the cycles of the Lorenz equations are found and named in crossings o
     }
     CHECK(matched == 10);
 }
+
+TEST_CASE("a section is cut from samples and searched, its invariants told", "[apps][run]") {
+    const TemporaryFolder folder;
+    const Path out = folder.path() / "out";
+    std::string text = R"({
+      "model": { "name": "lorenz" }, "seed": 1,
+      "section": { "coordinate": "z", "value": 27, "direction": 1 },
+      "data": { "simulate": { "samples": { "step": 0.01, "count": 200001 }, "initial": [[1, 1, 20]] } },
+      "orbits": { "periods": [2, 3], "partition": { "coordinate": "x", "boundaries": [0], "symbols": "AB" },
+                  "invariants": { "complete_to": 3, "continuous": false } } })";
+    const Path job = write_text(folder.path() / "job.json", text);
+    const Outcome run = orbid_with({"run", job, "--out", out});
+    CAPTURE(run.error);
+    // The list must hold all periods up to the one it is complete to.
+    CHECK(run.code == 2);
+    CHECK(run.error.find("/orbits/invariants/complete_to: period 1 is not searched for") != std::string::npos);
+    text.replace(text.find("[2, 3]"), 6, "[1, 2, 3]");
+    const Path good = write_text(folder.path() / "good.json", text);
+    const Outcome second = orbid_with({"run", good, "--out", out});
+    CAPTURE(second.error);
+    REQUIRE(second.code == 0);
+    CHECK(second.error.find("points of the section from 200001 samples") != std::string::npos);
+    const json found = read_json(out / "cycles.json");
+    REQUIRE(found["cycles"].size() == 3);
+    for (const json& cycle : found["cycles"]) {
+        // tests/reference/lorenz_orbits.json: AB 1.5586522, AAB and ABB 2.3059073
+        const double exact = cycle["period"] == 2 ? 1.558652210716175 : 2.305907263939848;
+        CHECK_THAT(cycle["time"].get<double>(), WithinRel(exact, 1e-5));
+    }
+    const json invariants = read_json(out / "invariants.json");
+    CHECK(invariants["format"] == "orbid-invariants/1");
+    // 0.9056 per second; 2000 s give it to 1.3 %, three sds
+    CHECK_THAT(invariants["lyapunov"]["exponents"][0].get<double>(), WithinRel(0.9056, 0.04));
+    CHECK(invariants["cycle_expansion"]["by_period"].size() == 3);
+    CHECK(invariants["correlation"]["dimension"].get<double>() < 1.2);
+    CHECK(second.out.find("Lyapunov exponents [1/s]") != std::string::npos);
+}

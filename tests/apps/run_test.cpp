@@ -116,7 +116,9 @@ TEST_CASE("results do not depend on the number of threads", "[apps][run]") {
 TEST_CASE("a period that is not found is listed, and no error", "[apps][run]") {
     const TemporaryFolder folder;
     json job = pendulum_job(8192);
-    job["orbits"]["periods"] = {1, 2, 3, 29};
+    job["orbits"]["periods"] = {1, 2, 29};
+    job["orbits"]["box"] = 0.01;
+    job["orbits"]["minimum_recurrences"] = 3;  // of so long a cycle 8192 points hold one recurrence at most
     job["estimate"]["parameters"] = json::parse(R"({ "l": { "start": 0.32 } })");
     job["estimate"].erase("derived");
     job["reference"].erase("k2_over_m");
@@ -131,6 +133,8 @@ TEST_CASE("nothing found at all gives code 1 and a stored result", "[apps][run]"
     const TemporaryFolder folder;
     json job = pendulum_job(2000);
     job["orbits"]["periods"] = {13};
+    job["orbits"]["box"] = 0.01;
+    job["orbits"]["minimum_recurrences"] = 3;
     const Path out = folder.path() / "out";
     const Outcome run = orbid_with({"run", write_job(folder.path() / "job.json", job), "--out", out});
     CHECK(run.code == 1);
