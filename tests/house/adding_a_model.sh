@@ -44,11 +44,12 @@ compile() { # object of the build, source, new object, further flags
     command=${command%% -MD *}
     (cd "$build" && eval "$command ${4:-} -I$copy -o '$3' -c '$2'") || fail "$2 does not compile"
 }
-# The command by which the build links a program, with our objects in the place of some of its own.
+# The command by which the build links a program, with our objects in the place of some of its own. Of libraries only what
+# is asked for is taken, so that our registry replaces that of the room.
 link() { # program of the build, pattern of objects to leave out, our objects, new program
     local command
     command=$(ninja -C "$build" -t commands -s "$1" | tail -1)
-    command=$(sed -E "s|$2||g; s| -o bin/[a-z_]+ | $3 -o '$4' |" <<<"$command")
+    command=$(sed -E "s|-Wl,--whole-archive,[^ ]*||g; s|$2||g; s| -o bin/[a-z_]+ | $3 -o '$4' |" <<<"$command")
     (cd "$build" && eval "$command") || fail "$4 does not link"
 }
 objects=models/CMakeFiles/orbid_models.dir
