@@ -53,6 +53,25 @@ public:
         std::copy(theta, theta + q, p.begin());
         M::rhs(0.0, std::span<const double>(state, coordinates_.size()), p, std::span<double>(f, coordinates_.size()));
     }
+    void rhs_derivatives(double /*phase*/, const double* state, const double* theta, const double* /*input*/,
+                         std::span<const std::ptrdiff_t> free, double* derivatives) const override {
+        using T = Dual<chunk>;
+        const std::size_t n = coordinates_.size(), directions = n + free.size();
+        for (std::size_t first = 0; first < directions; first += chunk) {
+            std::vector<T> x(state, state + n), f(n);
+            Values<T, q> p;
+            std::copy(theta, theta + q, p.begin());
+            const std::size_t count = std::min(chunk, directions - first);
+            for (std::size_t j = 0; j < count; ++j) {
+                const std::size_t direction = first + j;
+                (direction < n ? x[direction] : p[static_cast<std::size_t>(free[direction - n])]).partial[j] = 1.0;
+            }
+            M::rhs(T(0.0), std::span<const T>(x), p, std::span<T>(f));
+            for (std::size_t j = 0; j < count; ++j)
+                for (std::size_t i = 0; i < n; ++i)
+                    derivatives[(first + j) * n + i] = f[i].partial[j];
+        }
+    }
 
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                  const FlowOutput& output) const override {

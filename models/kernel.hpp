@@ -74,6 +74,9 @@ public:
 
     /// f(x, phase; theta), or the image of a map.
     virtual void rhs(double phase, const double* state, const double* theta, const double* input, double* f) const = 0;
+    /// d f / d(x, free parameters) there, n x d.
+    virtual void rhs_derivatives(double phase, const double* state, const double* theta, const double* input,
+                                 std::span<const std::ptrdiff_t> free, double* derivatives) const = 0;
 
     /// States after each of the m durations; value and derivatives from the same steps.
     [[nodiscard]] virtual FlowEnd flow(const FlowStart& start, std::span<const double> durations,

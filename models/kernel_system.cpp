@@ -92,6 +92,11 @@ double KernelSystem::period(const Eigen::VectorXd& theta, Clock clock) const {
     return clock == Clock::phase ? turn : turn / theta[static_cast<Eigen::Index>(*frequency)];
 }
 
+std::optional<Eigen::Index> KernelSystem::forcing_frequency() const {
+    const auto index = kernel_->forcing_frequency();
+    return index ? std::optional(static_cast<Eigen::Index>(*index)) : std::nullopt;
+}
+
 bool KernelSystem::at_rest(const Eigen::VectorXd& state, const Eigen::VectorXd& theta) const {
     check_parameters(*this, theta);
     check_state(*this, state);
@@ -111,6 +116,24 @@ Eigen::MatrixXd KernelSystem::rhs(const Eigen::MatrixXd& states, std::span<const
         kernel_->rhs(phase, states.col(k).data(), theta.data(), input.data(), f.col(k).data());
     }
     return f;
+}
+
+Eigen::MatrixXd KernelSystem::rhs_derivatives(const Eigen::MatrixXd& states, std::span<const double> phases,
+                                              const Eigen::VectorXd& theta, std::span<const Eigen::Index> free) const {
+    check_parameters(*this, theta);
+    check_columns(*this, states, phases);
+    check_free(*this, free);
+    require_input();
+    const Eigen::Index d = dimension() + static_cast<Eigen::Index>(free.size());
+    std::vector<double> input(inputs().size());
+    Eigen::MatrixXd derivatives(dimension(), states.cols() * d);
+    for (Eigen::Index k = 0; k < states.cols(); ++k) {
+        const double phase = phases[static_cast<std::size_t>(k)];
+        if (signal_) signal_->evaluate(signal_->piece_at(phase), phase, input.data());
+        kernel_->rhs_derivatives(phase, states.col(k).data(), theta.data(), input.data(), free,
+                                 derivatives.col(k * d).data());
+    }
+    return derivatives;
 }
 
 FlowStart KernelSystem::start_of(const Eigen::VectorXd& x0, double phase, const Eigen::VectorXd& theta, Clock clock,

@@ -25,9 +25,12 @@ public:
     std::shared_ptr<const System> with_input(std::shared_ptr<const InputSignal> signal) const override;
     bool smooth(const Eigen::VectorXd& theta) const override;
     double period(const Eigen::VectorXd& theta, Clock clock) const override;
+    std::optional<Eigen::Index> forcing_frequency() const override;
     bool at_rest(const Eigen::VectorXd& state, const Eigen::VectorXd& theta) const override;
     Eigen::MatrixXd rhs(const Eigen::MatrixXd& states, std::span<const double> phases,
                         const Eigen::VectorXd& theta) const override;
+    Eigen::MatrixXd rhs_derivatives(const Eigen::MatrixXd& states, std::span<const double> phases,
+                                    const Eigen::VectorXd& theta, std::span<const Eigen::Index> free) const override;
     FlowResult flow(const Eigen::VectorXd& x0, double phase, std::span<const double> durations,
                     const Eigen::VectorXd& theta, Clock clock, const FlowOptions& options) const override;
     FlowResult flow_with_sensitivities(const Eigen::VectorXd& x0, double phase, std::span<const double> durations,

@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "models/dynamic_kernel.hpp"
+#include "models/field_derivatives.hpp"
 #include "models/flow.hpp"
 #include "models/map_ensemble.hpp"
 #include "models/map_flow.hpp"
@@ -76,6 +77,10 @@ public:
              double* f) const override {
         const auto values = value_rhs<M>(phase, array_from<double, n>(state), array_from<double, q>(theta), input);
         std::copy(values.begin(), values.end(), f);
+    }
+    void rhs_derivatives(double phase, const double* state, const double* theta, const double* input,
+                         std::span<const std::ptrdiff_t> free, double* derivatives) const override {
+        store_field_derivatives<M>(phase, state, theta, input, free, derivatives);
     }
 
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,

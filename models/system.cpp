@@ -35,6 +35,12 @@ namespace {
 
 }  // namespace
 
+Eigen::MatrixXd System::rhs_derivatives(const Eigen::MatrixXd& /*states*/, std::span<const double> /*phases*/,
+                                        const Eigen::VectorXd& /*theta*/,
+                                        std::span<const Eigen::Index> /*free*/) const {
+    not_offered(*this, "derivatives of the equations");
+}
+
 std::shared_ptr<const System> System::with_input(std::shared_ptr<const InputSignal> /*signal*/) const {
     not_offered(*this, "measured inputs");
 }

@@ -111,6 +111,8 @@ public:
     [[nodiscard]] virtual bool smooth(const Eigen::VectorXd& theta) const = 0;
     /// Period of the forcing in the given clock: 2 pi rad, or 2 pi / omega s. Throws std::logic_error unless forced.
     [[nodiscard]] virtual double period(const Eigen::VectorXd& theta, Clock clock) const = 0;
+    /// Index of the parameter omega whose phase omega t the forcing has; none unless forced.
+    [[nodiscard]] virtual std::optional<Eigen::Index> forcing_frequency() const { return std::nullopt; }
     /// At rest for ever in this state (sticking that the forcing cannot end, or an equilibrium): used to notice
     /// standstill.
     [[nodiscard]] virtual bool at_rest(const Eigen::VectorXd& state, const Eigen::VectorXd& theta) const = 0;
@@ -118,6 +120,11 @@ public:
     /// x' = f(x, tau; theta) per second at columns of states; phases has one entry per column. Shape (n, m).
     [[nodiscard]] virtual Eigen::MatrixXd rhs(const Eigen::MatrixXd& states, std::span<const double> phases,
                                               const Eigen::VectorXd& theta) const = 0;
+    /// Its exact derivatives at columns of states, shape (n, m d): columns [k d, (k + 1) d) = d f_k / d(x, free
+    /// parameters) at a fixed phase, on the side of each switching surface that the state is on.
+    [[nodiscard]] virtual Eigen::MatrixXd rhs_derivatives(const Eigen::MatrixXd& states, std::span<const double> phases,
+                                                          const Eigen::VectorXd& theta,
+                                                          std::span<const Eigen::Index> free) const;
 
     /// States after each duration, from x0 at the given phase (forced; ignored otherwise). Durations ascend, >= 0,
     /// equal to 0 allowed; duplicates allowed.

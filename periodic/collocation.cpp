@@ -41,7 +41,7 @@ public:
           theta_(theta),
           start_(start),
           options_(options),
-          field_(system, theta, start.phase, start.points.cols(), scale),
+          field_(system, theta, start.phase, start.points.cols()),
           method_(gauss_method(options.stages)),
           time_(course.time) {
         options_.solver.scale = scale;

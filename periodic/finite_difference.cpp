@@ -31,7 +31,7 @@ PeriodicOrbit solve_on(Index steps, const models::System& system, const VectorXd
     failed.status = OrbitStatus::not_simulated;
     failed.period = static_cast<int>(start.points.cols());
     const Index n = system.dimension();
-    const OrbitField field(system, theta, start.phase, start.points.cols(), scale);
+    const OrbitField field(system, theta, start.phase, start.points.cols());
 
     // At the nodes, and midway between them for the velocities of Fey's scheme.
     std::vector<double> shares;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -20,17 +21,13 @@ struct FieldValues {
 ///     dx/ds = G(x, s; T, theta) = T f(x, phase(s); theta),      s in [0, 1].
 ///
 /// Forced models: T = p periods of the forcing, and what a free forcing frequency does to it is part of G's
-/// derivatives. Derivatives are central differences of the field (one-sided for parameters at the end of their domain)
-/// with a step of cbrt(eps) of the typical size, good to about 1e-10; but within such a step of a kink (v|v| at v = 0)
-/// to half the jump.
+/// derivatives.
 class OrbitField {
 public:
     /// @param periods  of the forcing per orbit (forced models; ignored otherwise).
-    /// @param scale    typical size of each coordinate, shape (n), > 0.
-    OrbitField(const models::System& system, const Eigen::VectorXd& theta, double phase, Eigen::Index periods,
-               const Eigen::VectorXd& scale);
+    OrbitField(const models::System& system, const Eigen::VectorXd& theta, double phase, Eigen::Index periods);
 
-    [[nodiscard]] Eigen::Index dimension() const { return scale_.size(); }
+    [[nodiscard]] Eigen::Index dimension() const { return system_.dimension(); }
     [[nodiscard]] bool autonomous() const { return autonomous_; }
     /// T [s]: `time` of autonomous flows, what the parameters say otherwise.
     [[nodiscard]] double duration(double time) const { return autonomous_ ? time : forced_duration_; }
@@ -43,18 +40,12 @@ public:
                                      std::span<const Eigen::Index> free) const;
 
 private:
-    /// A parameter moved by `steps` steps of its difference quotient.
-    [[nodiscard]] Eigen::VectorXd moved(Eigen::Index parameter, double steps) const;
-    [[nodiscard]] double step_of(Eigen::Index parameter) const;
-    [[nodiscard]] bool one_sided(Eigen::Index parameter) const;
-    [[nodiscard]] Eigen::MatrixXd at(const Eigen::MatrixXd& states, std::span<const double> shares, double time,
-                                     const Eigen::VectorXd& theta) const;
+    [[nodiscard]] std::vector<double> phases_at(std::span<const double> shares) const;
 
     const models::System& system_;
     const Eigen::VectorXd& theta_;
     double phase_;
     double periods_;
-    Eigen::VectorXd scale_;
     bool autonomous_;
     double forced_duration_ = 0.0;
 };

@@ -11,7 +11,6 @@
 #include <Eigen/SVD>
 
 #include "periodic/floquet_vector.hpp"
-#include "periodic/orbit_field.hpp"
 
 namespace orbid::periodic {
 namespace {
@@ -132,8 +131,7 @@ private:
     }
     /// f_x at a state, shape (n, n).
     [[nodiscard]] MatrixXd field_slope(const VectorXd& x) const {
-        const VectorXd scale = orbit_.points.cwiseAbs().rowwise().maxCoeff().cwiseMax(1e-3);
-        return OrbitField(system_, theta_, 0.0, 1, scale).values(x, std::vector<double>{0.0}, 1.0, {}).by_state;
+        return system_.rhs_derivatives(x, std::vector<double>{0.0}, theta_, {});
     }
 
     const models::System& system_;

@@ -189,6 +189,21 @@ public:
         }
         return f;
     }
+    [[nodiscard]] Eigen::MatrixXd rhs_derivatives(const Eigen::MatrixXd& states, std::span<const double>,
+                                                  const Eigen::VectorXd& theta,
+                                                  std::span<const Eigen::Index> free) const override {
+        const auto d = 2 + static_cast<Eigen::Index>(free.size());
+        Eigen::MatrixXd derivatives(2, states.cols() * d);
+        for (Eigen::Index k = 0; k < states.cols(); ++k) {
+            const double q = states(0, k), p = states(1, k), growth = theta(0) - q * q - p * p;
+            derivatives.middleCols(k * d, 2) << growth - 2.0 * q * q, theta(1) - 2.0 * q * p, -theta(1) - 2.0 * q * p,
+                growth - 2.0 * p * p;
+            for (Eigen::Index j = 2; j < d; ++j)
+                derivatives.col(k * d + j) =
+                    free[static_cast<std::size_t>(j - 2)] == 0 ? Eigen::Vector2d(q, p) : Eigen::Vector2d(p, -q);
+        }
+        return derivatives;
+    }
     [[nodiscard]] Eigen::VectorXcd advance(const Eigen::VectorXcd& x0, double, double duration,
                                            const Eigen::VectorXcd& theta) const override {
         const Complex square = x0(0) * x0(0) + x0(1) * x0(1);
