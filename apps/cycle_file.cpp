@@ -115,7 +115,7 @@ Json orbit_json(const CycleFileHead& head, const periodic::PeriodicOrbit& orbit,
         out["ln_multiplier"].push_back(std::log(std::abs(multiplier)));  // -infinity (sticking) becomes null
     }
     out["ln_multiplier_covariance"] = nullptr;
-    out["time"] = time_of(head, orbit.period);
+    out["time"] = head.plane ? Json(orbit.time) : time_of(head, orbit.period);
     out["recurrences"] = nullptr;
     out["mirror"] = nullptr;
     out["quality"] = orbit.sticking ? Json::array({"sticking"}) : Json::array();

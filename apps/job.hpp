@@ -155,7 +155,11 @@ struct OrbitStart {
     Eigen::MatrixXd points;     ///< shape (n, p)
 };
 
+/// Methods of the "periodic" block, in the order of PeriodicJob::method.
+inline const std::vector<std::string> periodic_method_names{"multiple_shooting", "finite_difference", "collocation"};
+
 struct PeriodicJob {
+    std::size_t method = 0;  ///< index into periodic_method_names
     std::vector<OrbitStart> orbits;
 };
 

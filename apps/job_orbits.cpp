@@ -204,10 +204,35 @@ std::vector<int> read_rotation(const ValueReader& value, const Job& job) {
     return rotation;
 }
 
+/// Crossings of a section lie on it.
+void require_on_section(const ValueReader& point, const Eigen::VectorXd& state, const Job& job) {
+    if (!job.section_plane || state(job.section_plane->coordinate) == job.section_plane->value) return;
+    point.report(fmt::format("must lie on the section, where {} is {}",
+                             coordinate_names(job)[static_cast<std::size_t>(job.section_plane->coordinate)],
+                             job.section_plane->value));
+}
+
+/// Finite differences and collocation follow a smooth solution in continuous time.
+void require_smooth_flow(const ValueReader& method, const Job& job) {
+    if (!job.model.system) return;
+    const models::System& system = *job.model.system;
+    if (system.kind() == models::Kind::map) {
+        method.report(fmt::format("the model {} is a map: must be \"multiple_shooting\"", job.model.name));
+        return;
+    }
+    // Values outside their domain are reported where they stand.
+    for (std::size_t i = 0; i < system.parameters().size(); ++i)
+        if (!models::contains(system.parameters()[i].domain, job.model.values[static_cast<Eigen::Index>(i)])) return;
+    if (!system.smooth(job.model.values)) {
+        method.report(fmt::format("the model {} is not smooth at these parameters: must be \"multiple_shooting\"",
+                                  job.model.name));
+    }
+}
+
 OrbitStart read_start(const ValueReader& value, const Job& job) {
     OrbitStart start;
     ObjectReader object(value);
-    if (const auto period = object.require("period", "in periods of the forcing, >= 1")) {
+    if (const auto period = object.require("period", "in periods of the forcing, or crossings of the section, >= 1")) {
         start.period = static_cast<int>(period->whole(1, 1000).value_or(1));
     }
     if (const auto rotation = object.find("rotation")) start.rotation = read_rotation(*rotation, job);
@@ -222,17 +247,12 @@ OrbitStart read_start(const ValueReader& value, const Job& job) {
             const auto state = read_state(items[j], job);
             if (state && j < period && state->size() == start.points.rows()) {
                 start.points.col(static_cast<Eigen::Index>(j)) = *state;
+                require_on_section(items[j], *state, job);
             }
         }
     }
     object.finish();
     return start;
-}
-
-/// Cycles are those of a map: an iterated one, or a period of the forcing.
-void refuse_autonomous(const ValueReader& at, const Job& job, std::string_view what) {
-    if (!job.model.system || job.model.system->kind() != models::Kind::autonomous) return;
-    at.report(fmt::format("{} of the model {}, which is not forced: {}", what, job.model.name, not_in_this_version));
 }
 
 }  // namespace
@@ -258,9 +278,13 @@ void read_periodic(ObjectReader& root, Job& job) {
     PeriodicJob periodic;
     ObjectReader object(*value);
     object.reserve({"search", "continuation"});
-    refuse_autonomous(*value, job, "periodic orbits");
+    if (job.model.system && job.model.system->kind() == models::Kind::autonomous && !job.section_plane) {
+        value->report(
+            fmt::format("the model {} is autonomous: needs a \"section\" that its orbits cross", job.model.name));
+    }
     if (const auto method = object.find("method")) {
-        (void)method->choice({"multiple_shooting"}, {"finite_difference", "collocation"});
+        periodic.method = method->choice(periodic_method_names, {}).value_or(0);
+        if (periodic.method > 0) require_smooth_flow(*method, job);
     }
     if (const auto orbits = object.require("orbits", "starts, each { \"period\": ..., \"points\": [[...], ...] }")) {
         const auto items = orbits->items();

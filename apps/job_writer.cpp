@@ -111,7 +111,7 @@ Json periodic_document(const PeriodicJob& periodic) {
         }
         starts.push_back(std::move(start));
     }
-    return {{"method", "multiple_shooting"}, {"orbits", std::move(starts)}};
+    return {{"method", periodic_method_names[periodic.method]}, {"orbits", std::move(starts)}};
 }
 
 Json output_document(SeriesOutput series) {

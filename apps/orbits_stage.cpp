@@ -93,8 +93,11 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
         search = orbits::find_cycles(section->series(), section->options);
     } catch (const std::invalid_argument& error) {
         // The job was checked: what is refused here is the series (too short, a coordinate without spread).
+        std::string_view reason = error.what();
+        constexpr std::string_view caller = "find_cycles: ";
+        if (reason.starts_with(caller)) reason.remove_prefix(caller.size());
         throw orbits::DataError(
-            fmt::format("{}: cannot be searched for cycles: {}", work.job.data[orbits.data].name, error.what()));
+            fmt::format("{}: cannot be searched for cycles: {}", work.job.data[orbits.data].name, reason));
     }
     work.folder.store("cycles.json", cycles_text({cycle_file_head(work.job, wanted), search}));
     work.progress.end(fmt::format("{} cycles from {} candidates", search.cycles.size(), search.candidates));

@@ -97,8 +97,8 @@ TEST_CASE("periodic orbits of autonomous flows, and estimates from their cycles,
                "/orbits/partition/symbols: must have one character per part: 2, not 1");
     check_only(with(R"("orbits": { "reading_error": { "x": 0.1 } })"), "/orbits/reading_error: \"y\" is missing");
     check_only(with(R"("orbits": { "reading_error": { "x": 0.1, "y": 0 } })"), "/orbits/reading_error/y: must be");
-    check_only(with(R"("periodic": { "orbits": [ { "period": 1, "points": [[1, 1, 27]] } ] })"),
-               "/periodic: periodic orbits of the model lorenz, which is not forced: not in this version");
+    check_only(with(R"("periodic": { "orbits": [ { "period": 1, "points": [[1, 1, 20]] } ] })"),
+               "/periodic/orbits/0/points/0: must lie on the section, where z is 27");
     check_only(with(R"("estimate": { "parameters": {}, "residuals": [ { "type": "series", "data": ["falls"] } ] })"),
                "\"falls\" is a section series; as a series residual: not in this version");
 }

@@ -172,6 +172,60 @@ TEST_CASE("periodic orbits are computed from starts, the failed one is named", "
     CHECK_FALSE(std::filesystem::exists(folder.path() / "other"));
 }
 
+TEST_CASE("periodic orbits by finite differences and collocation, and where these do not apply", "[apps][run]") {
+    const TemporaryFolder folder;
+    json job = json::parse(R"({ "model": { "name": "parametric_pendulum" },
+      "periodic": { "method": "collocation", "orbits": [ { "period": 1, "points": [[2.96, 6.40]] } ] } })");
+    for (const char* method : {"collocation", "finite_difference"}) {
+        CAPTURE(method);
+        job["periodic"]["method"] = method;
+        const Path out = folder.path() / method;
+        CHECK(orbid_with({"periodic", write_job(folder.path() / "job.json", job), "--out", out}).code == 0);
+        CHECK(read_json(out / "job.json")["periodic"]["method"] == method);
+        const json orbit = read_json(out / "orbits.json")["cycles"][0];
+        CHECK(orbit["status"] == "converged");
+        // tests/reference/pendulum_orbits_g9.81.json; differences on 200 nodes are 7e-7 and 6e-5 off.
+        const double tolerance = std::string(method) == "collocation" ? 1e-9 : 1e-4;
+        CHECK_THAT(orbit["points"][0][0].get<double>(), WithinAbs(2.966784281971485, tolerance));
+        CHECK_THAT(orbit["points"][0][1].get<double>(), WithinAbs(6.406582448046664, tolerance));
+    }
+    job["model"]["parameters"]["k1"] = 1e-3;
+    const Outcome rough = orbid_with({"check", write_job(folder.path() / "job.json", job)});
+    CHECK(rough.code == 2);
+    CHECK_THAT(rough.error, ContainsSubstring("/periodic/method: the model parametric_pendulum is not smooth"));
+    const json map = json::parse(R"({ "model": { "name": "henon" },
+      "periodic": { "method": "collocation", "orbits": [ { "period": 1, "points": [[0.6, 0.2]] } ] } })");
+    CHECK_THAT(orbid_with({"check", write_job(folder.path() / "map.json", map)}).error,
+               ContainsSubstring("the model henon is a map"));
+}
+
+TEST_CASE("periodic orbits of an autonomous flow start on a section", "[apps][run]") {
+    const TemporaryFolder folder;
+    json job = json::parse(R"({ "model": { "name": "lorenz" },
+      "section": { "coordinate": "z", "value": 27, "direction": 1 },
+      "periodic": { "orbits": [ { "period": 2, "points": [[-13.7, -19.5, 27], [13.7, 19.5, 27]] },
+                                { "period": 1, "points": [[8.6, 8.4, 27]] } ] } })");
+    const Path out = folder.path() / "out";
+    const Outcome run = orbid_with({"periodic", write_job(folder.path() / "job.json", job), "--out", out});
+    CAPTURE(run.error);
+    CHECK(run.code == 0);
+    const json orbits = read_json(out / "orbits.json")["cycles"];
+    // The orbit AB of tests/reference/lorenz_orbits.json.
+    CHECK(orbits[0]["status"] == "converged");
+    CHECK_THAT(orbits[0]["time"].get<double>(), WithinAbs(1.55865221071617472756787, 1e-11));
+    CHECK_THAT(orbits[0]["points"][0][0].get<double>(), WithinAbs(-13.7636106821342005250144, 1e-9));
+    CHECK(orbits[0]["points"][0].size() == 3);
+    CHECK(orbits[0]["multipliers"].size() == 2);
+    CHECK_THAT(orbits[0]["multipliers"][0][0].get<double>(), WithinAbs(4.7129472734240821825, 1e-8));
+    CHECK(orbits[1]["status"] == "equilibrium");
+    CHECK_THAT(orbits[1]["points"][0][0].get<double>(), WithinAbs(std::sqrt(72.0), 1e-4));
+
+    job.erase("section");
+    const Outcome refused = orbid_with({"check", write_job(folder.path() / "job.json", job)});
+    CHECK(refused.code == 2);
+    CHECK_THAT(refused.error, ContainsSubstring("needs a \"section\" that its orbits cross"));
+}
+
 TEST_CASE("an interrupted run stores a valid result", "[apps][run]") {
     const TemporaryFolder folder;
     const json job = pendulum_job(32768);
