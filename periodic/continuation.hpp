@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system.hpp"
+#include "periodic/branch.hpp"
+#include "periodic/course.hpp"
+#include "periodic/solver_options.hpp"
+
+namespace orbid::periodic {
+
+struct ContinuationOptions {
+    Eigen::Index parameter = 0;  ///< index into System::parameters()
+    double lower = 0.0;          ///< range of its values, lower < upper; the start lies inside
+    double upper = 0.0;
+    /// +1: first towards larger values, -1: towards smaller ones, 0: both ways from the start.
+    int direction = 0;
+    /// Arclength: points relative to the scales and the parameter relative to upper - lower, each with the weight of
+    /// one coordinate. All > 0.
+    double first_step = 1e-2;
+    double smallest_step = 1e-7;
+    double largest_step = 5e-2;
+    std::size_t maximum_points = 1000;  ///< per branch, bifurcations included
+    bool switch_doublings = true;       ///< follow the branch of twice the period that begins at a doubling
+    bool switch_symmetry = true;        ///< and the asymmetric ones where an orbit loses its symmetry
+    int maximum_period = 16;  ///< no branch of a longer period is followed; periods of the forcing, or returns
+    std::size_t maximum_branches = 32;
+    double longest = 1e6;  ///< T [s] beyond which a branch of an autonomous flow ends
+    ShootingOptions solver{};
+};
+
+/// The branch through an orbit, by pseudo-arclength continuation of multiple shooting: folds are passed, bifurcations
+/// located. Stops at nothing but the range, the limits and its own start.
+///
+/// @param start  leads to an orbit at theta by solve_multiple_shooting().
+/// @return the branch; empty points when the start does not converge: `start_status` of the diagram says how.
+/// @throws std::invalid_argument naming the option and its rule.
+struct BifurcationDiagram {
+    OrbitStatus start_status = OrbitStatus::no_progress;  ///< converged, or why there is no branch
+    std::vector<Branch> branches;                         ///< the first one through the start, then those switched to
+};
+
+/// That branch and, generation after generation, the branches that begin at its doublings and symmetry breakings.
+[[nodiscard]] BifurcationDiagram follow_branches(const models::System& system, const Eigen::VectorXd& theta,
+                                                 const StartingSolution& start, const ContinuationOptions& options);
+
+/// Ratios (l_k - l_{k-1}) / (l_{k+1} - l_k) of the successive period doublings l_1, l_2, ... of a cascade, in the order
+/// of the periods; Feigenbaum's constant 4.669 in the limit.
+[[nodiscard]] std::vector<double> doubling_ratios(std::span<const double> doublings);
+
+}  // namespace orbid::periodic

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system.hpp"
+#include "periodic/orbit.hpp"
+#include "periodic/solver_options.hpp"
+
+namespace orbid::periodic {
+
+/// Where the start of an orbit came from.
+enum class StartOrigin {
+    recurrence,  ///< of the model's own trajectory
+    symmetry,    ///< the mirror image of another orbit
+    orbit,       ///< points of an orbit of another period, stabilised (Davidchack and Lai)
+    code         ///< a symbol sequence
+};
+
+struct OrbitSearchOptions {
+    std::vector<int> periods{1};             ///< different, >= 1, in periods of the forcing, iterations, or crossings
+    double phase = 0.0;                      ///< of the section [rad] (forced models)
+    std::optional<models::Section> section;  ///< autonomous flows: needed
+    std::uint64_t seed = 1;
+    std::size_t points = 1U << 18U;  ///< of the section that are simulated and searched for recurrences, >= 100
+    std::size_t trajectories = 16;
+    bool symmetry = true;  ///< look for the mirror image of every orbit (models that declare a symmetry)
+    /// Stop when the stabilised starts of a whole round have found nothing new; false: recurrences alone.
+    bool stabilised = true;
+    ShootingOptions solver{};
+};
+
+/// A prime periodic orbit that was found.
+struct FoundOrbit {
+    PeriodicOrbit orbit;  ///< converged, points in the order that begins with the smallest first coordinate
+    StartOrigin origin = StartOrigin::recurrence;
+    int mirror = -1;       ///< index of its mirror image in the list, its own when symmetric, -1 when not known
+    std::size_t hits = 1;  ///< starts that led to it
+};
+
+struct OrbitSearch {
+    std::vector<FoundOrbit> orbits;  ///< by period, rotation, points; the same with any number of threads
+    std::size_t starts = 0;          ///< that were solved
+    std::size_t captured = 0;        ///< trajectories that ended in a stable orbit or at rest
+};
+
+/// All prime periodic orbits of a model up to the largest period asked for that can be reached without data: starts
+/// from recurrences of its own trajectories, from mirror images, and, as the last resort, from stabilised iterations
+/// that begin at the points of the orbits that are known.
+///
+/// @return never fails for bad numerics: what was not found is not in the list.
+/// @throws std::invalid_argument naming the option and its rule.
+[[nodiscard]] OrbitSearch search_orbits(const models::System& system, const Eigen::VectorXd& theta,
+                                        const OrbitSearchOptions& options);
+
+}  // namespace orbid::periodic
