@@ -26,8 +26,9 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
     for (const MatrixXd& factor : factors)
         if (factor.rows() != n_ || factor.cols() != n_ || n_ == 0)
             throw std::invalid_argument("CyclicSystem: factors must be square and of one size");
-    if (k_ > 0 && (border.columns.rows() != n_ * p_ || border.columns.cols() != k_ || border.rows.cols() != n_ ||
-                   border.corner.rows() != k_ || border.corner.cols() != k_))
+    if (k_ > 0 && (border.columns.rows() != n_ * p_ || border.columns.cols() != k_ ||
+                   (border.rows.cols() != n_ && border.rows.cols() != n_ * p_) || border.corner.rows() != k_ ||
+                   border.corner.cols() != k_))
         throw std::invalid_argument("CyclicSystem: the border does not fit the factors");
 
     double largest = 0.0;
@@ -56,11 +57,17 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
         // The row block at hand: first (d_0, tau) + next d_{j} = right-hand side, with j the next to go.
         MatrixXd first = outer(0);
         MatrixXd next = MatrixXd::Identity(n_, n_);
+        // The border's rows at hand: bottom (d_0, tau) + bottom_next d_j, and what they hold of later nodes.
+        const bool all_nodes = k_ > 0 && border.rows.cols() == n_ * p_;
+        MatrixXd bottom(k_, n_ + k_);
+        if (k_ > 0) bottom << border.rows.leftCols(n_), border.corner;
+        MatrixXd bottom_next = MatrixXd::Zero(k_, n_);
+        if (all_nodes) bottom_next = border.rows.middleCols(n_, n_);
         eliminations_.reserve(static_cast<std::size_t>(std::max<Index>(p_ - 2, 0)));
         for (Index j = 1; j + 1 < p_; ++j) {
             MatrixXd column(2 * n_, n_);
             column << next, -factors[static_cast<std::size_t>(j)];
-            Elimination step{Eigen::HouseholderQR<MatrixXd>(column), {}, {}};
+            Elimination step{Eigen::HouseholderQR<MatrixXd>(column), {}, {}, {}};
             MatrixXd rest = MatrixXd::Zero(2 * n_, 2 * n_ + k_);
             rest.topLeftCorner(n_, n_ + k_) = first;
             rest.bottomLeftCorner(n_, n_ + k_) = outer(j);
@@ -71,13 +78,19 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
             first = rest.bottomLeftCorner(n_, n_ + k_);
             next = rest.bottomRightCorner(n_, n_);
             note_pivots(step.qr.matrixQR());
+            if (all_nodes) {
+                step.off_rows =
+                    step.qr.matrixQR().topRows(n_).triangularView<Eigen::Upper>().solve<Eigen::OnTheRight>(bottom_next);
+                bottom -= step.off_rows * step.to_first;
+                bottom_next = border.rows.middleCols(n_ * (j + 1), n_) - step.off_rows * step.to_next;
+            }
             eliminations_.push_back(std::move(step));
         }
         MatrixXd corner = MatrixXd::Zero(2 * n_ + k_, 2 * n_ + k_);
         corner.topRows(n_) << next, first;
         corner.middleRows(n_, n_) << -factors[static_cast<std::size_t>(p_ - 1)], outer(p_ - 1);
         corner.block(n_, n_, n_, n_) += MatrixXd::Identity(n_, n_);
-        if (k_ > 0) corner.bottomRightCorner(k_, n_ + k_) << border.rows, border.corner;
+        if (k_ > 0) corner.bottomRows(k_) << bottom_next, bottom;
         last_.compute(corner);
     }
     note_pivots(last_.matrixQR());
@@ -90,15 +103,18 @@ MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
 
     MatrixXd d(b.rows(), b.cols());
     MatrixXd carried = b.topRows(n_);
+    MatrixXd bottom = b.bottomRows(k_);
     for (Index j = 1; j + 1 < p_; ++j) {
         MatrixXd both(2 * n_, b.cols());
         both << carried, b.middleRows(n_ * j, n_);
         both.applyOnTheLeft(eliminations_[static_cast<std::size_t>(j - 1)].qr.householderQ().adjoint());
         d.middleRows(n_ * j, n_) = both.topRows(n_);  // the right-hand side of d_j, until it is solved for below
         carried = both.bottomRows(n_);
+        const MatrixXd& off_rows = eliminations_[static_cast<std::size_t>(j - 1)].off_rows;
+        if (off_rows.size() > 0) bottom -= off_rows * both.topRows(n_);
     }
     MatrixXd both(2 * n_ + k_, b.cols());
-    both << carried, b.bottomRows(n_ + k_);
+    both << carried, b.middleRows(n_ * (p_ - 1), n_), bottom;
     const MatrixXd ends = last_.solve(both);
     MatrixXd outer(n_ + k_, b.cols());
     outer = ends.bottomRows(n_ + k_);

@@ -16,12 +16,15 @@ namespace orbid::periodic {
 /// columns, so expanding and contracting directions are treated alike; the closed form (I - X_{p-1} .. X_0)^-1 loses
 /// log10 |multiplier| digits instead.
 ///
-/// With a border of k further unknowns tau (the period of an autonomous orbit) and as many conditions on d_0:
+/// With a border of k further unknowns tau (the period of an autonomous orbit, a parameter) and as many conditions:
 ///
-///     d_{j+1} - X_j d_j - G_j tau = b_j,      R d_0 + S tau = r
+///     d_{j+1} - X_j d_j - G_j tau = b_j,      sum_j R_j d_j + S tau = r
 ///
 /// The columns of tau are carried along beside those of d_0, so that the system is solved as a whole: the cyclic part
-/// alone is singular for an autonomous orbit.
+/// alone is singular for an autonomous orbit. From the rows of the border d_1, d_2, ... are taken off with the triangle
+/// of the QR: that one is never near to singular, as it belongs to the problem with d_0 = d_{p-1} = 0, whatever the
+/// cyclic part is; the 2n + k unknowns that remain are solved for by a QR with pivots. (Rows inside the QR would fill
+/// the triangle: p^2.)
 ///
 /// Cost: O(p n^3) once, O(p n^2) per right-hand side.
 /// Source: S. J. Wright, SIAM J. Sci. Stat. Comput. 13 (1992) 742 (structured orthogonal factorisation).
@@ -35,7 +38,7 @@ public:
     /// singular() compares with them.
     struct Border {
         Eigen::MatrixXd columns;  ///< G, shape (n p, k)
-        Eigen::MatrixXd rows;     ///< R, shape (k, n)
+        Eigen::MatrixXd rows;     ///< R, shape (k, n p); or (k, n): conditions on d_0 alone
         Eigen::MatrixXd corner;   ///< S, shape (k, k)
     };
     /// @throws std::invalid_argument also on a border whose shape does not fit the factors.
@@ -54,6 +57,7 @@ private:
         Eigen::HouseholderQR<Eigen::MatrixXd> qr;  ///< of the two blocks that multiply d_j, shape (2n, n)
         Eigen::MatrixXd to_first;                  ///< what the upper rows hold of d_0 and tau, shape (n, n + k)
         Eigen::MatrixXd to_next;                   ///< and of d_{j+1}
+        Eigen::MatrixXd off_rows;                  ///< times the upper rows, taken off the border's, shape (k, n)
     };
 
     Eigen::Index n_ = 0;

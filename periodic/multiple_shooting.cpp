@@ -10,61 +10,14 @@
 
 #include "periodic/closing_error.hpp"
 #include "periodic/discretisation.hpp"
+#include "periodic/flow_steps.hpp"
 #include "periodic/orbit_solution.hpp"
 
 namespace orbid::periodic {
-namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-/// The flow over the segments of a course.
-class FlowSteps final : public Discretisation {
-public:
-    FlowSteps(const models::System& system, const VectorXd& theta, const Course& course,
-              const models::FlowOptions& options)
-        : system_(system), theta_(theta), clock_(course.clock), segments_(course.segments), options_(options) {
-        double share = 0.0;
-        for (const Segment& segment : segments_) {
-            shares_.push_back(share);
-            share += segment.share;
-        }
-    }
-
-    [[nodiscard]] Index steps() const override { return static_cast<Index>(segments_.size()); }
-    [[nodiscard]] Index dimension() const override { return system_.dimension(); }
-    [[nodiscard]] bool unknown_time() const override { return system_.kind() == models::Kind::autonomous; }
-    [[nodiscard]] double share(Index j) const override { return shares_[static_cast<std::size_t>(j)]; }
-
-    [[nodiscard]] StepImage advance(Index j, const VectorXd& z, double time,
-                                    std::span<const Index> free) const override {
-        const Segment& segment = segments_[static_cast<std::size_t>(j)];
-        const double durations[] = {unknown_time() ? segment.share * time : segment.duration};
-        const models::FlowResult flow =
-            system_.flow_with_sensitivities(z, segment.phase, durations, theta_, free, clock_, options_);
-        StepImage image;
-        image.simulated = flow.status == models::FlowStatus::ok;
-        if (!image.simulated) return image;
-        image.sticking = flow.stickings > 0;
-        image.value = flow.states.col(0);
-        image.by_state = flow.sensitivities.leftCols(z.size());
-        image.by_parameters = flow.sensitivities.rightCols(static_cast<Index>(free.size()));
-        if (unknown_time())
-            image.by_ln_time = durations[0] * system_.rhs(image.value, std::vector<double>{0.0}, theta_);
-        return image;
-    }
-
-private:
-    const models::System& system_;
-    const VectorXd& theta_;
-    models::Clock clock_;
-    std::vector<Segment> segments_;
-    std::vector<double> shares_;
-    models::FlowOptions options_;
-};
-
-}  // namespace
 
 PeriodicOrbit solve_multiple_shooting(const models::System& system, const VectorXd& theta,
                                       const StartingSolution& start, std::span<const Index> free,

@@ -52,20 +52,29 @@ TEST_CASE("bordered cyclic system is solved as the dense matrix is, also where t
             factors.push_back(factor);
         }
         CHECK(CyclicSystem(factors).singular());
-        const CyclicSystem::Border border{scattered(3 * p, 1, 0.4), scattered(1, 3, 0.6), scattered(1, 1, 0.9)};
-        const CyclicSystem system(factors, border);
-        REQUIRE_FALSE(system.singular());
-        MatrixXd whole = MatrixXd::Zero(3 * p + 1, 3 * p + 1);
-        whole.topLeftCorner(3 * p, 3 * p) = dense(factors);
-        whole.topRightCorner(3 * p, 1) = -border.columns;
-        whole.bottomLeftCorner(1, 3) = border.rows;
-        whole.bottomRightCorner(1, 1) = border.corner;
-        const MatrixXd b = scattered(3 * p + 1, 2, 0.7);
-        const MatrixXd expected = whole.fullPivLu().solve(b);
-        // Both are backward stable; condition numbers here are below 200: 1e3 x 1e-16 x 10 is enough.
-        CHECK((system.solve(b) - expected).cwiseAbs().maxCoeff() < 1e-12 * (1.0 + expected.cwiseAbs().maxCoeff()));
-        CHECK_THROWS_AS(CyclicSystem(factors, {MatrixXd::Ones(2, 1), border.rows, border.corner}),
-                        std::invalid_argument);
+        for (const Index k : {1, 2})
+            for (const Index reach : {Index{3}, 3 * p}) {  // conditions on the first node alone, and on all
+                if (k == 2 && reach == 3) continue;
+                CAPTURE(k, reach);
+                const CyclicSystem::Border border{scattered(3 * p, k, 0.4), scattered(k, reach, 0.6),
+                                                  scattered(k, k, 0.9)};
+                const CyclicSystem system(factors, border);
+                REQUIRE_FALSE(system.singular());
+                MatrixXd whole = MatrixXd::Zero(3 * p + k, 3 * p + k);
+                whole.topLeftCorner(3 * p, 3 * p) = dense(factors);
+                whole.topRightCorner(3 * p, k) = -border.columns;
+                whole.bottomLeftCorner(k, reach) = border.rows;
+                whole.bottomRightCorner(k, k) = border.corner;
+                const MatrixXd b = scattered(3 * p + k, 2, 0.7);
+                const MatrixXd expected = whole.fullPivLu().solve(b);
+                // Both are backward stable; condition numbers here are below 200: 1e3 x 1e-16 x 10 is enough.
+                CHECK((system.solve(b) - expected).cwiseAbs().maxCoeff() <
+                      1e-12 * (1.0 + expected.cwiseAbs().maxCoeff()));
+                CHECK_THROWS_AS(CyclicSystem(factors, {MatrixXd::Ones(2, k), border.rows, border.corner}),
+                                std::invalid_argument);
+                CHECK_THROWS_AS(CyclicSystem(factors, {border.columns, MatrixXd::Ones(k, 2), border.corner}),
+                                std::invalid_argument);
+            }
     }
 }
 
@@ -81,6 +90,27 @@ TEST_CASE("cyclic system keeps its digits where the product of the factors loses
     const MatrixXd b = dense(factors) * expected;
     // Derived: condition ~ 10, eps 2e-16, a growth of sqrt(2 p).
     CHECK((CyclicSystem(factors).solve(b) - expected).cwiseAbs().maxCoeff() < 2e-14);
+}
+
+TEST_CASE("a condition on all nodes costs no digits where the cyclic part is singular and grows", "[periodic]") {
+    // Forty steps of diag(8, 1/8, 1): the third direction makes the cyclic part singular, as the shift along an
+    // autonomous orbit does, and the sum of its entries over all nodes fixes it.
+    const Index p = 40;
+    const std::vector<MatrixXd> factors(static_cast<std::size_t>(p), Eigen::Vector3d(8.0, 0.125, 1.0).asDiagonal());
+    CyclicSystem::Border border{MatrixXd::Zero(3 * p, 1), MatrixXd::Zero(1, 3 * p), MatrixXd::Zero(1, 1)};
+    for (Index j = 0; j < p; ++j) {
+        border.columns(3 * j + 2, 0) = 1.0;  // tau drives the third entry of every step
+        border.rows(0, 3 * j + 2) = 1.0;
+    }
+    MatrixXd whole = MatrixXd::Zero(3 * p + 1, 3 * p + 1);
+    whole.topLeftCorner(3 * p, 3 * p) = dense(factors);
+    whole.topRightCorner(3 * p, 1) = -border.columns;
+    whole.bottomLeftCorner(1, 3 * p) = border.rows;
+    const MatrixXd expected = scattered(3 * p + 1, 1, 0.2);
+    const CyclicSystem system(factors, border);
+    REQUIRE_FALSE(system.singular());
+    // Sums of forty ones: the condition is about p^2 / 4 = 400; eps 2e-16, times ten.
+    CHECK((system.solve(whole * expected) - expected).cwiseAbs().maxCoeff() < 1e-12);
 }
 
 TEST_CASE("cyclic system says when it is singular", "[periodic]") {

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system.hpp"
+#include "periodic/course.hpp"
+#include "periodic/discretisation.hpp"
+
+namespace orbid::periodic {
+
+/// The flow over the segments of a course: the steps of multiple shooting. T of autonomous flows is shared out among
+/// the segments as in the course. System and theta are only referred to.
+class FlowSteps final : public Discretisation {
+public:
+    FlowSteps(const models::System& system, const Eigen::VectorXd& theta, const Course& course,
+              const models::FlowOptions& options);
+
+    [[nodiscard]] Eigen::Index steps() const override;
+    [[nodiscard]] Eigen::Index dimension() const override;
+    [[nodiscard]] bool unknown_time() const override;
+    [[nodiscard]] double share(Eigen::Index j) const override;
+    [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
+                                    std::span<const Eigen::Index> free) const override;
+
+private:
+    const models::System& system_;
+    const Eigen::VectorXd& theta_;
+    models::Clock clock_;
+    std::vector<Segment> segments_;
+    std::vector<double> shares_;
+    models::FlowOptions options_;
+};
+
+}  // namespace orbid::periodic
