@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
@@ -19,8 +20,11 @@ enum class StartOrigin {
     recurrence,  ///< of the model's own trajectory
     symmetry,    ///< the mirror image of another orbit
     orbit,       ///< points of an orbit of another period, stabilised (Davidchack and Lai)
-    code         ///< a symbol sequence
+    code,        ///< a symbol sequence
+    scattered    ///< random states, also off the attractor
 };
+
+[[nodiscard]] std::string_view name(StartOrigin origin);
 
 struct OrbitSearchOptions {
     std::vector<int> periods{1};             ///< different, >= 1, in periods of the forcing, iterations, or crossings
@@ -28,10 +32,16 @@ struct OrbitSearchOptions {
     std::optional<models::Section> section;  ///< autonomous flows: needed
     std::uint64_t seed = 1;
     std::size_t points = 1U << 18U;  ///< of the section that are simulated and searched for recurrences, >= 100
-    std::size_t trajectories = 16;
-    bool symmetry = true;  ///< look for the mirror image of every orbit (models that declare a symmetry)
+    std::size_t trajectories = 256;  ///< at a time, >= 1; from random states
+    Eigen::MatrixXd initial{};       ///< shape (n, m): states from which the first trajectories begin; may be empty
+    bool symmetry = true;            ///< look for the mirror image of every orbit (models that declare a symmetry)
     /// Stop when the stabilised starts of a whole round have found nothing new; false: recurrences alone.
     bool stabilised = true;
+    /// Recurrences up to this gap are tried, relative to the extent of the section, closest first; in (0, 0.5].
+    double widest = 0.4;
+    /// Starts in a row that find nothing new before the rest of their kind is left, >= 1; of the starts so far at least
+    /// a quarter as well.
+    std::size_t patience = 2000;
     ShootingOptions solver{};
 };
 
@@ -49,9 +59,9 @@ struct OrbitSearch {
     std::size_t captured = 0;        ///< trajectories that ended in a stable orbit or at rest
 };
 
-/// All prime periodic orbits of a model up to the largest period asked for that can be reached without data: starts
-/// from recurrences of its own trajectories, from mirror images, and, as the last resort, from stabilised iterations
-/// that begin at the points of the orbits that are known.
+/// All prime periodic orbits of a model of the periods asked for that can be reached without data: starts from
+/// recurrences of its own trajectories, from random states, from mirror images, and, as the last resort, from
+/// stabilised iterations that begin at the points of the orbits that are known.
 ///
 /// @return never fails for bad numerics: what was not found is not in the list.
 /// @throws std::invalid_argument naming the option and its rule.
