@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <complex>
-#include <limits>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -11,12 +10,12 @@
 #include "apps/json_text.hpp"
 
 namespace orbid::apps {
-namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Rows of a matrix; null when it is empty (not known).
-Json rows(const Eigen::MatrixXd& matrix) {
+namespace detail {
+
+Json rows_or_null(const Eigen::MatrixXd& matrix) {
     return matrix.size() == 0 ? Json(nullptr) : json_rows(matrix);
 }
 
@@ -46,7 +45,7 @@ void require_shape(const Eigen::MatrixXd& matrix, Eigen::Index height, Eigen::In
     }
 }
 
-Json head_json(const CycleFileHead& head) {
+Json head_document(const CycleFileHead& head) {
     Json out;
     out["format"] = "orbid-cycles/1";
     out["model"] = head.model;
@@ -74,6 +73,14 @@ Json time_of(const CycleFileHead& head, int period) {
     return head.forcing_period_s ? Json(period * *head.forcing_period_s) : Json(nullptr);
 }
 
+}  // namespace detail
+
+namespace {
+
+using detail::complex_pairs;
+using detail::require_points;
+using detail::require_shape;
+
 Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size_t index) {
     const auto n = static_cast<Eigen::Index>(head.coordinates.size());
     require_points(cycle.points, cycle.period, head.coordinates.size(), index);
@@ -82,15 +89,15 @@ Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size
     out["period"] = cycle.period;
     // Angles read modulo a turn cannot tell how often the cycle went round.
     out["rotation"] = cycle.rotation.empty() ? Json(nullptr) : Json(cycle.rotation);
-    out["points"] = rows(cycle.points.transpose());
-    out["covariance"] = rows(cycle.covariance);
+    out["points"] = detail::rows_or_null(cycle.points.transpose());
+    out["covariance"] = detail::rows_or_null(cycle.covariance);
     out["multipliers"] = complex_pairs(cycle.multipliers);
     out["ln_multiplier"] = Json::array();
     for (const double value : cycle.ln_multiplier) {
         out["ln_multiplier"].push_back(value);
     }
-    out["ln_multiplier_covariance"] = rows(cycle.ln_multiplier_covariance);
-    out["time"] = std::isfinite(cycle.time) ? Json(cycle.time) : time_of(head, cycle.period);
+    out["ln_multiplier_covariance"] = detail::rows_or_null(cycle.ln_multiplier_covariance);
+    out["time"] = std::isfinite(cycle.time) ? Json(cycle.time) : detail::time_of(head, cycle.period);
     out["time_sd"] = cycle.time_sd;
     out["code"] = cycle.code.empty() ? Json(nullptr) : Json(cycle.code);
     out["recurrences"] = cycle.recurrences;
@@ -99,64 +106,19 @@ Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size
     return out;
 }
 
-Json orbit_json(const CycleFileHead& head, const periodic::PeriodicOrbit& orbit, std::size_t parameters,
-                std::size_t index) {
-    const auto n = static_cast<Eigen::Index>(head.coordinates.size());
-    require_points(orbit.points, orbit.period, head.coordinates.size(), index);
-    require_shape(orbit.sensitivities, n * orbit.period, static_cast<Eigen::Index>(parameters), "sensitivities", index);
-    Json out;
-    out["period"] = orbit.period;
-    out["rotation"] = orbit.rotation;
-    out["points"] = rows(orbit.points.transpose());
-    out["covariance"] = nullptr;  // computed, not measured
-    out["multipliers"] = complex_pairs(orbit.multipliers);
-    out["ln_multiplier"] = Json::array();
-    for (const auto& multiplier : orbit.multipliers) {
-        out["ln_multiplier"].push_back(std::log(std::abs(multiplier)));  // -infinity (sticking) becomes null
-    }
-    out["ln_multiplier_covariance"] = nullptr;
-    out["time"] = head.plane ? Json(orbit.time) : time_of(head, orbit.period);
-    out["recurrences"] = nullptr;
-    out["mirror"] = nullptr;
-    out["quality"] = orbit.sticking ? Json::array({"sticking"}) : Json::array();
-    out["residual"] = orbit.residual;
-    out["status"] = periodic::name(orbit.status);
-    out["iterations"] = orbit.iterations;
-    out["sensitivities"] = rows(orbit.sensitivities);
-    return out;
-}
-
 }  // namespace
 
 std::string cycles_text(const CycleFile& file) {
-    Json out = head_json(file.head);
+    Json out = detail::head_document(file.head);
     out["missing"] = file.search.missing;
     out["candidates"] = file.search.candidates;
     out["rejected"] = file.search.rejected;
     out["patch_map"] = file.search.patch_map;
-    out["reading_covariance"] = rows(file.search.reading_covariance);
+    out["reading_covariance"] = detail::rows_or_null(file.search.reading_covariance);
     out["remarks"] = file.search.remarks;
     out["cycles"] = Json::array();
     for (std::size_t i = 0; i < file.search.cycles.size(); ++i) {
         out["cycles"].push_back(cycle_json(file.head, file.search.cycles[i], i));
-    }
-    return json_text(out);
-}
-
-void show_start(periodic::PeriodicOrbit& orbit, const Eigen::MatrixXd& start) {
-    if (orbit.points.size() > 0) return;
-    orbit.period = static_cast<int>(start.cols());
-    orbit.points = start;
-    orbit.residual = std::numeric_limits<double>::quiet_NaN();
-}
-
-std::string orbits_text(const CycleFileHead& head, const std::vector<periodic::PeriodicOrbit>& orbits,
-                        const std::vector<std::string>& parameters) {
-    Json out = head_json(head);
-    out["parameters"] = parameters;
-    out["cycles"] = Json::array();
-    for (std::size_t i = 0; i < orbits.size(); ++i) {
-        out["cycles"].push_back(orbit_json(head, orbits[i], parameters.size(), i));
     }
     return json_text(out);
 }

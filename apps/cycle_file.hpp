@@ -1,13 +1,17 @@
 #pragma once
 
+#include <complex>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
+
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
 
 #include "apps/fingerprint.hpp"
 #include "orbits/cycle_search.hpp"
 #include "orbits/series.hpp"
-#include "periodic/orbit.hpp"
 
 namespace orbid::apps {
 
@@ -18,7 +22,7 @@ struct SectionPlane {
     int direction = 1;  ///< +1 rising, -1 falling
 };
 
-/// What stands above the list in cycles.json and orbits.json.
+/// What stands above the list in cycles.json, orbits.json and branch.json.
 struct CycleFileHead {
     std::string model;
     std::vector<orbits::SeriesCoordinate> coordinates;
@@ -26,6 +30,7 @@ struct CycleFileHead {
     std::optional<SectionPlane> plane = {};  ///< of autonomous models
     std::optional<double> forcing_period_s;  ///< gives the `time` of a cycle: period times this
     Fingerprint fingerprint;                 ///< left out of the file when its hash is empty
+    bool own_time = false;                   ///< autonomous models: T of an orbit is a result
 };
 
 /// A list of cycles with what is known of its origin.
@@ -42,16 +47,22 @@ struct CycleFile {
 /// @throws std::invalid_argument when a cycle's shapes do not fit its period and the coordinates.
 [[nodiscard]] std::string cycles_text(const CycleFile& file);
 
-/// An orbit that was not found shows where it was looked for: points `start`, residual undefined. Others stay as they
-/// are.
-void show_start(periodic::PeriodicOrbit& orbit, const Eigen::MatrixXd& start);
+namespace detail {
 
-/// Content of orbits.json: the same layout for computed orbits, plus `residual`, `status` and `sensitivities` (shape
-/// (n p, f), columns named by the top-level key `parameters`) and `iterations`.
-///
-/// @param parameters  names of the f free parameters of the sensitivities.
-/// @throws std::invalid_argument when an orbit's shapes do not fit its period, the coordinates and the parameters.
-[[nodiscard]] std::string orbits_text(const CycleFileHead& head, const std::vector<periodic::PeriodicOrbit>& orbits,
-                                      const std::vector<std::string>& parameters);
+/// What stands above the list, without a list.
+[[nodiscard]] nlohmann::ordered_json head_document(const CycleFileHead& head);
+/// [[re, im], ...]
+[[nodiscard]] nlohmann::ordered_json complex_pairs(const std::vector<std::complex<double>>& values);
+/// Rows of a matrix; null when it is empty (not known).
+[[nodiscard]] nlohmann::ordered_json rows_or_null(const Eigen::MatrixXd& matrix);
+/// @throws std::invalid_argument unless points has shape (dimension, period), period >= 1; names the cycle's index.
+void require_points(const Eigen::MatrixXd& points, int period, std::size_t dimension, std::size_t index);
+/// @throws std::invalid_argument unless a matrix is empty or has that shape.
+void require_shape(const Eigen::MatrixXd& matrix, Eigen::Index height, Eigen::Index width, std::string_view what,
+                   std::size_t index);
+/// period times that of the forcing; null without one.
+[[nodiscard]] nlohmann::ordered_json time_of(const CycleFileHead& head, int period);
+
+}  // namespace detail
 
 }  // namespace orbid::apps

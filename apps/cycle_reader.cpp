@@ -195,7 +195,9 @@ orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::Ser
     if (const auto sd = given(object, "time_sd")) cycle.time_sd = number_or_nan(*sd);
     if (const auto code = given(object, "code")) cycle.code = code->text().value_or("");
     // These belong to computed orbits.
-    for (const char* key : {"residual", "status", "iterations", "sensitivities"}) {
+    for (const char* key : {"residual", "status", "message", "iterations", "distance", "sensitivities",
+                            "time_sensitivities", "times", "trivial_multiplier", "discretisation_error", "origin",
+                            "hits", "unstable", "bifurcation_near", "directions", "ln_multiplier_sensitivities"}) {
         (void)object.find(key);
     }
     object.finish();
@@ -297,7 +299,9 @@ CycleReading parse_cycles(std::string_view text, std::string_view model,
     ObjectReader object(ValueReader(*document.root, "", reading.problems));
     read_head(object, model, coordinates, file.head);
     read_search(object, coordinates.size(), file.search);
-    (void)object.find("parameters");  // names the columns of sensitivities in orbits.json
+    // Of orbits.json: what the columns of sensitivities are, and what a search says of itself.
+    (void)object.find("parameters");
+    (void)object.find("search");
     if (const auto cycles = object.require("cycles", "a list of cycles, each with period and points")) {
         const auto items = cycles->items();
         for (const ValueReader& item : items) {

@@ -10,6 +10,7 @@
 #include "apps/estimate_residuals.hpp"
 #include "apps/estimate_setup.hpp"
 #include "apps/first_use.hpp"
+#include "apps/orbit_file.hpp"
 #include "apps/orbits_stage.hpp"
 #include "apps/posterior_stage.hpp"
 #include "apps/segment_choice.hpp"
@@ -46,10 +47,18 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
     for (const Eigen::Index parameter : binding.parameter) {
         names.emplace_back(work.system().parameters()[static_cast<std::size_t>(parameter)].name);
     }
-    auto found = residual.orbits(theta);
-    for (std::size_t b = 0; b < found.size(); ++b)
-        show_start(found[b], search.cycles[residual.cycle_of(b)].points);
-    work.folder.store("orbits.json", orbits_text(cycle_file_head(work.job, fingerprint), found, names));
+    ComputedOrbits orbits;
+    const auto found = residual.orbits(theta);
+    for (std::size_t b = 0; b < found.size(); ++b) {
+        ComputedOrbit& computed = orbits.list.emplace_back();
+        computed.orbit = found[b];
+        computed.origin = "cycle";
+        computed.message = orbit_message(work.system(), found[b]);
+        show_start(computed.orbit, search.cycles[residual.cycle_of(b)].points);
+    }
+    // The stage "periodic" of the same job has orbits of its own.
+    const std::string name = work.job.periodic ? "estimate_orbits.json" : "orbits.json";
+    work.folder.store(name, orbits_text(cycle_file_head(work.job, fingerprint), orbits, names));
 }
 
 }  // namespace

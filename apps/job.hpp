@@ -23,6 +23,9 @@
 #include "orbits/cycle_expansion.hpp"
 #include "orbits/cycle_search.hpp"
 #include "orbits/series.hpp"
+#include "periodic/continuation.hpp"
+#include "periodic/orbit_search.hpp"
+#include "periodic/solve_orbit.hpp"
 
 namespace orbid::apps {
 
@@ -153,14 +156,26 @@ struct OrbitStart {
     int period = 1;
     std::vector<int> rotation;  ///< one per angle coordinate; empty: from the points
     Eigen::MatrixXd points;     ///< shape (n, p)
+    double time = 0.0;          ///< T [s], > 0: autonomous models without a section, which have one point; else 0
 };
 
-/// Methods of the "periodic" block, in the order of PeriodicJob::method.
+/// Methods of the "periodic" block, in the order of periodic::OrbitMethod.
 inline const std::vector<std::string> periodic_method_names{"multiple_shooting", "finite_difference", "collocation"};
 
+/// A branch of orbits over one parameter, from the orbit the job starts it at.
+struct ContinuationJob {
+    std::size_t orbit = 0;  ///< of the list in orbits.json where it starts
+    periodic::ContinuationOptions options;
+    std::optional<Eigen::Index> plotted;  ///< coordinate of the points that branch.svg shows; empty: the time T
+};
+
 struct PeriodicJob {
-    std::size_t method = 0;  ///< index into periodic_method_names
+    periodic::OrbitMethod method;
     std::vector<OrbitStart> orbits;
+    std::optional<periodic::OrbitSearchOptions> search;  ///< phase and section are the job's
+    std::optional<ContinuationJob> continuation;
+    std::vector<Eigen::Index> free;  ///< parameters that sensitivities are computed for, different
+    bool stability = false;          ///< directions, and how the multipliers move with the free parameters
 };
 
 /// A section of an autonomous flow: coordinate = value, crossed in one direction.

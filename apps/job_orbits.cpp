@@ -174,87 +174,6 @@ void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     }
 }
 
-std::vector<int> read_rotation(const ValueReader& value, const Job& job) {
-    std::size_t angles = 0;
-    if (job.model.system) {
-        for (const models::Coordinate& coordinate : job.model.system->coordinates())
-            angles += coordinate.angle ? 1 : 0;
-    }
-    // More turns than this per orbit no pendulum makes; the limit keeps the number an int.
-    constexpr double most_turns = 1e6;
-    const auto turns = [](const ValueReader& item) {
-        const auto whole = item.number(
-            [](double x) { return x == static_cast<double>(static_cast<int>(x)) && x < most_turns && x > -most_turns; },
-            "a whole number of turns");
-        return static_cast<int>(whole.value_or(0.0));
-    };
-    std::vector<int> rotation;
-    if (value.is(JsonValue::Kind::number)) {
-        rotation.push_back(turns(value));
-    } else if (value.is(JsonValue::Kind::array)) {
-        for (const ValueReader& item : value.items())
-            rotation.push_back(turns(item));
-    } else {
-        value.report_kind("a whole number of turns, or a list with one per angle");
-        return {};
-    }
-    if (job.model.system && rotation.size() != angles) {
-        value.report(fmt::format("must hold one number per angle of the model: {}, not {}", angles, rotation.size()));
-    }
-    return rotation;
-}
-
-/// Crossings of a section lie on it.
-void require_on_section(const ValueReader& point, const Eigen::VectorXd& state, const Job& job) {
-    if (!job.section_plane || state(job.section_plane->coordinate) == job.section_plane->value) return;
-    point.report(fmt::format("must lie on the section, where {} is {}",
-                             coordinate_names(job)[static_cast<std::size_t>(job.section_plane->coordinate)],
-                             job.section_plane->value));
-}
-
-/// Finite differences and collocation follow a smooth solution in continuous time.
-void require_smooth_flow(const ValueReader& method, const Job& job) {
-    if (!job.model.system) return;
-    const models::System& system = *job.model.system;
-    if (system.kind() == models::Kind::map) {
-        method.report(fmt::format("the model {} is a map: must be \"multiple_shooting\"", job.model.name));
-        return;
-    }
-    // Values outside their domain are reported where they stand.
-    for (std::size_t i = 0; i < system.parameters().size(); ++i)
-        if (!models::contains(system.parameters()[i].domain, job.model.values[static_cast<Eigen::Index>(i)])) return;
-    if (!system.smooth(job.model.values)) {
-        method.report(fmt::format("the model {} is not smooth at these parameters: must be \"multiple_shooting\"",
-                                  job.model.name));
-    }
-}
-
-OrbitStart read_start(const ValueReader& value, const Job& job) {
-    OrbitStart start;
-    ObjectReader object(value);
-    if (const auto period = object.require("period", "in periods of the forcing, or crossings of the section, >= 1")) {
-        start.period = static_cast<int>(period->whole(1, 1000).value_or(1));
-    }
-    if (const auto rotation = object.find("rotation")) start.rotation = read_rotation(*rotation, job);
-    if (const auto points = object.require("points", "one state per period: [[...], ...]")) {
-        const auto items = points->items();
-        const auto period = static_cast<std::size_t>(start.period);
-        if (points->is(JsonValue::Kind::array) && items.size() != period) {
-            points->report(fmt::format("must hold one state per period: {}, not {}", start.period, items.size()));
-        }
-        start.points = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(coordinate_names(job).size()), start.period);
-        for (std::size_t j = 0; j < items.size(); ++j) {
-            const auto state = read_state(items[j], job);
-            if (state && j < period && state->size() == start.points.rows()) {
-                start.points.col(static_cast<Eigen::Index>(j)) = *state;
-                require_on_section(items[j], *state, job);
-            }
-        }
-    }
-    object.finish();
-    return start;
-}
-
 }  // namespace
 
 void read_orbits(ObjectReader& root, Job& job) {
@@ -270,30 +189,6 @@ void read_orbits(ObjectReader& root, Job& job) {
     }
     object.finish();
     job.orbits = std::move(orbits);
-}
-
-void read_periodic(ObjectReader& root, Job& job) {
-    const auto value = root.find("periodic");
-    if (!value) return;
-    PeriodicJob periodic;
-    ObjectReader object(*value);
-    object.reserve({"search", "continuation"});
-    if (job.model.system && job.model.system->kind() == models::Kind::autonomous && !job.section_plane) {
-        value->report(
-            fmt::format("the model {} is autonomous: needs a \"section\" that its orbits cross", job.model.name));
-    }
-    if (const auto method = object.find("method")) {
-        periodic.method = method->choice(periodic_method_names, {}).value_or(0);
-        if (periodic.method > 0) require_smooth_flow(*method, job);
-    }
-    if (const auto orbits = object.require("orbits", "starts, each { \"period\": ..., \"points\": [[...], ...] }")) {
-        const auto items = orbits->items();
-        if (items.empty() && orbits->is(JsonValue::Kind::array)) orbits->report("must hold at least one start");
-        for (const ValueReader& item : items)
-            periodic.orbits.push_back(read_start(item, job));
-    }
-    object.finish();
-    job.periodic = std::move(periodic);
 }
 
 }  // namespace orbid::apps

@@ -38,6 +38,10 @@ void read_inputs(ObjectReader& object, const Job& job, DataJob& data);
 /// coordinate is an angle.
 [[nodiscard]] bool reads_angle(const Job& job, const std::vector<std::size_t>& data, Eigen::Index coordinate);
 
+/// Parts of periodic: "search" and "continuation"; the latter after the starts.
+void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& periodic);
+void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& periodic);
+
 /// Parts of estimate.
 [[nodiscard]] std::optional<estimator::Prior> read_prior(const ValueReader& value);
 /// "linear", "log", "log10" or "logit".

@@ -1,5 +1,7 @@
 #include "apps/job_summary.hpp"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 
 namespace orbid::apps {
@@ -42,6 +44,44 @@ std::string periods_text(const std::vector<int>& periods) {
     return fmt::format("{}", fmt::join(periods, ", "));
 }
 
+std::string periodic_lines(const Job& job) {
+    const PeriodicJob& periodic = *job.periodic;
+    std::string text;
+    std::string method = periodic_method_names[periodic.method.index()];
+    std::replace(method.begin(), method.end(), '_', ' ');
+    if (!periodic.orbits.empty()) {
+        std::size_t points = 0;
+        for (const OrbitStart& start : periodic.orbits)
+            points += static_cast<std::size_t>(start.points.cols());
+        text += fmt::format("  periodic   {} orbit{} of {} point{} by {}{}\n", periodic.orbits.size(),
+                            periodic.orbits.size() == 1 ? "" : "s", points, points == 1 ? "" : "s", method,
+                            periodic.stability ? ", with stability" : "");
+    }
+    const auto n = static_cast<double>(job.model.system->dimension());
+    const auto megabytes = [&](double points) {
+        return points * n * static_cast<double>(sizeof(double)) / bytes_per_megabyte;
+    };
+    if (periodic.search) {
+        text += fmt::format(
+            "  search     periods {} of the model: {} points of the section on {} trajectories, {:.3g} MB\n",
+            periods_text(periodic.search->periods), periodic.search->points, periodic.search->trajectories,
+            megabytes(static_cast<double>(periodic.search->points)));
+    }
+    if (periodic.continuation) {
+        const periodic::ContinuationOptions& options = periodic.continuation->options;
+        const auto& parameter = job.model.system->parameters()[static_cast<std::size_t>(options.parameter)];
+        // A point keeps the Jacobians of its orbit as well: n columns more.
+        const double most = static_cast<double>(options.maximum_branches * options.maximum_points) *
+                            static_cast<double>(options.maximum_period) * (n + 1.0);
+        text += fmt::format(
+            "  branches   {} from {} to {} {}, orbits up to period {}; at most {} branches of {} points, "
+            "{:.3g} MB\n",
+            parameter.name, options.lower, options.upper, parameter.unit, options.maximum_period,
+            options.maximum_branches, options.maximum_points, megabytes(most));
+    }
+    return text;
+}
+
 std::string estimate_line(const Job& job) {
     std::vector<std::string> names;
     for (const FreeParameterJob& free : job.estimate->parameters)
@@ -70,7 +110,7 @@ std::string job_summary(const Job& job) {
         text += fmt::format("  orbits     periods {} in {}\n", periods_text(job.orbits->search.periods),
                             job.data[job.orbits->data].name);
     }
-    if (job.periodic) text += fmt::format("  periodic   {} orbits by multiple shooting\n", job.periodic->orbits.size());
+    if (job.periodic) text += periodic_lines(job);
     if (job.estimate) text += estimate_line(job);
     return text;
 }

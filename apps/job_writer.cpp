@@ -100,20 +100,6 @@ Json orbits_document(const Job& job, const std::filesystem::path& folder) {
     return object;
 }
 
-Json periodic_document(const PeriodicJob& periodic) {
-    Json starts = Json::array();
-    for (const OrbitStart& orbit : periodic.orbits) {
-        Json start{{"period", orbit.period}};
-        if (!orbit.rotation.empty()) start["rotation"] = orbit.rotation;
-        start["points"] = Json::array();
-        for (Eigen::Index j = 0; j < orbit.points.cols(); ++j) {
-            start["points"].push_back(detail::state_document(orbit.points.col(j)));
-        }
-        starts.push_back(std::move(start));
-    }
-    return {{"method", periodic_method_names[periodic.method]}, {"orbits", std::move(starts)}};
-}
-
 Json output_document(SeriesOutput series) {
     switch (series) {
         case SeriesOutput::h5:
@@ -144,7 +130,7 @@ Json job_document(const Job& job, const std::filesystem::path& folder, const Ver
     for (const DataJob& data : job.data)
         document["data"].push_back(detail::data_document(job, data, folder));
     if (job.orbits) document["orbits"] = orbits_document(job, folder);
-    if (job.periodic) document["periodic"] = periodic_document(*job.periodic);
+    if (job.periodic) document["periodic"] = detail::periodic_document(job);
     if (job.estimate) document["estimate"] = detail::estimate_document(job);
     if (!job.reference.empty()) {
         Json reference = Json::object();

@@ -57,6 +57,7 @@ CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint) {
         head.phase = job.section_phase;
         head.forcing_period_s = job.model.system->period(job.model.values, models::Clock::time);
     }
+    head.own_time = job.model.system->kind() == models::Kind::autonomous;
     head.fingerprint = std::move(fingerprint);
     return head;
 }

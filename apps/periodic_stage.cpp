@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
+#include "apps/atomic_file.hpp"
 #include "apps/cycle_reader.hpp"
+#include "apps/orbit_file.hpp"
 #include "apps/orbits_stage.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "periodic/solve_orbit.hpp"
@@ -16,21 +18,12 @@ namespace orbid::apps {
 
 namespace {
 
-periodic::OrbitMethod method_of(const PeriodicJob& job) {
-    periodic::ShootingOptions solver;
-    // A start in a job is a guess, not a measurement: whatever orbit it leads to is shown, with its distance.
-    solver.maximum_distance = std::numeric_limits<double>::infinity();
-    if (periodic_method_names[job.method] == "finite_difference") {
-        periodic::FiniteDifferenceOptions options;
-        options.solver = solver;
-        return options;
-    }
-    if (periodic_method_names[job.method] == "collocation") {
-        periodic::CollocationOptions options;
-        options.solver = solver;
-        return options;
-    }
-    return solver;
+using periodic::OrbitStatus;
+
+std::optional<models::Section> job_section(const Job& job) {
+    if (!job.section_plane) return std::nullopt;
+    return models::Section{Eigen::VectorXd::Unit(job.model.system->dimension(), job.section_plane->coordinate),
+                           job.section_plane->value, job.section_plane->direction};
 }
 
 periodic::StartingSolution starting_solution(const Job& job, const OrbitStart& orbit) {
@@ -38,47 +31,115 @@ periodic::StartingSolution starting_solution(const Job& job, const OrbitStart& o
     start.points = orbit.points;
     start.rotation = orbit.rotation;
     start.phase = job.section_phase;
-    if (job.section_plane) {
-        start.section = models::Section{Eigen::VectorXd::Unit(orbit.points.rows(), job.section_plane->coordinate),
-                                        job.section_plane->value, job.section_plane->direction};
-    }
+    start.section = job_section(job);
+    start.time = orbit.time;
     return start;
+}
+
+/// Lists hold one point per period. Last iterates that are no points of the section: the start is shown instead, and no
+/// residual that could pass for an answer. An equilibrium is all points in one. Where no section says which points are
+/// meant, the first one stands for the orbit.
+void show_in_list(periodic::PeriodicOrbit& orbit, const periodic::StartingSolution& start) {
+    const Eigen::Index period = start.points.cols();
+    const Eigen::Index n = start.points.rows();
+    if (orbit.status == OrbitStatus::equilibrium) orbit.points = orbit.points.replicate(1, period).eval();
+    if (start.time > 0.0 && orbit.points.cols() > 1) {
+        orbit.points = orbit.points.leftCols(1).eval();
+        if (orbit.times.size() > 1) orbit.times = orbit.times.head(1).eval();
+        if (orbit.sensitivities.rows() > n) orbit.sensitivities = orbit.sensitivities.topRows(n).eval();
+    }
+    orbit.period = static_cast<int>(period);
+    if (orbit.points.cols() == period) return;
+    orbit.points = start.points;
+    orbit.residual = std::numeric_limits<double>::quiet_NaN();
+}
+
+ComputedOrbit computed_from(const Job& job, const periodic::StartingSolution& start) {
+    const models::System& system = *job.model.system;
+    const PeriodicJob& periodic = *job.periodic;
+    ComputedOrbit computed;
+    computed.orbit = periodic::solve_orbit(system, job.model.values, start, periodic.free, periodic.method);
+    if (computed.converged() && periodic.stability) {
+        periodic::StabilityOptions options;
+        computed.stability =
+            periodic::stability(system, job.model.values, job.section_phase, computed.orbit, periodic.free, options);
+        // Directions of the points that are listed.
+        if (start.time > 0.0 && computed.stability->directions.size() > 1) computed.stability->directions.resize(1);
+    }
+    std::optional<periodic::PeriodicOrbit> own;
+    if (!computed.converged() && !start.rotation.empty()) {
+        periodic::StartingSolution unbound = start;
+        unbound.rotation.clear();
+        own = periodic::solve_orbit(system, job.model.values, unbound, {}, periodic.method);
+    }
+    computed.message = orbit_message(system, computed.orbit, own);
+    show_in_list(computed.orbit, start);
+    return computed;
+}
+
+ComputedOrbit not_computed(const periodic::StartingSolution& start) {
+    ComputedOrbit computed;
+    computed.computed = false;
+    computed.message = "the run was interrupted before its turn";
+    show_in_list(computed.orbit, start);
+    return computed;
+}
+
+Fingerprint orbits_fingerprint(const Workspace& work) {
+    std::vector<std::string_view> places{"/model", "/section"};
+    // All of the block but the branches, which begin where this ends.
+    std::vector<std::string> keys;
+    for (const auto& [key, value] : work.document.at("periodic").items())
+        if (key != "continuation") keys.push_back("/periodic/" + key);
+    places.insert(places.end(), keys.begin(), keys.end());
+    return stage_fingerprint(work.document, places);
+}
+
+std::optional<ComputedOrbits> from_folder(const Workspace& work, const Fingerprint& wanted) {
+    const auto file = work.file("orbits.json");
+    if (!std::filesystem::exists(file)) return std::nullopt;
+    auto stored = stored_orbits(read_whole_file(file));
+    if (!reusable(work, Stage::periodic, file, stored ? stored->fingerprint : std::string(), wanted))
+        return std::nullopt;
+    return std::move(stored->orbits);
 }
 
 }  // namespace
 
-std::vector<periodic::PeriodicOrbit> compute_orbits(const Workspace& work) {
+periodic::StartingSolution starting_solution(const Job& job, const periodic::PeriodicOrbit& orbit) {
+    const bool free_course = job.model.system->kind() == models::Kind::autonomous && !job.section_plane;
+    return starting_solution(job,
+                             OrbitStart{orbit.period, orbit.rotation, orbit.points, free_course ? orbit.time : 0.0});
+}
+
+ComputedOrbits compute_orbits(const Workspace& work) {
     const Job& job = work.job;
     const models::System& system = work.system();
-    std::vector<Eigen::Index> all(system.parameters().size());
-    std::iota(all.begin(), all.end(), Eigen::Index{0});
-    const periodic::OrbitMethod method = method_of(*job.periodic);
-
-    work.progress.begin("periodic", static_cast<double>(job.periodic->orbits.size()), "orbits");
-    std::vector<periodic::PeriodicOrbit> orbits;
-    for (const OrbitStart& start : job.periodic->orbits) {
-        periodic::PeriodicOrbit orbit =
-            periodic::solve_orbit(system, job.model.values, starting_solution(job, start), all, method);
-        // Last iterates that are no crossings: the start is shown instead. An equilibrium is all points in one.
-        if (orbit.status == periodic::OrbitStatus::equilibrium)
-            orbit.points = orbit.points.replicate(1, start.period).eval();
-        else if (orbit.points.cols() != start.period)
-            orbit.points.resize(0, 0);
-        orbits.push_back(std::move(orbit));
-        show_start(orbits.back(), start.points);
-        work.progress.advance(1.0);
+    const Fingerprint wanted = orbits_fingerprint(work);
+    if (auto stored = from_folder(work, wanted)) {
+        work.progress.reused("periodic", fmt::format("{} orbits from orbits.json", stored->list.size()));
+        return std::move(*stored);
     }
-    const auto converged = std::count_if(orbits.begin(), orbits.end(), [](const periodic::PeriodicOrbit& orbit) {
-        return orbit.status == periodic::OrbitStatus::converged;
+    std::vector<periodic::StartingSolution> starts;
+    for (const OrbitStart& start : job.periodic->orbits)
+        starts.push_back(starting_solution(job, start));
+
+    work.progress.begin("periodic", static_cast<double>(starts.size()), "orbits");
+    ComputedOrbits orbits;
+    orbits.list.resize(starts.size());
+    tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
+        orbits.list[i] = work.interruption.asked() ? not_computed(starts[i]) : computed_from(job, starts[i]);
+        work.progress.advance(1.0);
     });
+    orbits.interrupted =
+        std::any_of(orbits.list.begin(), orbits.list.end(), [](const ComputedOrbit& orbit) { return !orbit.computed; });
     std::vector<std::string> names;
-    for (const models::Parameter& parameter : system.parameters())
-        names.emplace_back(parameter.name);
-    const Fingerprint fingerprint = stage_fingerprint(work.document, {"/model", "/section", "/periodic"});
-    CycleFileHead head = cycle_file_head(job, fingerprint);
+    for (const Eigen::Index index : job.periodic->free)
+        names.emplace_back(system.parameters()[static_cast<std::size_t>(index)].name);
+    CycleFileHead head = cycle_file_head(job, orbits.interrupted ? Fingerprint{} : wanted);
     head.coordinates = series_coordinates(system);  // also the one that is the same at all points of the section
     work.folder.store("orbits.json", orbits_text(head, orbits, names));
-    work.progress.end(fmt::format("{} of {} converged", converged, orbits.size()));
+    work.progress.end(fmt::format("{} of {} converged", orbits.converged(), orbits.list.size()));
     return orbits;
 }
 

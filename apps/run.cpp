@@ -17,6 +17,7 @@
 #include "apps/orbits_stage.hpp"
 #include "apps/output_folder.hpp"
 #include "apps/periodic_stage.hpp"
+#include "apps/periodic_summary.hpp"
 #include "apps/progress.hpp"
 #include "apps/searched_section.hpp"
 #include "apps/section_plot.hpp"
@@ -106,12 +107,9 @@ int run_stages(const Workspace& work) {
         }
     }
     if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {
-        const auto orbits = compute_orbits(work);
+        const ComputedOrbits orbits = compute_orbits(work);
         print(orbits_summary(orbits));
-        const bool any = std::any_of(orbits.begin(), orbits.end(), [](const periodic::PeriodicOrbit& orbit) {
-            return orbit.status == periodic::OrbitStatus::converged;
-        });
-        if (!any) code = no_valid_answer;
+        if (orbits.converged() == 0) code = no_valid_answer;
     }
     if (estimating) {
         const EstimateOutcome outcome = run_estimate(work, data, search);

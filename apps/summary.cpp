@@ -211,14 +211,6 @@ std::string prediction_table(const std::vector<Prediction>& predictions) {
     return table.text();
 }
 
-std::string rotation_text(const std::vector<int>& rotation) {
-    std::string out;
-    for (const int turns : rotation) {
-        out += fmt::format("{}{:+d}", out.empty() ? "" : " ", turns);
-    }
-    return out;
-}
-
 }  // namespace
 
 std::string estimate_summary(const estimator::Estimate& estimate, const ResultContext& context,
@@ -277,29 +269,6 @@ std::string cycles_summary(const orbits::CycleSearch& search) {
         out += fmt::format("  period {}: none found\n", period);
     }
     return out;
-}
-
-std::string orbits_summary(const std::vector<periodic::PeriodicOrbit>& orbits) {
-    SummaryTable table({{"period"},
-                        {"rotation", Align::left},
-                        {"status", Align::left},
-                        {"first point", Align::left},
-                        {"multipliers", Align::left},
-                        {"closing error"}});
-    for (const auto& orbit : orbits) {
-        std::string point;
-        for (Eigen::Index i = 0; orbit.points.cols() > 0 && i < orbit.points.rows(); ++i) {
-            point += fmt::format("{}{:.9g}", i == 0 ? "" : ", ", orbit.points(i, 0));
-        }
-        std::string multipliers;
-        for (const auto& value : orbit.multipliers) {
-            multipliers += fmt::format("{}{:.6g}", multipliers.empty() ? "" : ", ", value.real());
-            multipliers += value.imag() == 0.0 ? "" : fmt::format("{:+.6g}i", value.imag());
-        }
-        table.add({std::to_string(orbit.period), rotation_text(orbit.rotation),
-                   std::string(periodic::name(orbit.status)), point, multipliers, significant(orbit.residual, 2)});
-    }
-    return titled("Periodic orbits of the model", table.text());
 }
 
 }  // namespace orbid::apps

@@ -7,7 +7,6 @@
 #include "apps/result_file.hpp"
 #include "estimator/estimate.hpp"
 #include "orbits/cycle_search.hpp"
-#include "periodic/orbit.hpp"
 
 namespace orbid::apps {
 
@@ -21,8 +20,5 @@ namespace orbid::apps {
 
 /// Cycles found, by period: how many, of how many points, from how many recurrences, how accurate; what is missing.
 [[nodiscard]] std::string cycles_summary(const orbits::CycleSearch& search);
-
-/// Computed orbits one by one: period, rotation, status, first point, multipliers, closing error.
-[[nodiscard]] std::string orbits_summary(const std::vector<periodic::PeriodicOrbit>& orbits);
 
 }  // namespace orbid::apps

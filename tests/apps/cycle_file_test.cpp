@@ -197,31 +197,6 @@ TEST_CASE("a stored fingerprint that was tampered with counts as none", "[apps]"
     CHECK(reading.file->head.fingerprint.sha256.empty());
 }
 
-TEST_CASE("orbits.json is a list of cycles with residual, status and sensitivities", "[apps]") {
-    periodic::PeriodicOrbit orbit;
-    orbit.status = periodic::OrbitStatus::converged;
-    orbit.period = 2;
-    orbit.rotation = {0};
-    orbit.points = Eigen::MatrixXd::Constant(2, 2, 0.5);
-    orbit.multipliers = {{-2.0, 0.0}, {0.0, 0.0}};  // an exact zero, as after sticking
-    orbit.residual = 1e-13;
-    orbit.sensitivities = Eigen::MatrixXd::Constant(4, 1, 0.25);
-    const std::string text = apps::orbits_text(head(), {orbit}, {"l"});
-    const auto json = nlohmann::json::parse(text);
-    const auto& written = json["cycles"][0];
-    CHECK(written["status"] == std::string(periodic::name(periodic::OrbitStatus::converged)));
-    CHECK(written["residual"] == 1e-13);
-    CHECK(written["sensitivities"].size() == 4);
-    CHECK(written["ln_multiplier"][0] == std::log(2.0));
-    CHECK(written["ln_multiplier"][1].is_null());
-    CHECK(json["parameters"] == nlohmann::json({"l"}));
-
-    const auto reading = parsed(text);
-    REQUIRE(reading.file);
-    CHECK(reading.file->search.cycles.at(0).points == orbit.points);
-    CHECK(std::isnan(reading.file->search.cycles.at(0).ln_multiplier[1]));
-}
-
 TEST_CASE("cycles of a wrong shape are not written", "[apps]") {
     auto file = two_cycles();
     file.search.cycles[1].period = 3;
@@ -229,11 +204,6 @@ TEST_CASE("cycles of a wrong shape are not written", "[apps]") {
     file = two_cycles();
     file.search.cycles[0].covariance.resize(3, 3);
     CHECK_THROWS_AS(apps::cycles_text(file), std::invalid_argument);
-    periodic::PeriodicOrbit orbit;
-    orbit.period = 1;
-    orbit.points = Eigen::MatrixXd::Zero(2, 1);
-    orbit.sensitivities = Eigen::MatrixXd::Zero(2, 3);
-    CHECK_THROWS_AS(apps::orbits_text(head(), {orbit}, {"l"}), std::invalid_argument);
 }
 
 }  // namespace

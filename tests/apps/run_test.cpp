@@ -223,7 +223,7 @@ TEST_CASE("periodic orbits of an autonomous flow start on a section", "[apps][ru
     job.erase("section");
     const Outcome refused = orbid_with({"check", write_job(folder.path() / "job.json", job)});
     CHECK(refused.code == 2);
-    CHECK_THAT(refused.error, ContainsSubstring("needs a \"section\" that its orbits cross"));
+    CHECK_THAT(refused.error, ContainsSubstring("needs a \"section\" in the job that its orbits cross"));
 }
 
 TEST_CASE("an interrupted run stores a valid result", "[apps][run]") {

@@ -82,19 +82,5 @@ TEST_CASE("cycles are summarised by period, missing ones named", "[apps]") {
     CHECK_THAT(text, ContainsSubstring("period 3: none found"));
 }
 
-TEST_CASE("computed orbits are listed one by one", "[apps]") {
-    periodic::PeriodicOrbit orbit;
-    orbit.status = periodic::OrbitStatus::converged;
-    orbit.period = 1;
-    orbit.rotation = {1};
-    orbit.points = Eigen::Vector2d(2.966784281971485, 6.406582448046664);
-    orbit.multipliers = {{-1.70923411992, 0.0}, {-0.426625, 0.25}};
-    orbit.residual = 3e-14;
-    const std::string text = apps::orbits_summary({orbit});
-    for (const char* words : {"converged", "+1", "2.96678428, 6.40658245", "-1.70923, -0.426625+0.25i", "3e-14"}) {
-        CHECK_THAT(text, ContainsSubstring(words));
-    }
-}
-
 }  // namespace
 }  // namespace orbid

@@ -1,0 +1,130 @@
+#include "apps/computed_orbit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include "models/parameter.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using periodic::OrbitStatus;
+
+std::string point_text(const Eigen::MatrixXd& points) {
+    std::string text;
+    for (Eigen::Index i = 0; points.cols() > 0 && i < points.rows(); ++i)
+        text += fmt::format("{}{:.6g}", i == 0 ? "" : ", ", points(i, 0));
+    return fmt::format("({})", text);
+}
+
+/// "an orbit of period 2 with rotation +1 through (2.97, 6.41), 0.3 (relative) from the start"
+std::string found_text(const models::System& system, const periodic::PeriodicOrbit& orbit) {
+    const int period = prime_period(system, orbit.points);
+    std::string text = fmt::format("an orbit of period {}", period);
+    if (!orbit.rotation.empty()) {
+        std::vector<int> rotation = orbit.rotation;
+        for (int& turns : rotation)
+            turns = turns * period / std::max(orbit.period, 1);
+        text += fmt::format(" with rotation {}", rotation_text(rotation));
+    }
+    return text +
+           fmt::format(" through {}, {:.2g} of the scale from the start", point_text(orbit.points), orbit.distance);
+}
+
+std::string still_open(double residual) {
+    return std::isfinite(residual) ? fmt::format(", the closing error stays at {:.2g}", residual) : std::string();
+}
+
+std::string plain_message(const models::System& system, const periodic::PeriodicOrbit& orbit) {
+    switch (orbit.status) {
+        case OrbitStatus::converged:
+            return {};
+        case OrbitStatus::other_orbit:
+            return "farther than \"maximum_distance\": " + found_text(system, orbit);
+        case OrbitStatus::shorter_period:
+            // Without points of a section the fraction of T is not known here.
+            return orbit.points.cols() > 1 && prime_period(system, orbit.points) < orbit.period
+                       ? found_text(system, orbit)
+                       : fmt::format("an orbit through {} that closes in a fraction of the time {:.6g} s",
+                                     point_text(orbit.points), orbit.time);
+        case OrbitStatus::equilibrium:
+            return fmt::format("it does not move: an equilibrium at {}", point_text(orbit.points));
+        case OrbitStatus::period_vanished:
+            return "the time of the orbit went to zero: there is no orbit near the start, or it is too small";
+        case OrbitStatus::singular:
+            return fmt::format(
+                "the linear system is singular: a fold, where two orbits meet and vanish, or a crossing of branches{}; "
+                "other parameters, or \"continuation\" from one of them, show it",
+                still_open(orbit.residual));
+        case OrbitStatus::no_progress:
+            return fmt::format("no orbit near the start{}", still_open(orbit.residual));
+        case OrbitStatus::iteration_limit:
+            return fmt::format("not closed within the steps allowed{}", still_open(orbit.residual));
+        case OrbitStatus::not_simulated:
+            return "the motion cannot be followed from there";
+    }
+    return {};
+}
+
+}  // namespace
+
+std::string_view ComputedOrbit::status() const {
+    return computed ? periodic::name(orbit.status) : std::string_view("interrupted");
+}
+
+std::size_t ComputedOrbits::converged() const {
+    return static_cast<std::size_t>(
+        std::count_if(list.begin(), list.end(), [](const ComputedOrbit& orbit) { return orbit.converged(); }));
+}
+
+int prime_period(const models::System& system, const Eigen::MatrixXd& points) {
+    const Eigen::Index p = points.cols();
+    // The points of a repeated orbit agree to the error of the flow; different ones of a prime orbit differ visibly.
+    constexpr double same = 1e-6;
+    const auto repeats = [&](Eigen::Index d) {
+        for (Eigen::Index i = 0; i < points.rows(); ++i) {
+            const bool angle = system.coordinates()[static_cast<std::size_t>(i)].angle;
+            const double scale = angle ? 2.0 * std::numbers::pi : std::max(points.row(i).cwiseAbs().maxCoeff(), 1e-300);
+            for (Eigen::Index j = 0; j < p; ++j) {
+                double difference = points(i, (j + d) % p) - points(i, j);
+                if (angle) difference = models::wrapped(difference);
+                if (!(std::abs(difference) <= same * scale)) return false;
+            }
+        }
+        return true;
+    };
+    for (Eigen::Index d = 1; d < p; ++d)
+        if (p % d == 0 && repeats(d)) return static_cast<int>(d);
+    return static_cast<int>(p);
+}
+
+std::string orbit_message(const models::System& system, const periodic::PeriodicOrbit& orbit,
+                          const std::optional<periodic::PeriodicOrbit>& own) {
+    std::string text = plain_message(system, orbit);
+    if (text.empty() || !own) return text;
+    const bool closed = own->status == OrbitStatus::converged || own->status == OrbitStatus::shorter_period ||
+                        own->status == OrbitStatus::other_orbit;
+    if (!closed || own->rotation == orbit.rotation) return text;
+    return text + "; without the rotation asked for the start leads to " + found_text(system, *own);
+}
+
+void show_start(periodic::PeriodicOrbit& orbit, const Eigen::MatrixXd& start) {
+    if (orbit.points.size() > 0) return;
+    orbit.period = static_cast<int>(start.cols());
+    orbit.points = start;
+    orbit.residual = std::numeric_limits<double>::quiet_NaN();
+}
+
+std::string rotation_text(const std::vector<int>& rotation) {
+    std::string out;
+    for (const int turns : rotation)
+        out += fmt::format("{}{:+d}", out.empty() ? "" : " ", turns);
+    return out;
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,169 @@
+#include <algorithm>
+
+#include "apps/job_parts.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+// Beyond any picture and any memory; the limits only keep numbers in their types.
+constexpr std::uint64_t most_branch_points = 1'000'000;
+constexpr std::uint64_t most_branches = 10'000;
+constexpr std::uint64_t longest_period = 1000;
+constexpr std::uint64_t most_found = 1'000'000;
+
+const std::vector<std::string> switch_names{"period_doubling", "symmetry_breaking"};
+
+/// { "first": 0.01, "smallest": 1e-7, "largest": 0.05 }
+void read_step(const ValueReader& value, periodic::ContinuationOptions& options) {
+    ObjectReader object(value);
+    const auto read = [&](std::string_view key, double& step) {
+        const auto found = object.find(key);
+        if (found) step = found->positive().value_or(step);
+        return found;
+    };
+    const auto first = read("first", options.first_step);
+    const auto smallest = read("smallest", options.smallest_step);
+    const auto largest = read("largest", options.largest_step);
+    if (options.smallest_step > options.largest_step) {
+        (smallest ? *smallest : *largest)
+            .report(fmt::format("the smallest step, {}, is above the largest, {}", options.smallest_step,
+                                options.largest_step));
+    } else if (first && !(options.first_step >= options.smallest_step && options.first_step <= options.largest_step)) {
+        first->report(fmt::format("must be between the smallest and the largest step, {} and {}, not {}",
+                                  options.smallest_step, options.largest_step, options.first_step));
+    }
+    // Only said: a first step that nobody gave fits the others.
+    options.first_step = std::clamp(options.first_step, std::min(options.smallest_step, options.largest_step),
+                                    std::max(options.smallest_step, options.largest_step));
+    object.finish();
+}
+
+void read_switch(const ValueReader& value, periodic::ContinuationOptions& options) {
+    options.switch_doublings = options.switch_symmetry = false;
+    std::vector<std::size_t> seen;
+    for (const ValueReader& item : value.items()) {
+        const auto choice = item.choice(switch_names);
+        if (!choice) continue;
+        if (std::find(seen.begin(), seen.end(), *choice) != seen.end())
+            item.report(fmt::format("\"{}\" is listed twice", switch_names[*choice]));
+        seen.push_back(*choice);
+        (*choice == 0 ? options.switch_doublings : options.switch_symmetry) = true;
+    }
+}
+
+/// "range": [lower, upper], both ways or in a "direction" first; or "to": value, from the model's own.
+void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index> parameter,
+                periodic::ContinuationOptions& options) {
+    const auto range = object.find("range");
+    const auto to = object.find("to");
+    const auto direction = object.find("direction");
+    if (direction) {
+        const auto number = direction->number([](double x) { return x == -1.0 || x == 0.0 || x == 1.0; },
+                                              "1 (first to larger values), -1 (to smaller ones) or 0 (both ways)");
+        options.direction = static_cast<int>(number.value_or(0.0));
+    }
+    if (object.find("from")) {
+        object.report("from",
+                      "a branch starts at the model's own value of the parameter: \"to\" says where it ends, or "
+                      "\"range\": [lower, upper]");
+    }
+    if (range && to) to->report("says the same as \"range\": one of the two must be left out");
+    if (!range && !to && object.valid()) {
+        object.self().report("needs \"range\": [lower, upper], or \"to\": the value where the branch ends");
+    }
+    if (!parameter) return;
+    const double start = job.model.values[*parameter];
+    const std::string name = parameter_names(job)[static_cast<std::size_t>(*parameter)];
+    if (range) {
+        const auto items = range->items();
+        if (range->is(JsonValue::Kind::array) && items.size() != 2) {
+            range->report(fmt::format("must be [lower, upper], not {} values", items.size()));
+        }
+        if (items.size() != 2) return;
+        const auto lower = read_parameter_value(items[0], *parameter, job);
+        const auto upper = read_parameter_value(items[1], *parameter, job);
+        if (!lower || !upper) return;
+        options.lower = *lower;
+        options.upper = *upper;
+        if (!(*lower < *upper)) {
+            range->report(fmt::format("is empty: {} must be below {}", *lower, *upper));
+        } else if (!(*lower <= start && start <= *upper)) {
+            range->report(
+                fmt::format("must contain the value that the branch starts at: the model's {} is {}", name, start));
+        }
+    } else if (to) {
+        if (direction) direction->report("follows from \"to\": must be left out");
+        const auto end = read_parameter_value(*to, *parameter, job);
+        if (!end) return;
+        if (*end == start) {
+            to->report(fmt::format("is where the branch starts: the model's {} is {}", name, start));
+        }
+        options.lower = std::min(start, *end);
+        options.upper = std::max(start, *end);
+        options.direction = *end > start ? 1 : -1;
+    }
+}
+
+/// What branch.svg shows: a coordinate, or "time".
+std::optional<Eigen::Index> read_plotted(ObjectReader& object, const Job& job) {
+    if (const auto plot = object.find("plot")) {
+        const auto name = plot->text();
+        if (!name || *name == "time" || !job.model.system) return std::nullopt;
+        return coordinate_named(*name, *plot, job);
+    }
+    if (!job.model.system) return std::nullopt;
+    // Where an orbit without a section begins is arbitrary; its time is not.
+    if (job.model.system->kind() == models::Kind::autonomous && !job.section_plane) return std::nullopt;
+    // Not the coordinate that is the same at all points, and an angle only where there is nothing else.
+    std::optional<Eigen::Index> choice;
+    for (std::size_t i = 0; i < job.model.system->coordinates().size(); ++i) {
+        const auto index = static_cast<Eigen::Index>(i);
+        if (job.section_plane && job.section_plane->coordinate == index) continue;
+        if (!job.model.system->coordinates()[i].angle) return index;
+        if (!choice) choice = index;
+    }
+    return choice;
+}
+
+}  // namespace
+
+void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& periodic) {
+    ContinuationJob continuation;
+    periodic::ContinuationOptions& options = continuation.options;
+    ObjectReader object(value);
+    std::optional<Eigen::Index> parameter;
+    if (const auto name = object.require("parameter", "the parameter that is followed")) {
+        const auto text = name->text();
+        if (text) parameter = parameter_named(*text, *name, job);
+        options.parameter = parameter.value_or(0);
+    }
+    read_range(object, job, parameter, options);
+    if (const auto orbit = object.find("orbit")) {
+        // How many a search finds is not known before.
+        const std::uint64_t last = periodic.search ? most_found : std::max<std::size_t>(periodic.orbits.size(), 1) - 1;
+        continuation.orbit = static_cast<std::size_t>(orbit->whole(0, last).value_or(0));
+    }
+    if (const auto step = object.find("step")) read_step(*step, options);
+    if (const auto points = object.find("points"))
+        options.maximum_points =
+            static_cast<std::size_t>(points->whole(2, most_branch_points).value_or(options.maximum_points));
+    if (const auto branches = object.find("branches"))
+        options.maximum_branches =
+            static_cast<std::size_t>(branches->whole(1, most_branches).value_or(options.maximum_branches));
+    if (const auto choice = object.find("switch")) read_switch(*choice, options);
+    if (const auto period = object.find("maximum_period")) {
+        const auto number = period->whole(1, longest_period);
+        if (number) options.maximum_period = static_cast<int>(*number);
+        if (number && continuation.orbit < periodic.orbits.size() &&
+            periodic.orbits[continuation.orbit].period > options.maximum_period)
+            period->report(fmt::format("must be at least the period of the orbit it starts at, {}, not {}",
+                                       periodic.orbits[continuation.orbit].period, options.maximum_period));
+    }
+    if (const auto time = object.find("maximum_time")) options.longest = time->positive().value_or(options.longest);
+    continuation.plotted = read_plotted(object, job);
+    object.finish();
+    periodic.continuation = std::move(continuation);
+}
+
+}  // namespace orbid::apps

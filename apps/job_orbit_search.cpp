@@ -1,0 +1,46 @@
+#include "apps/job_parts.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+// 16 GB of doubles of a plane model; beyond that recurrences gain nothing that stabilised starts do not find.
+constexpr std::uint64_t most_points = 1'000'000'000;
+constexpr std::uint64_t fewest_points = 100;  // rule of OrbitSearchOptions::points
+constexpr std::uint64_t most_trajectories = 65536;
+
+}  // namespace
+
+void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& periodic) {
+    periodic::OrbitSearchOptions search;
+    search.seed = job.seed;
+    search.symmetry = job.model.system && job.model.system->symmetry().has_value();
+    ObjectReader object(value);
+    if (const auto periods = object.require("periods", "a list, in periods of the forcing, iterations, or crossings")) {
+        search.periods = read_periods(*periods).value_or(search.periods);
+    }
+    if (const auto points = object.find("points"))
+        search.points = static_cast<std::size_t>(points->whole(fewest_points, most_points).value_or(search.points));
+    if (const auto trajectories = object.find("trajectories"))
+        search.trajectories =
+            static_cast<std::size_t>(trajectories->whole(1, most_trajectories).value_or(search.trajectories));
+    if (const auto seed = object.find("seed")) search.seed = seed->whole(0, largest_exact_whole).value_or(search.seed);
+    if (const auto stabilised = object.find("stabilised"))
+        search.stabilised = stabilised->boolean().value_or(search.stabilised);
+    if (const auto symmetry = object.find("symmetry")) {
+        const bool usable = search.symmetry;
+        search.symmetry = symmetry->boolean().value_or(usable);
+        if (search.symmetry && !usable && job.model.system)
+            symmetry->report(fmt::format("the model {} declares no symmetry; must be false", job.model.name));
+    }
+    object.finish();
+    if (job.model.system && job.model.system->kind() == models::Kind::autonomous && !job.section_plane) {
+        value.report(
+            fmt::format("the model {} is autonomous: needs a \"section\" in the job that its orbits cross: {{ "
+                        "\"coordinate\": ..., \"value\": ..., \"direction\": ... }}",
+                        job.model.name));
+    }
+    periodic.search = std::move(search);
+}
+
+}  // namespace orbid::apps
