@@ -33,15 +33,18 @@ enum class BranchEnd {
     equilibrium,    ///< autonomous flows: the orbit shrank to an equilibrium (Hopf)
     period_limit,   ///< autonomous flows: T exceeds `longest`
     other_branch,   ///< met a branch that is known: shrank to half the period (a reverse doubling) or gained symmetry
-    not_simulated   ///< the flow could not be followed
+    not_simulated,  ///< the flow could not be followed
+    start           ///< the start, from which only one direction was asked for
 };
 
 [[nodiscard]] std::string_view name(BranchEnd end);
 
 /// A one-parameter family of orbits, in the order of their arclength.
 struct Branch {
-    Eigen::Index parameter = 0;          ///< index into System::parameters()
-    std::vector<BranchPoint> points;     ///< two or more, bifurcations among them at their places
+    Eigen::Index parameter = 0;  ///< index into System::parameters()
+    /// Two or more, bifurcations among them at their places. A branch that was switched to begins with the orbit it
+    /// bifurcates from, one that ends at another branch ends with the orbit they share.
+    std::vector<BranchPoint> points;
     BranchEnd first = BranchEnd::bound;  ///< why it ended before points.front()
     BranchEnd last = BranchEnd::bound;   ///< and after points.back()
     /// Where it was switched to: a bifurcation of another branch of the same diagram.

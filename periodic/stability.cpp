@@ -171,6 +171,8 @@ std::string_view name(Bifurcation bifurcation) {
             return "period_doubling";
         case Bifurcation::neimark_sacker:
             return "neimark_sacker";
+        case Bifurcation::branch_point:
+            return "branch_point";
     }
     return "unknown";
 }

@@ -17,7 +17,8 @@ enum class Bifurcation {
     none,             ///< every multiplier is farther than `near` from the unit circle
     fold,             ///< at +1: the orbit meets another one and both vanish (or branches cross, by symmetry)
     period_doubling,  ///< at -1
-    neimark_sacker    ///< a complex pair
+    neimark_sacker,   ///< a complex pair
+    branch_point      ///< at +1, told from a fold only along a branch: branches cross, as where a symmetry breaks
 };
 
 [[nodiscard]] std::string_view name(Bifurcation bifurcation);

@@ -1,0 +1,206 @@
+#include "periodic/branch_report.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+#include <vector>
+
+#include "periodic/orbit_report.hpp"
+#include "periodic/whole_turn.hpp"
+
+namespace orbid::periodic {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Crossings that are nearer to each other than this share of T are one, seen from both sides of a node.
+constexpr double same_crossing = 1e-9;
+
+struct Crossings {
+    MatrixXd states;
+    VectorXd times;
+};
+
+/// All crossings of a plane by an autonomous orbit, segment by segment so that no error grows.
+Crossings crossings_of(const CurvePoint& point, const models::Section& section) {
+    const CurveSetting& setting = point.curve->setting();
+    const Course course = point.curve->course_at(point.y);
+    const VectorXd theta = setting.theta_at(point.parameter());
+    std::vector<VectorXd> states;
+    std::vector<double> times;
+    double begin = 0.0;
+    // A node that lies on the plane crosses it at its own instant, which a start does not count as.
+    const auto note = [&](double time, const VectorXd& state) {
+        for (const double known : times)
+            if (std::abs(known - time) < same_crossing * course.time ||
+                std::abs(std::abs(known - time) - course.time) < same_crossing * course.time)
+                return;
+        times.push_back(time);
+        states.push_back(state);
+    };
+    for (std::size_t j = 0; j < course.segments.size(); ++j) {
+        const VectorXd x = course.nodes.col(static_cast<Index>(j));
+        const double duration = course.segments[j].duration;
+        const VectorXd f = setting.system.rhs(x, std::vector<double>{0.0}, theta);
+        const double gap = section.normal.dot(x) - section.offset;
+        const double speed = section.normal.dot(f);
+        if (std::abs(gap) <= same_crossing * course.time * std::abs(speed) && speed * section.direction > 0.0)
+            note(begin, x);
+        constexpr std::size_t most = 1000;  // crossings of one segment: only keeps the list finite
+        const auto found = setting.system.crossings(x, section, most, duration * (1.0 + same_crossing), theta,
+                                                    std::nullopt, setting.solver.flow);
+        for (Index k = 0; k < found.times.size(); ++k)
+            if (found.times(k) <= duration * (1.0 + same_crossing)) note(begin + found.times(k), found.states.col(k));
+        begin += duration;
+    }
+    Crossings result{MatrixXd(point.curve->nodes(point.y).rows(), static_cast<Index>(states.size())),
+                     VectorXd(static_cast<Index>(times.size()))};
+    for (std::size_t k = 0; k < states.size(); ++k) {
+        result.states.col(static_cast<Index>(k)) = states[k];
+        result.times(static_cast<Index>(k)) = times[k];
+    }
+    return result;
+}
+
+/// One point per period, not wrapped.
+MatrixXd section_points(const CurvePoint& point) {
+    const MatrixXd nodes = point.curve->nodes(point.y);
+    const std::vector<Index>& wanted = point.curve->course().points;
+    MatrixXd points(nodes.rows(), static_cast<Index>(wanted.size()));
+    for (std::size_t k = 0; k < wanted.size(); ++k)
+        points.col(static_cast<Index>(k)) = nodes.col(wanted[k]);
+    return points;
+}
+
+double distance(const MatrixXd& difference, const CurveSetting& setting) {
+    return relative_size(wrapped_angles(difference, angle_coordinates(setting.system)), setting.scale);
+}
+
+/// The orbit passes through these points, in their order from some one on.
+bool passes_through(const CurvePoint& point, const MatrixXd& points, double tolerance) {
+    const CurveSetting& setting = point.curve->setting();
+    if (point.curve->autonomous()) {
+        const VectorXd x = points.col(0);
+        const VectorXd f = setting.system.rhs(x, std::vector<double>{0.0}, setting.theta_at(point.parameter()));
+        const Crossings near = crossings_of(point, {f, f.dot(x), 1});
+        for (Index k = 0; k < near.times.size(); ++k)
+            if (distance(near.states.col(k) - x, setting) <= tolerance) return true;
+        return false;
+    }
+    const MatrixXd own = section_points(point);
+    const Index p = own.cols();
+    if (points.cols() != p) return false;
+    for (Index shift = 0; shift < p; ++shift) {
+        MatrixXd difference(own.rows(), p);
+        for (Index j = 0; j < p; ++j)
+            difference.col(j) = own.col((j + shift) % p) - points.col(j);
+        if (distance(difference, setting) <= tolerance) return true;
+    }
+    return false;
+}
+
+bool comparable(const CurvePoint& a, const CurvePoint& b, double tolerance) {
+    return a.curve->period() == b.curve->period() &&
+           std::abs(a.parameter() - b.parameter()) <= tolerance * a.curve->setting().range &&
+           std::abs(std::log(a.curve->time(a.y) / b.curve->time(b.y))) <= tolerance;
+}
+
+}  // namespace
+
+PeriodicOrbit reported(const CurvePoint& point) {
+    const OrbitCurve& curve = *point.curve;
+    const CurveSetting& setting = curve.setting();
+    const std::vector<Index> angles = angle_coordinates(setting.system);
+    PeriodicOrbit orbit;
+    orbit.status = OrbitStatus::converged;
+    orbit.period = curve.period();
+    orbit.rotation = curve.rotation();
+    orbit.multipliers = point.multipliers;
+    orbit.trivial_multiplier = point.trivial;
+    orbit.residual = point.residual;
+    orbit.iterations = point.iterations;
+    orbit.sticking = point.sticking;
+    orbit.time = curve.time(point.y);
+    if (curve.autonomous()) {
+        if (setting.section) {
+            const Crossings crossings = crossings_of(point, *setting.section);
+            orbit.points = wrapped_angles(crossings.states, angles);
+            orbit.times = crossings.times;
+            if (crossings.times.size() > 0) {
+                orbit.period = static_cast<int>(crossings.times.size());
+                return orbit;
+            }
+        }
+        orbit.points = wrapped_angles(curve.nodes(point.y), angles);
+        orbit.times.resize(orbit.points.cols());
+        double share = 0.0;
+        for (Index j = 0; j < orbit.times.size(); ++j) {
+            orbit.times(j) = share * orbit.time;
+            share += curve.course().segments[static_cast<std::size_t>(j)].share;
+        }
+        orbit.jacobians = point.jacobians;
+        return orbit;
+    }
+    orbit.points = wrapped_angles(section_points(point), angles);
+    orbit.jacobians = merged_factors(point.jacobians, curve.course().points);
+    const Index p = orbit.points.cols();
+    orbit.times = VectorXd::LinSpaced(p, 0.0, static_cast<double>(p - 1)) * (orbit.time / static_cast<double>(p));
+    return orbit;
+}
+
+bool same_orbit(const CurvePoint& a, const CurvePoint& b, double tolerance) {
+    return comparable(a, b, tolerance) && a.curve->rotation() == b.curve->rotation() &&
+           passes_through(a, section_points(b), tolerance);
+}
+
+bool mirror_images(const CurvePoint& a, const CurvePoint& b, double tolerance) {
+    const CurveSetting& setting = a.curve->setting();
+    const auto symmetry = setting.system.symmetry();
+    if (!symmetry || !comparable(a, b, tolerance)) return false;
+    const Eigen::Map<const VectorXd> signs(symmetry->signs.data(), static_cast<Index>(symmetry->signs.size()));
+    MatrixXd points = section_points(b);
+    const double shift = std::fmod(symmetry->phase_shift, 2.0 * std::numbers::pi);
+    if (!b.curve->autonomous() && shift > 0.0) {
+        // S x(tau) is a solution at tau + shift: the states a shift before the end of each period are wanted.
+        const double durations[] = {2.0 * std::numbers::pi - shift};
+        for (Index j = 0; j < points.cols(); ++j) {
+            const auto flow =
+                setting.system.flow(points.col(j), setting.phase, durations, setting.theta_at(b.parameter()),
+                                    models::Clock::phase, setting.solver.flow);
+            if (flow.status != models::FlowStatus::ok) return false;
+            points.col(j) = flow.states.col(0);
+        }
+    }
+    points = signs.asDiagonal() * points;
+    return passes_through(a, points, tolerance);
+}
+
+bool repeats(const CurvePoint& point, double tolerance) {
+    const CurveSetting& setting = point.curve->setting();
+    if (point.curve->autonomous()) {
+        const VectorXd x = point.curve->nodes(point.y).col(0);
+        const VectorXd f = setting.system.rhs(x, std::vector<double>{0.0}, setting.theta_at(point.parameter()));
+        const Crossings near = crossings_of(point, {f, f.dot(x), 1});
+        const double time = point.curve->time(point.y);
+        for (Index k = 0; k < near.times.size(); ++k) {
+            const double part = near.times(k) / time;
+            if (part > 1e-3 && part < 1.0 - 1e-3 && distance(near.states.col(k) - x, setting) <= tolerance) return true;
+        }
+        return false;
+    }
+    const MatrixXd points = section_points(point);
+    const Index p = points.cols();
+    for (Index shift = 1; shift < p; ++shift) {
+        if (p % shift != 0) continue;
+        MatrixXd difference(points.rows(), p);
+        for (Index j = 0; j < p; ++j)
+            difference.col(j) = points.col((j + shift) % p) - points.col(j);
+        if (distance(difference, setting) <= tolerance) return true;
+    }
+    return false;
+}
+
+}  // namespace orbid::periodic
