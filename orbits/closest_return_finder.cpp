@@ -13,6 +13,7 @@
 #include "orbits/cycle_refinement.hpp"
 #include "orbits/recurrence.hpp"
 #include "orbits/reference_map.hpp"
+#include "orbits/section_check.hpp"
 
 namespace orbid::orbits {
 
@@ -48,15 +49,8 @@ public:
         if (options_.order > 1)
             throw std::invalid_argument("find_cycles: closest_return fits linear maps, order must be 1 or 0, got " +
                                         std::to_string(options_.order));
+        check_neighbours(section.image_count(), options_.neighbours, least_neighbours, section.dimension() + 2);
         if (options_.neighbours == 0) options_.neighbours = least_neighbours;
-        const int least = static_cast<int>(section.dimension()) + 2;
-        if (!(options_.neighbours >= least))
-            throw std::invalid_argument("find_cycles: neighbours must be at least " + std::to_string(least) +
-                                        " for this dimension, got " + std::to_string(options_.neighbours));
-        const std::size_t points = 10 * static_cast<std::size_t>(least_neighbours);
-        if (!(section.image_count() >= points))
-            throw std::invalid_argument("find_cycles: needs at least 10 x neighbours = " + std::to_string(points) +
-                                        " points with an image, got " + std::to_string(section.image_count()));
         const MatrixXd unit = section.scale().cwiseInverse().asDiagonal();
         if (options.reading_covariance.size() > 0) reading_covariance_ = unit * options.reading_covariance * unit;
     }

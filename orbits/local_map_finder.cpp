@@ -17,6 +17,7 @@
 #include "orbits/cycle_refinement.hpp"
 #include "orbits/fit_choice.hpp"
 #include "orbits/itinerary.hpp"
+#include "orbits/section_check.hpp"
 
 namespace orbid::orbits {
 
@@ -188,15 +189,8 @@ public:
 
 private:
     static CycleSearchOptions checked(const SectionPoints& section, const CycleSearchOptions& options) {
-        const Eigen::Index least = coefficient_count(section.dimension(), std::max(options.order, 1)) + 2;
-        if (options.neighbours != 0 && !(options.neighbours >= least))
-            throw std::invalid_argument("find_cycles: neighbours must be at least " + std::to_string(least) +
-                                        " for this order and dimension, got " + std::to_string(options.neighbours));
-        const std::size_t points =
-            10 * static_cast<std::size_t>(options.neighbours > 0 ? options.neighbours : default_neighbours);
-        if (!(section.image_count() >= points))
-            throw std::invalid_argument("find_cycles: needs at least 10 x neighbours = " + std::to_string(points) +
-                                        " points with an image, got " + std::to_string(section.image_count()));
+        check_neighbours(section.image_count(), options.neighbours, default_neighbours,
+                         coefficient_count(section.dimension(), std::max(options.order, 1)) + 2);
         return options;
     }
 

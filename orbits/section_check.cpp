@@ -262,4 +262,14 @@ std::vector<std::string> check_section(const Series& series, const std::vector<i
     return remarks;
 }
 
+void check_neighbours(std::size_t images, int neighbours, std::size_t usual, Eigen::Index least) {
+    if (neighbours != 0 && !(neighbours >= least))
+        throw std::invalid_argument(fmt::format(
+            "find_cycles: neighbours must be at least {} for this order and dimension, got {}", least, neighbours));
+    const std::size_t needed = 10 * (neighbours > 0 ? static_cast<std::size_t>(neighbours) : usual);
+    if (!(images >= needed))
+        throw std::invalid_argument(fmt::format(
+            "find_cycles: needs at least 10 x neighbours = {} points with an image, got {}", needed, images));
+}
+
 }  // namespace orbid::orbits

@@ -24,4 +24,11 @@ namespace orbid::orbits {
 /// @throws std::invalid_argument for what is refused: what, where, which rule, and what would be right.
 [[nodiscard]] std::vector<std::string> check_section(const Series& series, const std::vector<int>& periods);
 
+/// Neighbours of a fit: as many as it has to have, and ten times as many points with an image (a neighbourhood of more
+/// than a tenth of the section is not local).
+/// @param neighbours  asked for; 0: left to the data, `usual` of them are needed.
+/// @param least       that the fit needs.
+/// @throws std::invalid_argument otherwise.
+void check_neighbours(std::size_t images, int neighbours, std::size_t usual, Eigen::Index least);
+
 }  // namespace orbid::orbits
