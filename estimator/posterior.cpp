@@ -170,6 +170,7 @@ void Posterior::look_for_autocorrelation() {
         const Group& group = problem_.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)];
         if (!group.ordered) {
             autocorrelations_.emplace_back();
+            unexplained_.emplace_back();
             continue;
         }
         std::vector<Eigen::VectorXd> sequences;
@@ -184,7 +185,26 @@ void Posterior::look_for_autocorrelation() {
                     Eigen::Map<const Eigen::VectorXd>(own.data(), static_cast<Eigen::Index>(own.size())));
         }
         autocorrelations_.push_back(autocorrelation(sequences));
+        unexplained_.push_back(std::holds_alternative<AutoregressiveErrors>(group.distribution)
+                                   ? autocorrelation(innovations(static_cast<int>(c)))
+                                   : autocorrelations_.back());
     }
+}
+
+/// The innovations of a channel with autoregressive errors, block by block: independent when the law is right.
+std::vector<Eigen::VectorXd> Posterior::innovations(int channel) const {
+    std::vector<Eigen::VectorXd> sequences;
+    for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
+        for (const LawPart& part : set_.blocks[b].parts) {
+            const ErrorLaw& law = problem_.laws[part.law];
+            if (law.channels.front() != channel || part.records.empty()) continue;
+            const Eigen::VectorXd e = law_errors(set_.blocks[b], part, law, minimum_.evaluation.values[b].e);
+            const Eigen::VectorXd psi =
+                state_.psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size()));
+            sequences.push_back(standard_errors(law, e, part.observed, psi));
+        }
+    }
+    return sequences;
 }
 
 void Posterior::make_sandwich() {
@@ -219,11 +239,11 @@ void Posterior::make_sandwich() {
                          " clusters of consecutive records";
 }
 
-/// Clusters of consecutive records where residuals are autocorrelated; none otherwise.
+/// Clusters of consecutive records where residuals are autocorrelated beyond what their law says; none otherwise.
 /// @return factor on the covariance for correlation across the borders of clusters.
 double Posterior::correlated_clusters(std::vector<std::vector<int>>& clusters) const {
     double longest = 0.0;
-    for (const Autocorrelation& correlation : autocorrelations_)
+    for (const Autocorrelation& correlation : unexplained_)
         if (correlation.significant) longest = std::max(longest, correlation.records);
     if (!(longest > 0.0) || set_.constraints > 0) return 1.0;
     // Clusters of twice the integrated correlation time: about four times the decay time of an AR(1).

@@ -58,6 +58,7 @@ private:
     void add_error_uncertainty();
     [[nodiscard]] double constraint_term() const;
     void look_for_autocorrelation();
+    [[nodiscard]] std::vector<Eigen::VectorXd> innovations(int channel) const;
     void make_sandwich();
     double correlated_clusters(std::vector<std::vector<int>>& clusters) const;
     [[nodiscard]] Eigen::VectorXd variance_slopes(const Eigen::VectorXd& y) const;
@@ -81,6 +82,7 @@ private:
     bool one_scale_ = false;           ///< every record has the same, estimated normal scale
     double degrees_of_freedom_ = 0.0;
     std::vector<Autocorrelation> autocorrelations_;  ///< per channel
+    std::vector<Autocorrelation> unexplained_;       ///< per channel: of innovations where errors are autoregressive
     std::unique_ptr<Sandwich> sandwich_;
     std::string sandwich_note_;
     std::vector<Eigen::VectorXd> latent_sds_;
