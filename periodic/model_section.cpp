@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "periodic/section_cell.hpp"
 #include "periodic/whole_turn.hpp"
 
 namespace orbid::periodic {
@@ -26,13 +27,6 @@ constexpr double settled = 1e-9;
 /// Trials with a random state; more are taken for a model of which most states are senseless.
 constexpr std::size_t probes = 64;
 constexpr std::size_t probed_sections = 64;
-
-/// splitmix64 (Steele, Lea and Flood 2014): the bits of a number, mixed.
-std::uint64_t mixed(std::uint64_t z) {
-    z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9U;
-    z = (z ^ (z >> 27U)) * 0x94d049bb133111ebU;
-    return z ^ (z >> 31U);
-}
 
 MatrixXd random_states(const VectorXd& range, std::uint64_t seed, std::uint64_t first, std::size_t count) {
     MatrixXd states(range.size(), static_cast<Index>(count));
@@ -112,7 +106,8 @@ Index inside(const models::System& system, const SectionPieces& pieces, const Ma
 VectorXd random_state(const VectorXd& range, std::uint64_t seed, std::uint64_t index) {
     VectorXd x(range.size());
     for (Index i = 0; i < x.size(); ++i) {
-        const auto bits = mixed(mixed(mixed(seed) + index) + static_cast<std::uint64_t>(i) * 0x9e3779b97f4a7c15U);
+        const auto bits =
+            mixed_bits(mixed_bits(mixed_bits(seed) + index) + static_cast<std::uint64_t>(i) * 0x9e3779b97f4a7c15U);
         x(i) = range(i) * (2.0 * (static_cast<double>(bits >> 12U) + 0.5) * 0x1p-52 - 1.0);
     }
     return x;

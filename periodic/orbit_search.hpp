@@ -18,6 +18,7 @@ namespace orbid::periodic {
 /// Where the start of an orbit came from.
 enum class StartOrigin {
     recurrence,  ///< of the model's own trajectory
+    joined,      ///< pieces of its trajectories, joined where they pass through the same cell
     symmetry,    ///< the mirror image of another orbit
     orbit,       ///< points of an orbit of another period, stabilised (Davidchack and Lai)
     code,        ///< a symbol sequence
@@ -31,17 +32,19 @@ struct OrbitSearchOptions {
     double phase = 0.0;                      ///< of the section [rad] (forced models)
     std::optional<models::Section> section;  ///< autonomous flows: needed
     std::uint64_t seed = 1;
-    std::size_t points = 1U << 18U;  ///< of the section that are simulated and searched for recurrences, >= 100
+    std::size_t points = 1U << 17U;  ///< of the section that are simulated, >= 100
     std::size_t trajectories = 256;  ///< at a time, >= 1; from random states
     Eigen::MatrixXd initial{};       ///< shape (n, m): states from which the first trajectories begin; may be empty
     bool symmetry = true;            ///< look for the mirror image of every orbit (models that declare a symmetry)
-    /// Stop when the stabilised starts of a whole round have found nothing new; false: recurrences alone.
+    /// As the last resort stabilised iterations from the orbits found, until a round of them is in vain.
     bool stabilised = true;
     /// Recurrences up to this gap are tried, relative to the extent of the section, closest first; in (0, 0.5].
-    double widest = 0.4;
+    double widest = 0.05;
     /// Starts in a row that find nothing new before the rest of their kind is left, >= 1; of the starts so far at least
     /// a quarter as well.
     std::size_t patience = 2000;
+    /// Loops of cells that are tried in one round at most, >= 1: cells are made so small.
+    std::size_t loops = 20000;
     ShootingOptions solver{};
 };
 
@@ -54,14 +57,18 @@ struct FoundOrbit {
 };
 
 struct OrbitSearch {
+    /// For each period asked for, ascending: the last round of joined pieces, through cells of another size than those
+    /// before, found nothing new. False: there are probably more (longer periods: more `points`, more `loops`).
+    std::vector<bool> settled;
     std::vector<FoundOrbit> orbits;  ///< by period, rotation, points; the same with any number of threads
     std::size_t starts = 0;          ///< that were solved
     std::size_t captured = 0;        ///< trajectories that ended in a stable orbit or at rest
 };
 
 /// All prime periodic orbits of a model of the periods asked for that can be reached without data: starts from
-/// recurrences of its own trajectories, from random states, from mirror images, and, as the last resort, from
-/// stabilised iterations that begin at the points of the orbits that are known.
+/// recurrences of its own trajectories, from pieces of them joined to closed sequences of cells, from random states,
+/// from mirror images, and, as the last resort, from stabilised iterations that begin at the points of the orbits that
+/// are known.
 ///
 /// @return never fails for bad numerics: what was not found is not in the list.
 /// @throws std::invalid_argument naming the option and its rule.
