@@ -22,6 +22,13 @@ constexpr int most_newton_steps = 12;
 constexpr double smallest_share = 1e-12;
 constexpr int most_location_steps = 60;
 
+/// A parameter that moves by less than this share of its range per arclength stands still: the sign of its slope is
+/// rounding. (All orbits of a linear oscillator, for example, exist at one value of the parameter.)
+constexpr double smallest_slope = 1e-9;
+
+/// What equations that were kept regular at a branch point may miss: their rounding errors.
+constexpr double largest_unfolding = 1e-10;
+
 /// Product of (1 + sign mu), relative to the same product of the sizes.
 double determinant(const std::vector<Complex>& multipliers, double sign) {
     Complex product = 1.0;
@@ -64,7 +71,7 @@ std::optional<double> test_function(const CurvePoint& point, Bifurcation bifurca
         case Bifurcation::fold:
             return point.parameter_slope();
         case Bifurcation::branch_point:
-            return determinant(point.multipliers, -1.0) / size / point.parameter_slope();
+            return determinant(point.multipliers, -1.0) / size;
         case Bifurcation::period_doubling:
             return determinant(point.multipliers, 1.0) / size;
         case Bifurcation::neimark_sacker:
@@ -105,9 +112,11 @@ double CurveCubic::where_parameter(double value, double lower, double upper) con
 
 Events events_between(const CurvePoint& a, const CurvePoint& b) {
     Events events;
-    events.fold = opposite(a.parameter_slope(), b.parameter_slope());
+    const double slope = std::max(std::abs(a.parameter_slope()), std::abs(b.parameter_slope()));
+    const bool vertical = !(slope > smallest_slope * a.curve->setting().range);
+    events.fold = !vertical && opposite(a.parameter_slope(), b.parameter_slope());
     const bool plus = opposite(determinant(a.multipliers, -1.0), determinant(b.multipliers, -1.0));
-    events.branch_point = plus != events.fold;
+    events.branch_point = !vertical && plus != events.fold;
     const int minus = count_beyond(b.multipliers, -1.0) - count_beyond(a.multipliers, -1.0);
     const int positive = count_beyond(b.multipliers, 1.0) - count_beyond(a.multipliers, 1.0);
     events.period_doubling = minus % 2 != 0;
@@ -134,7 +143,10 @@ double largest_multiplier_move(const CurvePoint& a, const CurvePoint& b) {
     return largest;
 }
 
-LocatedPoint located(const CurvePoint& a, const CurvePoint& b, Bifurcation bifurcation) {
+namespace {
+
+/// The zero of a test function, see located().
+LocatedPoint zero_between(const CurvePoint& a, const CurvePoint& b, Bifurcation bifurcation, const VectorXd* locked) {
     LocatedPoint result;
     result.bifurcation = bifurcation;
     const CurveCubic cubic(a, b);
@@ -191,10 +203,11 @@ LocatedPoint located(const CurvePoint& a, const CurvePoint& b, Bifurcation bifur
         before = best;
         const double s = best.s + step;
         Correction correction =
-            a.curve->corrected(cubic.value(s), cubic.slope(s), location_tolerance, most_newton_steps);
+            a.curve->corrected(cubic.value(s), cubic.slope(s), location_tolerance, most_newton_steps, locked);
         if (correction.status != OrbitStatus::converged) return result;
         const auto value = test_function(correction.point, bifurcation, size);
         if (!value) return result;
+        result.unfolding = std::abs(correction.unfolding);
         change = std::abs(correction.point.parameter() - best.point.parameter());
         best = {s, *value, std::move(correction.point)};
     }
@@ -203,6 +216,23 @@ LocatedPoint located(const CurvePoint& a, const CurvePoint& b, Bifurcation bifur
     result.parameter_error = change;
     result.found = true;
     return result;
+}
+
+}  // namespace
+
+LocatedPoint located(const CurvePoint& a, const CurvePoint& b, Bifurcation bifurcation) {
+    if (bifurcation == Bifurcation::branch_point) {
+        // There the orbit is a double zero of the equations, and rounding moves it along the other branch by itself
+        // over the distance from the branch point: it is locked in that direction. That is allowed where the equations
+        // hold nevertheless, as those of symmetric orbits do.
+        const bool nearer = std::abs(determinant(a.multipliers, -1.0)) < std::abs(determinant(b.multipliers, -1.0));
+        const VectorXd other_branch = a.curve->crossing_direction(nearer ? a : b);
+        if (other_branch.allFinite()) {
+            const LocatedPoint point = zero_between(a, b, bifurcation, &other_branch);
+            if (point.found && point.unfolding <= largest_unfolding) return point;
+        }
+    }
+    return zero_between(a, b, bifurcation, nullptr);
 }
 
 Correction orbit_between(const CurvePoint& a, const CurvePoint& b, double parameter) {

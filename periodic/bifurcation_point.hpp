@@ -39,7 +39,7 @@ struct Events {
 };
 
 ///     fold              the parameter's share of the tangent
-///     branch point      det(1 - M) / that share: the determinant of the bordered matrix
+///     branch point      det(1 - M); a fold changes its sign as well
 ///     period doubling   det(1 + M)
 ///     Neimark-Sacker    ln |mu| of the complex pair nearest to the unit circle
 ///
@@ -58,6 +58,7 @@ struct LocatedPoint {
     Bifurcation bifurcation = Bifurcation::none;
     double position = 0.0;         ///< distance from a along the chord
     double parameter_error = 0.0;  ///< how far the last step moved the parameter
+    double unfolding = 0.0;        ///< branch points: what the equations missed there
 };
 
 /// The zero of a test function between two points of a curve where it has different signs, by inverse quadratic

@@ -55,11 +55,12 @@ int CurvePoint::unstable() const {
                                           [](const Complex& multiplier) { return std::abs(multiplier) > 1.0; }));
 }
 
-OrbitCurve::OrbitCurve(const CurveSetting& setting, Course course, MatrixXd turns, std::optional<PhaseCondition> phase,
-                       int period)
+OrbitCurve::OrbitCurve(const CurveSetting& setting, Course course, MatrixXd turns, VectorXd scale,
+                       std::optional<PhaseCondition> phase, int period)
     : setting_(&setting),
       course_(std::move(course)),
       turns_(std::move(turns)),
+      scale_(std::move(scale)),
       phase_(std::move(phase)),
       period_(period),
       n_(setting.system.dimension()),
@@ -67,7 +68,7 @@ OrbitCurve::OrbitCurve(const CurveSetting& setting, Course course, MatrixXd turn
     weights_.resize(n_ * count_ + (phase_ ? 2 : 1));
     for (Index j = 0; j < count_; ++j)
         weights_.segment(n_ * j, n_) =
-            std::sqrt(course_.segments[static_cast<std::size_t>(j)].share) * setting.scale.cwiseInverse();
+            std::sqrt(course_.segments[static_cast<std::size_t>(j)].share) * scale_.cwiseInverse();
     weights_.tail(phase_ ? 2 : 1).setOnes();
     weights_(weights_.size() - 1) = 1.0 / setting.range;
 }
@@ -122,25 +123,33 @@ Course OrbitCurve::course_at(const VectorXd& y) const {
     return course;
 }
 
-OrbitCurve::Rows OrbitCurve::rows_across(const VectorXd& direction) const {
-    const Index k = autonomous() ? 2 : 1;
-    Rows rows{MatrixXd::Zero(k, n_ * count_), MatrixXd::Zero(k, k)};
-    if (autonomous()) {
-        const VectorXd& normal = phase_->normal;
-        rows.nodes.row(0).head(n_) = normal.transpose() / normal.norm();
-    }
-    const VectorXd dual = weights_.array().square() * direction.array();
-    rows.nodes.row(k - 1) = dual.head(n_ * count_).transpose();
-    if (autonomous()) rows.corner(1, 0) = dual(n_ * count_);
-    rows.corner(k - 1, k - 1) = dual(dual.size() - 1) * setting_->range;
+MatrixXd OrbitCurve::rows_across(const std::vector<VectorXd>& directions) const {
+    const Index first = autonomous() ? 1 : 0;
+    MatrixXd rows = MatrixXd::Zero(first + static_cast<Index>(directions.size()), size());
+    if (autonomous()) rows.row(0).head(n_) = phase_->normal.transpose() / phase_->normal.norm();
+    for (std::size_t i = 0; i < directions.size(); ++i)
+        rows.row(first + static_cast<Index>(i)) = weights_.array().square() * directions[i].array();
+    rows.rightCols(1) *= setting_->range;
     return rows;
 }
 
 Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& direction, double tolerance,
-                                 int maximum_iterations) const {
-    const Index k = autonomous() ? 2 : 1;
+                                 int maximum_iterations, const VectorXd* locked) const {
+    const Index inner = n_ * count_;
     const models::Domain domain = setting_->system.parameters()[static_cast<std::size_t>(setting_->parameter)].domain;
-    const Rows rows = rows_across(direction / norm(direction));
+    std::vector<VectorXd> directions;
+    if (locked != nullptr) directions.push_back(*locked);
+    directions.push_back(direction / norm(direction));
+    const MatrixXd rows = rows_across(directions);
+    const Index own = size() - inner;  // ln T and the parameter
+    const Index k = rows.rows();
+    MatrixXd columns = MatrixXd::Zero(inner, k);
+    // The null vector at the end of each segment: it is not orthogonal to what the equations miss at a branch point.
+    if (locked != nullptr)
+        for (Index j = 0; j < count_; ++j)
+            columns.col(own).segment(n_ * j, n_) = locked->segment(n_ * ((j + 1) % count_), n_);
+    MatrixXd corner = MatrixXd::Zero(k, k);
+    corner.leftCols(own) = rows.rightCols(own);
     const std::vector<Index> free{setting_->parameter};
     Correction result;
     VectorXd y = guess;
@@ -155,38 +164,38 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
         if (!closing.simulated) return result;
         result.status = OrbitStatus::no_progress;
 
-        MatrixXd columns(n_ * count_, k);
-        columns << closing.by_ln_time, closing.parameters * setting_->range;
-        const CyclicSystem matrix(closing.jacobians, {columns, rows.nodes, rows.corner});
+        columns.leftCols(own) << closing.by_ln_time, closing.parameters * setting_->range;
+        const CyclicSystem matrix(closing.jacobians, {columns, rows.leftCols(inner), corner});
         // The tangent belongs to the same matrix as the step.
-        MatrixXd right = MatrixXd::Zero(n_ * count_ + k, 2);
-        right.col(0).head(n_ * count_) = closing.error.reshaped();
-        if (autonomous())
-            right(n_ * count_, 0) = (phase_->offset - phase_->normal.dot(y.head(n_))) / phase_->normal.norm();
-        const VectorXd back = guess - y;
-        right(right.rows() - 1, 0) = rows.nodes.row(k - 1).dot(back.head(n_ * count_)) +
-                                     rows.corner(k - 1, k - 1) * back(back.size() - 1) / setting_->range +
-                                     (autonomous() ? rows.corner(1, 0) * back(n_ * count_) : 0.0);
+        MatrixXd right = MatrixXd::Zero(inner + k, 2);
+        right.col(0).head(inner) = closing.error.reshaped();
+        if (locked != nullptr) right.col(0).head(inner) += result.unfolding * columns.col(own);
+        VectorXd back = guess - y;
+        back(back.size() - 1) /= setting_->range;
+        right.col(0).tail(k) = rows * back;
+        if (autonomous()) right(inner, 0) = (phase_->offset - phase_->normal.dot(y.head(n_))) / phase_->normal.norm();
         right(right.rows() - 1, 1) = 1.0;
-        MatrixXd solution = matrix.solve(right);
-        solution.bottomRows(1) *= setting_->range;
+        const MatrixXd solution = matrix.solve(right);
         if (!solution.allFinite()) {
             result.status = OrbitStatus::singular;
             return result;
         }
-        const double size = norm(solution.col(0));
-        if (iteration == 0) first = size;
-        if (iteration == 1) result.contraction = size / first;
-        const bool stagnates = last < noise_level && size > 0.1 * last;
-        y += solution.col(0);
-        if (size <= tolerance || stagnates) {
+        MatrixXd moves = solution.topRows(size());
+        moves.bottomRows(1) *= setting_->range;
+        if (locked != nullptr) result.unfolding += solution(size(), 0);
+        const double length = norm(moves.col(0));
+        if (iteration == 0) first = length;
+        if (iteration == 1) result.contraction = length / first;
+        const bool stagnates = last < noise_level && length > 0.1 * last;
+        y += moves.col(0);
+        if (length <= tolerance || stagnates) {
             CurvePoint& point = result.point;
             point.curve = shared_from_this();
-            point.tangent = solution.col(1) / norm(solution.col(1));
+            point.tangent = moves.col(1) / norm(moves.col(1));
             point.residual = closing.error.cwiseAbs().maxCoeff();
             point.sticking = closing.sticking;
             point.jacobians = std::move(closing.jacobians);
-            point.columns = std::move(columns);
+            point.columns = columns.leftCols(own);
             point.iterations = iteration + 1;
             find_multipliers(point, autonomous());
             result.distance = norm(y - guess);
@@ -194,27 +203,24 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
             result.status = OrbitStatus::converged;
             return result;
         }
-        if (iteration > 0 && !(size <= largest_contraction * last)) return result;
-        last = size;
+        if (iteration > 0 && !(length <= largest_contraction * last)) return result;
+        last = length;
     }
     return result;
 }
 
 VectorXd OrbitCurve::crossing_direction(const CurvePoint& point) const {
-    const Index k = autonomous() ? 2 : 1;
-    const Rows rows = rows_across(point.tangent);
+    const Index inner = n_ * count_;
+    const MatrixXd rows = rows_across({point.tangent});
     std::vector<MatrixXd> factors = point.jacobians;
     factors.front() *= 1.0 + offset;
-    const CyclicSystem matrix(factors, {point.columns, rows.nodes, rows.corner});
-    VectorXd v(n_ * count_ + k);
+    const CyclicSystem matrix(factors, {point.columns, rows.leftCols(inner), rows.rightCols(size() - inner)});
+    VectorXd v(size());
     for (Index i = 0; i < v.size(); ++i)
         v(i) = std::sin(1.0 + 37.0 * static_cast<double>(i * i));  // without structure, the same every time
     constexpr int steps = 3;
-    for (int step = 0; step < steps; ++step) {
+    for (int step = 0; step < steps; ++step)
         v = matrix.solve(v).col(0).stableNormalized();
-        if (!v.allFinite()) break;
-        // Stays among the vectors that the matrix maps to its rows' scale.
-    }
     v(v.size() - 1) *= setting_->range;
     v -= product(v, point.tangent) * point.tangent;
     return v / norm(v);

@@ -20,7 +20,6 @@ struct CurveSetting {
     Eigen::VectorXd theta;       ///< shape (q); the entry that is followed is replaced
     Eigen::Index parameter = 0;  ///< which one
     double range = 1.0;          ///< unit of the parameter in the norm, > 0
-    Eigen::VectorXd scale;       ///< unit of each coordinate, shape (n), > 0
     double phase = 0.0;          ///< of the section [rad] (forced models)
     std::optional<models::Section> section;
     ShootingOptions solver;
@@ -55,6 +54,7 @@ struct Correction {
     CurvePoint point;                               ///< meaningful if converged
     double distance = 0.0;                          ///< from the guess, in the norm of the continuation
     double contraction = 0.0;                       ///< second Newton step / first one; 0 when there was no second
+    double unfolding = 0.0;                         ///< what the equations missed, where they were unfolded
 };
 
 /// The orbits of multiple shooting on one set of segments as a curve in the space of y = (nodes, ln T, parameter):
@@ -69,14 +69,16 @@ struct Correction {
 class OrbitCurve : public std::enable_shared_from_this<OrbitCurve> {
 public:
     /// @param turns   whole turns per segment, shape (n, N).
+    /// @param scale   unit of each coordinate, shape (n), > 0.
     /// @param phase   needed exactly for autonomous flows.
     /// @param period  what an orbit on the curve is called, in periods of the forcing or returns.
-    OrbitCurve(const CurveSetting& setting, Course course, Eigen::MatrixXd turns, std::optional<PhaseCondition> phase,
-               int period);
+    OrbitCurve(const CurveSetting& setting, Course course, Eigen::MatrixXd turns, Eigen::VectorXd scale,
+               std::optional<PhaseCondition> phase, int period);
 
     [[nodiscard]] const CurveSetting& setting() const { return *setting_; }
     [[nodiscard]] const Course& course() const { return course_; }
     [[nodiscard]] const Eigen::MatrixXd& turns() const { return turns_; }
+    [[nodiscard]] const Eigen::VectorXd& scale() const { return scale_; }
     [[nodiscard]] const std::optional<PhaseCondition>& phase() const { return phase_; }
     [[nodiscard]] int period() const { return period_; }
     [[nodiscard]] bool autonomous() const { return phase_.has_value(); }
@@ -98,24 +100,25 @@ public:
     /// The orbit on the plane through a guess across a direction, by Newton's method; its tangent points to the same
     /// side as the direction does.
     /// @param tolerance  of the last step but one (the last one squares it), in the norm.
+    /// @param locked     near a branch point: a direction in which the orbit does not move from the guess, along the
+    ///                   null vector there. One unknown beta more, F + beta G = 0, keeps the equations regular through
+    ///                   the branch point; where they are symmetric beta is zero and the orbit is one.
     [[nodiscard]] Correction corrected(const Eigen::VectorXd& guess, const Eigen::VectorXd& direction, double tolerance,
-                                       int maximum_iterations) const;
+                                       int maximum_iterations, const Eigen::VectorXd* locked = nullptr) const;
 
     /// The direction across the tangent in which a second branch leaves a branch point, of norm one: null vector of the
     /// curve's equations bordered by the tangent.
     [[nodiscard]] Eigen::VectorXd crossing_direction(const CurvePoint& point) const;
 
-    /// Rows of the linear system that stand below the segments' own: the phase condition and a direction.
-    struct Rows {
-        Eigen::MatrixXd nodes;   ///< shape (k, n N)
-        Eigen::MatrixXd corner;  ///< shape (k, k)
-    };
-    [[nodiscard]] Rows rows_across(const Eigen::VectorXd& direction) const;
-
 private:
+    /// Rows of the linear system below the segments' own, for the unknowns (nodes, ln T, parameter / range): the phase
+    /// condition and the planes across the directions.
+    [[nodiscard]] Eigen::MatrixXd rows_across(const std::vector<Eigen::VectorXd>& directions) const;
+
     const CurveSetting* setting_;
     Course course_;
     Eigen::MatrixXd turns_;
+    Eigen::VectorXd scale_;
     std::optional<PhaseCondition> phase_;
     int period_;
     Eigen::VectorXd weights_;  ///< the norm of y is the Euclidean one of weights * y

@@ -75,20 +75,78 @@ MatrixXd section_points(const CurvePoint& point) {
     return points;
 }
 
-double distance(const MatrixXd& difference, const CurveSetting& setting) {
-    return relative_size(wrapped_angles(difference, angle_coordinates(setting.system)), setting.scale);
+double distance(const MatrixXd& difference, const OrbitCurve& curve) {
+    return relative_size(wrapped_angles(difference, angle_coordinates(curve.setting().system)), curve.scale());
+}
+
+/// Where an autonomous orbit comes near a state, as shares of T, and how near: local minima among samples, each
+/// improved along the flow.
+struct Approach {
+    double share;
+    double distance;
+};
+
+std::vector<Approach> approaches(const CurvePoint& point, const VectorXd& x) {
+    // A state on the orbit is at most half an instant away from a sample, where the flow is almost straight.
+    constexpr int instants = 64;
+    constexpr int most_improvements = 8;
+    const CurveSetting& setting = point.curve->setting();
+    const Course course = point.curve->course_at(point.y);
+    const VectorXd theta = setting.theta_at(point.parameter());
+    const std::vector<Index> angles = angle_coordinates(setting.system);
+    const auto gap = [&](const VectorXd& state) { return VectorXd(wrapped_angles(x - state, angles)); };
+    std::vector<VectorXd> states;
+    std::vector<double> shares;
+    std::vector<double> gaps;
+    double begin = 0.0;
+    for (std::size_t s = 0; s < course.segments.size(); ++s) {
+        std::vector<double> durations;
+        for (int k = 0; k < instants; ++k)
+            durations.push_back(course.segments[s].duration * k / instants);
+        const auto flow = setting.system.flow(course.nodes.col(static_cast<Index>(s)), 0.0, durations, theta,
+                                              models::Clock::time, setting.solver.flow);
+        if (flow.status != models::FlowStatus::ok) return {};
+        for (int k = 0; k < instants; ++k) {
+            states.push_back(flow.states.col(k));
+            shares.push_back(begin + course.segments[s].share * k / instants);
+            gaps.push_back(relative_size(gap(states.back()), point.curve->scale()));
+        }
+        begin += course.segments[s].share;
+    }
+    std::vector<Approach> result;
+    const std::size_t count = states.size();
+    for (std::size_t k = 0; k < count; ++k) {
+        if (gaps[k] > gaps[(k + count - 1) % count] || gaps[k] > gaps[(k + 1) % count]) continue;
+        VectorXd state = states[k];
+        double share = shares[k];
+        for (int i = 0; i < most_improvements; ++i) {
+            const VectorXd f = setting.system.rhs(state, std::vector<double>{0.0}, theta);
+            const double time = f.dot(gap(state)) / f.squaredNorm();
+            // Flows run forwards only: a step back starts from the sample before.
+            if (!(std::abs(time) < course.time)) break;
+            share += time / course.time;
+            const std::size_t from = share < shares[k] ? (k + count - 1) % count : k;
+            double ahead = (share - shares[from]) * course.time;
+            if (ahead < 0.0) ahead += course.time;
+            const double durations[] = {ahead};
+            if (!(ahead < 0.5 * course.time)) break;
+            const auto flow =
+                setting.system.flow(states[from], 0.0, durations, theta, models::Clock::time, setting.solver.flow);
+            if (flow.status != models::FlowStatus::ok) break;
+            state = flow.states.col(0);
+            if (std::abs(time) < 1e-10 * course.time) break;
+        }
+        result.push_back({share - std::floor(share), relative_size(gap(state), point.curve->scale())});
+    }
+    return result;
 }
 
 /// The orbit passes through these points, in their order from some one on.
 bool passes_through(const CurvePoint& point, const MatrixXd& points, double tolerance) {
-    const CurveSetting& setting = point.curve->setting();
     if (point.curve->autonomous()) {
-        const VectorXd x = points.col(0);
-        const VectorXd f = setting.system.rhs(x, std::vector<double>{0.0}, setting.theta_at(point.parameter()));
-        const Crossings near = crossings_of(point, {f, f.dot(x), 1});
-        for (Index k = 0; k < near.times.size(); ++k)
-            if (distance(near.states.col(k) - x, setting) <= tolerance) return true;
-        return false;
+        const auto near = approaches(point, points.col(0));
+        return std::any_of(near.begin(), near.end(),
+                           [&](const Approach& approach) { return approach.distance <= tolerance; });
     }
     const MatrixXd own = section_points(point);
     const Index p = own.cols();
@@ -97,7 +155,7 @@ bool passes_through(const CurvePoint& point, const MatrixXd& points, double tole
         MatrixXd difference(own.rows(), p);
         for (Index j = 0; j < p; ++j)
             difference.col(j) = own.col((j + shift) % p) - points.col(j);
-        if (distance(difference, setting) <= tolerance) return true;
+        if (distance(difference, *point.curve) <= tolerance) return true;
     }
     return false;
 }
@@ -179,17 +237,11 @@ bool mirror_images(const CurvePoint& a, const CurvePoint& b, double tolerance) {
 }
 
 bool repeats(const CurvePoint& point, double tolerance) {
-    const CurveSetting& setting = point.curve->setting();
     if (point.curve->autonomous()) {
-        const VectorXd x = point.curve->nodes(point.y).col(0);
-        const VectorXd f = setting.system.rhs(x, std::vector<double>{0.0}, setting.theta_at(point.parameter()));
-        const Crossings near = crossings_of(point, {f, f.dot(x), 1});
-        const double time = point.curve->time(point.y);
-        for (Index k = 0; k < near.times.size(); ++k) {
-            const double part = near.times(k) / time;
-            if (part > 1e-3 && part < 1.0 - 1e-3 && distance(near.states.col(k) - x, setting) <= tolerance) return true;
-        }
-        return false;
+        const auto near = approaches(point, point.curve->nodes(point.y).col(0));
+        return std::any_of(near.begin(), near.end(), [&](const Approach& approach) {
+            return approach.share > 1e-3 && approach.share < 1.0 - 1e-3 && approach.distance <= tolerance;
+        });
     }
     const MatrixXd points = section_points(point);
     const Index p = points.cols();
@@ -198,7 +250,7 @@ bool repeats(const CurvePoint& point, double tolerance) {
         MatrixXd difference(points.rows(), p);
         for (Index j = 0; j < p; ++j)
             difference.col(j) = points.col((j + shift) % p) - points.col(j);
-        if (distance(difference, setting) <= tolerance) return true;
+        if (distance(difference, *point.curve) <= tolerance) return true;
     }
     return false;
 }

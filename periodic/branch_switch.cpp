@@ -61,7 +61,7 @@ std::optional<BranchSwitch> doubled(const CurvePoint& point, double step, double
     const MatrixXd nodes = twice.nodes;
     const double time = twice.time;
     const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(twice), old.turns().replicate(1, 2),
-                                                          old.phase(), 2 * old.period());
+                                                          old.scale(), old.phase(), 2 * old.period());
 
     const FloquetVectors vectors = floquet_vectors(point.jacobians, -1.0);
     MatrixXd v = vectors.right.real();
@@ -107,11 +107,14 @@ std::vector<BranchSwitch> crossing(const CurvePoint& point, double step, double 
     for (const double sign : {1.0, -1.0}) {
         BranchSwitch branch{point, {}};
         branch.origin.tangent = sign * direction;
-        auto first = first_orbit(point, branch.origin.tangent, step, smallest_step);
+        const double length =
+            result.empty() ? step : point.curve->norm(result.front().first.y - result.front().origin.y);
+        auto first = first_orbit(branch.origin, branch.origin.tangent, length, smallest_step);
         if (!first) continue;
         branch.first = std::move(*first);
-        constexpr double same_parameter = 1e-6;  // mirror images have the same one, to the accuracy of Newton's method
-        if (!result.empty() && mirror_images(result.front().first, branch.first, same_parameter)) continue;
+        // Other branches differ by as much as they are away from the branch point; mirror images only by the error of
+        // the direction.
+        if (!result.empty() && mirror_images(result.front().first, branch.first, 0.1 * length)) continue;
         result.push_back(std::move(branch));
     }
     return result;

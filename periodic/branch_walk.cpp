@@ -41,6 +41,9 @@ constexpr double largest_distance = 0.3;
 /// Two solutions that agree to this share of the scale are one. Located points are good to 1e-9 or better.
 constexpr double same_solution = 1e-6;
 
+/// Nodes may exceed the scale this many times before it is enlarged.
+constexpr double most_growth_of_scale = 3.0;
+
 /// Orbits of an autonomous flow smaller than this share of the scale end at an equilibrium.
 constexpr double smallest_orbit = 1e-3;
 
@@ -51,7 +54,8 @@ double orbit_size(const CurvePoint& point) {
     const VectorXd first = nodes.col(0);
     const VectorXd way = point.curve->time(point.y) *
                          setting.system.rhs(first, std::vector<double>{0.0}, setting.theta_at(point.parameter()));
-    return std::max(relative_size(way, setting.scale), relative_size(nodes.colwise() - first, setting.scale));
+    return std::max(relative_size(way, point.curve->scale()),
+                    relative_size(nodes.colwise() - first, point.curve->scale()));
 }
 
 /// Cosine between the flow at the first node and the normal of the phase condition.
@@ -291,6 +295,24 @@ private:
 
 }  // namespace
 
+VectorXd scale_along(const CurveSetting& setting, const Course& course) {
+    if (setting.solver.scale.size() > 0) return setting.solver.scale;
+    constexpr int instants = 16;  // of a segment: an extremum between them is missed by a few per cent
+    MatrixXd values = course.nodes;
+    for (std::size_t j = 0; j < course.segments.size() && setting.system.kind() != models::Kind::map; ++j) {
+        std::vector<double> durations;
+        for (int k = 1; k < instants; ++k)
+            durations.push_back(course.segments[j].duration * k / instants);
+        const auto flow = setting.system.flow(course.nodes.col(static_cast<Index>(j)), course.segments[j].phase,
+                                              durations, setting.theta, course.clock, setting.solver.flow);
+        if (flow.status != models::FlowStatus::ok) continue;
+        const Index known = values.cols();
+        values.conservativeResize(Eigen::NoChange, known + flow.states.cols());
+        values.rightCols(flow.states.cols()) = flow.states;
+    }
+    return default_scale(setting.system, values);
+}
+
 CurvePoint with_fitting_nodes(const CurvePoint& point) {
     const OrbitCurve& old = *point.curve;
     const CurveSetting& setting = old.setting();
@@ -298,7 +320,13 @@ CurvePoint with_fitting_nodes(const CurvePoint& point) {
                        std::any_of(point.jacobians.begin(), point.jacobians.end(),
                                    [&](const MatrixXd& x) { return grows_beyond(x, setting.solver.segment_growth); });
     const bool oblique = old.autonomous() && std::abs(phase_cosine(point)) < 0.7;
-    if (!grows && !oblique) return point;
+    VectorXd scale = old.scale();
+    if (setting.solver.scale.size() == 0) {
+        const VectorXd now = default_scale(setting.system, old.nodes(point.y));
+        for (Index i = 0; i < scale.size(); ++i)
+            if (now(i) > most_growth_of_scale * scale(i)) scale(i) = now(i);
+    }
+    if (!grows && !oblique && scale == old.scale()) return point;
     Course course = old.course_at(point.y);
     MatrixXd turns = old.turns();
     std::optional<PhaseCondition> phase = old.phase();
@@ -330,7 +358,8 @@ CurvePoint with_fitting_nodes(const CurvePoint& point) {
     }
     const MatrixXd nodes = course.nodes;
     const double time = course.time;
-    const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(course), turns, phase, old.period());
+    const auto curve =
+        std::make_shared<const OrbitCurve>(setting, std::move(course), turns, scale, phase, old.period());
     const Correction moved =
         curve->corrected(curve->packed(nodes, time, point.parameter()), direction, setting.solver.tolerance, 12);
     return moved.status == OrbitStatus::converged ? moved.point : point;

@@ -114,7 +114,8 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
     const MatrixXd nodes = course.nodes;
     const double time = course.time;
     const int period = system.kind() == models::Kind::autonomous && !start.section ? 1 : orbit.period;
-    const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(course), turns, phase, period);
+    const VectorXd scale = scale_along(setting, course);
+    const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(course), turns, scale, phase, period);
     const Correction correction =
         curve->corrected(curve->packed(nodes, time, setting.theta(setting.parameter)), curve->parameter_direction(),
                          setting.solver.tolerance, setting.solver.maximum_iterations);
@@ -122,6 +123,14 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
     CurvePoint point = correction.point;
     point.y(point.y.size() - 1) = setting.theta(setting.parameter);
     return with_fitting_nodes(point);
+}
+
+/// A branch ended at this bifurcation when it was followed from elsewhere.
+bool ends_at(const BranchSwitch& start, const Followed& branch) {
+    constexpr double same_bifurcation = 1e-5;  // both are located, but the parameter is stationary along one of them
+    return branch.last == BranchEnd::other_branch &&
+           (same_orbit(branch.points.back().point, start.origin, same_bifurcation) ||
+            mirror_images(branch.points.back().point, start.origin, same_bifurcation));
 }
 
 /// An orbit lies on a branch: solved for on the branch at the same parameter it is the same, or its mirror image.
@@ -224,8 +233,9 @@ private:
         }
         for (const BranchSwitch& start : found) {
             if (followed_.size() >= options_.maximum_branches) return;
-            const bool known = std::any_of(followed_.begin(), followed_.end(),
-                                           [&](const Followed& other) { return lies_on(start.first, other); });
+            const bool known = std::any_of(followed_.begin(), followed_.end(), [&](const Followed& other) {
+                return ends_at(start, other) || lies_on(start.first, other);
+            });
             if (known) continue;
             Followed result;
             result.first = BranchEnd::other_branch;
@@ -262,9 +272,8 @@ BifurcationDiagram follow_branches(const models::System& system, const VectorXd&
     const PeriodicOrbit orbit = solve_multiple_shooting(system, theta, start, {}, options.solver);
     diagram.start_status = orbit.status;
     if (orbit.status != OrbitStatus::converged) return diagram;
-    const VectorXd scale = options.solver.scale.size() > 0 ? options.solver.scale : default_scale(system, orbit.points);
-    const CurveSetting setting{system, theta,       options.parameter, options.upper - options.lower,
-                               scale,  start.phase, start.section,     options.solver};
+    const CurveSetting setting{system,      theta,         options.parameter, options.upper - options.lower,
+                               start.phase, start.section, options.solver};
     const auto first = first_point(setting, start, orbit);
     if (!first) {
         diagram.start_status = OrbitStatus::not_simulated;

@@ -99,7 +99,13 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
 
 MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
     assert(b.rows() == n_ * p_ + k_);
-    if (p_ == 1) return last_.solve(b);
+    // ColPivHouseholderQR::solve() leaves pivots at rounding level out: inverse iteration lives on them.
+    const auto solved = [&](MatrixXd right) {
+        right.applyOnTheLeft(last_.householderQ().adjoint());
+        last_.matrixQR().triangularView<Eigen::Upper>().solveInPlace(right);
+        return MatrixXd(last_.colsPermutation() * right);
+    };
+    if (p_ == 1) return solved(b);
 
     MatrixXd d(b.rows(), b.cols());
     MatrixXd carried = b.topRows(n_);
@@ -115,7 +121,7 @@ MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
     }
     MatrixXd both(2 * n_ + k_, b.cols());
     both << carried, b.middleRows(n_ * (p_ - 1), n_), bottom;
-    const MatrixXd ends = last_.solve(both);
+    const MatrixXd ends = solved(both);
     MatrixXd outer(n_ + k_, b.cols());
     outer = ends.bottomRows(n_ + k_);
     d.middleRows(n_ * (p_ - 1), n_) = ends.topRows(n_);

@@ -174,7 +174,7 @@ std::vector<MatrixXd> condensed_factors(const std::vector<MatrixXd>& factors) {
     double room = 0.0;  // |X - 1| bounds the logarithm of the growth from above
     for (const MatrixXd& factor : factors) {
         const double size = (factor - MatrixXd::Identity(factor.rows(), factor.cols())).norm();
-        if (size <= room) {
+        if (!condensed.empty() && size <= room) {
             condensed.back() = factor * condensed.back();
             room -= size;
         } else {
