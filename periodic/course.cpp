@@ -181,6 +181,10 @@ bool grows_beyond(const MatrixXd& jacobian, double growth) {
     return ln_growth(jacobian) > std::log(growth);
 }
 
+int pieces_of(const MatrixXd& jacobian, double growth) {
+    return std::clamp(static_cast<int>(std::ceil(ln_growth(jacobian) / std::log(growth))), 1, instants);
+}
+
 SampledCourse sampled(const models::System& system, const VectorXd& theta, const Course& course,
                       std::span<const double> shares, const models::FlowOptions& options) {
     const std::vector<Index> angles = angle_coordinates(system);

@@ -54,6 +54,8 @@ struct Course {
 
 /// That ratio exceeds `growth`. A direction that is lost altogether (sticking) has no growth backwards.
 [[nodiscard]] bool grows_beyond(const Eigen::MatrixXd& jacobian, double growth);
+/// As many pieces of even growth as keep each below `growth`, in [1, 48].
+[[nodiscard]] int pieces_of(const Eigen::MatrixXd& jacobian, double growth);
 
 /// States along a course, angles continuous: the whole turns between its nodes are added up.
 struct SampledCourse {

@@ -41,7 +41,8 @@ public:
                                           std::span<const Eigen::Index> free) const;
     /// Where z_j lies on the orbit: time since z_0 / T, in [0, 1).
     [[nodiscard]] virtual double share(Eigen::Index j) const = 0;
-    /// n x n factors of the monodromy matrix, the first one applied first; `jacobians` are those of advance().
+    /// n x n factors of the monodromy matrix, the first one applied first; `jacobians` are those of advance(). One per
+    /// step, or more of them where steps are cut in pieces for the digits of the small multipliers.
     [[nodiscard]] virtual std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
                                                                    const Eigen::MatrixXd& nodes, double time) const;
 

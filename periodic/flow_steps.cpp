@@ -49,4 +49,31 @@ StepImage FlowSteps::advance(Index j, const VectorXd& z, double time, std::span<
     return image;
 }
 
+std::vector<Eigen::MatrixXd> FlowSteps::propagators(const std::vector<Eigen::MatrixXd>& jacobians,
+                                                    const Eigen::MatrixXd& nodes, double time) const {
+    // Two digits; pieces of less gain nothing. Measured on cycles of the torque-driven pendulum up to period 12.
+    constexpr double piece_growth = 1e2;
+    if (system_.kind() == models::Kind::map) return jacobians;
+    std::vector<Eigen::MatrixXd> factors;
+    for (std::size_t j = 0; j < jacobians.size(); ++j) {
+        const int pieces = pieces_of(jacobians[j], piece_growth);
+        const Segment& segment = segments_[j];
+        const double length = (unknown_time() ? segment.share * time : segment.duration) / pieces;
+        std::vector<Eigen::MatrixXd> parts;
+        Eigen::VectorXd x = nodes.col(static_cast<Eigen::Index>(j));
+        for (int k = 0; pieces > 1 && k < pieces; ++k) {
+            const double durations[] = {length};
+            const double phase = segment.phase + (clock_ == models::Clock::phase ? k * length : 0.0);
+            const models::FlowResult flow =
+                system_.flow_with_sensitivities(x, phase, durations, theta_, {}, clock_, options_);
+            if (flow.status != models::FlowStatus::ok) break;
+            x = flow.states.col(0);
+            parts.push_back(flow.sensitivities.leftCols(x.size()));
+        }
+        if (static_cast<int>(parts.size()) != pieces) parts = {jacobians[j]};
+        factors.insert(factors.end(), parts.begin(), parts.end());
+    }
+    return factors;
+}
+
 }  // namespace orbid::periodic

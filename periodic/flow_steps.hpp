@@ -24,6 +24,10 @@ public:
     [[nodiscard]] double share(Eigen::Index j) const override;
     [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
                                     std::span<const Eigen::Index> free) const override;
+    /// Segments over which errors grow much are followed once more in pieces: a Jacobian whose largest singular value
+    /// is g times the smallest has lost as many digits of the small multipliers as g has.
+    [[nodiscard]] std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
+                                                           const Eigen::MatrixXd& nodes, double time) const override;
 
 private:
     const models::System& system_;

@@ -8,10 +8,12 @@
 #include <utility>
 #include <vector>
 
+#include "periodic/approach.hpp"
 #include "periodic/closing_error.hpp"
 #include "periodic/discretisation.hpp"
 #include "periodic/flow_steps.hpp"
 #include "periodic/orbit_solution.hpp"
+#include "periodic/whole_turn.hpp"
 
 namespace orbid::periodic {
 
@@ -31,6 +33,11 @@ PeriodicOrbit solve_multiple_shooting(const models::System& system, const Vector
             first.points.push_back(share);
             share += segment.share;
         }
+        const VectorXd scale = options.scale.size() > 0 ? options.scale : default_scale(system, start.points);
+        const Approach near = approach(system, theta, course, start, scale, options);
+        course = near.course;
+        first.rotation = near.rotation;
+        first.iterations = near.iterations;
         const auto close = [&] {
             return closing_error(FlowSteps(system, theta, course, options.flow), course.nodes, course.time,
                                  MatrixXd::Zero(course.nodes.rows(), course.nodes.cols()));

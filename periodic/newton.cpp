@@ -26,34 +26,43 @@ constexpr double most_shrinkage = 4.0;
 /// An orbit this many times shorter than its guess is none: the period goes to zero where nothing else closes.
 constexpr double vanished = 1e-3;
 
-/// The phase condition at z_0, scaled to size one: gap, and its derivatives.
+/// The phase condition, scaled to size one: gap, and its derivatives.
 struct Gap {
     VectorXd value;       ///< shape (k), k = 1 where T is unknown
-    MatrixXd by_state;    ///< shape (k, d)
+    MatrixXd by_nodes;    ///< shape (k, d m): of the first m nodes, one or all
     MatrixXd by_ln_time;  ///< shape (k, k)
     MatrixXd by_parameters;
 };
 
-Gap gap_at(const Discretisation& discretisation, const VectorXd& z, double time,
+Gap gap_at(const Discretisation& discretisation, const MatrixXd& nodes, double time,
            const std::optional<PhaseCondition>& condition, const VectorXd& scale, std::span<const Index> free) {
     Gap gap;
+    const Index d = nodes.rows();
+    const auto f = static_cast<Index>(free.size());
     if (!discretisation.unknown_time()) {
         gap.value.resize(0);
-        gap.by_state.resize(0, z.size());
+        gap.by_nodes.resize(0, d);
         gap.by_ln_time.resize(0, 0);
-        gap.by_parameters.resize(0, static_cast<Index>(free.size()));
+        gap.by_parameters.resize(0, f);
         return gap;
     }
     assert(condition.has_value());
-    const Index n = condition->normal.size();
-    const double size = (condition->normal.array() * scale.head(n).array()).matrix().norm() /
+    const Index n = condition->normals.rows(), count = condition->normals.cols();
+    const double size = (condition->normals.array().colwise() * scale.head(n).array()).matrix().norm() /
                         std::max(scale.head(n).maxCoeff(), std::numeric_limits<double>::min());
-    const VectorXd normal = condition->normal / size;
-    const StepImage x = discretisation.state(0, z, time, free);
-    gap.value = VectorXd::Constant(1, condition->offset / size - normal.dot(x.value));
-    gap.by_state = normal.transpose() * x.by_state;
-    gap.by_ln_time = MatrixXd::Constant(1, 1, normal.dot(x.by_ln_time));
-    gap.by_parameters = normal.transpose() * x.by_parameters;
+    const MatrixXd normals = condition->normals / size;
+    gap.value = VectorXd::Constant(1, condition->offset / size);
+    gap.by_nodes.resize(1, d * count);
+    gap.by_ln_time = MatrixXd::Zero(1, 1);
+    gap.by_parameters = MatrixXd::Zero(1, f);
+    for (Index j = 0; j < count; ++j) {
+        const StepImage x = discretisation.state(j, nodes.col(j), time, free);
+        const VectorXd normal = normals.col(j);
+        gap.value(0) -= normal.dot(x.value);
+        gap.by_nodes.middleCols(d * j, d) = normal.transpose() * x.by_state;
+        gap.by_ln_time(0, 0) += normal.dot(x.by_ln_time);
+        gap.by_parameters += normal.transpose() * x.by_parameters;
+    }
     return gap;
 }
 
@@ -76,7 +85,7 @@ struct Move {
 class Linearisation {
 public:
     Linearisation(const ClosingError& closing, const Gap& gap)
-        : matrix_(closing.jacobians, {closing.by_ln_time, gap.by_state, gap.by_ln_time}) {}
+        : matrix_(closing.jacobians, {closing.by_ln_time, gap.by_nodes, gap.by_ln_time}) {}
 
     [[nodiscard]] bool singular() const { return matrix_.singular(); }
     [[nodiscard]] Move solve(const MatrixXd& error, const VectorXd& gap) const {
@@ -108,7 +117,7 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
         result.status = OrbitStatus::not_simulated;
         return result;
     }
-    Gap gap = gap_at(discretisation, start.col(0), time, condition, scale, {});
+    Gap gap = gap_at(discretisation, start, time, condition, scale, {});
     result.residual = now.error.cwiseAbs().maxCoeff();
     result.status = OrbitStatus::iteration_limit;
     double damping = 1.0;
@@ -147,8 +156,9 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
             ClosingError trial = closing_error(discretisation, trial_nodes, trial_time, turns);
             if (!trial.simulated) continue;
             simulated_once = true;
-            Gap trial_gap = gap_at(discretisation, trial_nodes.col(0), trial_time, condition, scale, {});
+            Gap trial_gap = gap_at(discretisation, trial_nodes, trial_time, condition, scale, {});
             const Move simplified = matrix.solve(trial.error, trial_gap.value);
+            if (result.iterations == 0 && length == 1.0) result.contraction = simplified.norm(scale) / step_norm;
             // Below the noise level the test would compare rounding errors: the step is taken as it is.
             if (!(simplified.norm(scale) <= (1.0 - 0.5 * length) * step_norm) && !(step_size < noise_level)) continue;
             result.nodes = trial_nodes;
@@ -179,8 +189,8 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
 MatrixXd node_sensitivities(const Discretisation& discretisation, const ClosingError& closing, const MatrixXd& nodes,
                             double time, const std::optional<PhaseCondition>& condition, const VectorXd& scale,
                             std::span<const Index> free) {
-    const Gap gap = gap_at(discretisation, nodes.col(0), time, condition, scale, free);
-    const CyclicSystem matrix(closing.jacobians, {closing.by_ln_time, gap.by_state, gap.by_ln_time});
+    const Gap gap = gap_at(discretisation, nodes, time, condition, scale, free);
+    const CyclicSystem matrix(closing.jacobians, {closing.by_ln_time, gap.by_nodes, gap.by_ln_time});
     MatrixXd right(closing.parameters.rows() + gap.value.size(), closing.parameters.cols());
     right << closing.parameters, -gap.by_parameters;
     return matrix.solve(right);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <span>
 
@@ -8,16 +9,10 @@
 #include "periodic/closing_error.hpp"
 #include "periodic/discretisation.hpp"
 #include "periodic/orbit.hpp"
+#include "periodic/phase_condition.hpp"
 #include "periodic/solver_options.hpp"
 
 namespace orbid::periodic {
-
-/// Poincare's phase condition normal . x_0 = offset on the first state of an autonomous orbit: the section named by the
-/// caller, or the plane across the flow at the first guess. Any positive multiple says the same; solvers scale it.
-struct PhaseCondition {
-    Eigen::VectorXd normal;  ///< shape (n), not 0
-    double offset = 0.0;
-};
 
 /// Where Newton's method ended.
 struct NewtonResult {
@@ -26,6 +21,9 @@ struct NewtonResult {
     double time = 0.0;                              ///< T of the last iterate, where it is unknown
     int iterations = 0;
     double residual = 0.0;  ///< largest closing error, over nodes and entries
+    /// Length of the second step, with the old matrix, relative to the first one; infinity where there was none. Below
+    /// 1/4 the orbit found is the only one near the guess, as far as the two steps tell.
+    double contraction = std::numeric_limits<double>::infinity();
 };
 
 /// Damped Newton on all nodes at once, and on ln T of autonomous orbits. Damping by the natural monotonicity test: a

@@ -21,16 +21,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// The section of a start, or the plane across the flow through its first point.
-std::optional<PhaseCondition> phase_condition(const models::System& system, const VectorXd& theta,
-                                              const StartingSolution& start) {
-    if (system.kind() != models::Kind::autonomous) return std::nullopt;
-    if (start.section) return PhaseCondition{start.section->normal, start.section->offset};
-    const VectorXd x = start.points.col(0);
-    const VectorXd f = system.rhs(x, std::vector<double>{0.0}, theta);
-    return PhaseCondition{f, f.dot(x)};
-}
-
 /// An orbit of T that closes after T / 2, T / 3, T / 5 or T / 7 as well (a p-fold orbit does so after T / prime).
 bool closes_earlier(const models::System& system, const VectorXd& theta, const VectorXd& x, double time,
                     const std::vector<Index>& angles, const VectorXd& scale, const models::FlowOptions& options) {
@@ -100,16 +90,24 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
         return solution;
     }
     ClosingError closing = first.closing;
-    const MatrixXd turns = whole_turns(closing.error.bottomRows(n), angles, start.rotation).replicate(copies, 1);
+    const MatrixXd turns =
+        whole_turns(closing.error.bottomRows(n), angles, first.rotation.empty() ? start.rotation : first.rotation)
+            .replicate(copies, 1);
     closing.error -= full_turn * turns;
     for (const Index i : angles)
         orbit.rotation.push_back(static_cast<int>(std::lround(turns.row(i).sum())));
 
-    const std::optional<PhaseCondition> condition = phase_condition(system, theta, start);
+    VectorXd shares(discretisation.steps());
+    for (Index j = 0; j < shares.size(); ++j)
+        shares(j) = discretisation.share(j);
+    const bool on_plane = !autonomous || start.section || options.phase == PhaseChoice::plane;
+    const std::optional<PhaseCondition> condition =
+        phase_condition(system, theta, on_plane ? start.points : states_of(discretisation, first.nodes, first.time, n),
+                        shares, start.section, options.phase);
     const NewtonResult newton_result =
         newton(discretisation, first.nodes, first.time, std::move(closing), turns, condition, node_scale, options);
     orbit.status = newton_result.status;
-    orbit.iterations = newton_result.iterations;
+    orbit.iterations = first.iterations + newton_result.iterations;
     orbit.residual = newton_result.residual;
     orbit.time = newton_result.time;
     solution.nodes = newton_result.nodes;
@@ -154,7 +152,8 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
     }
     orbit.times = reported.times;
     orbit.sensitivities = reported.sensitivities;
-    orbit.jacobians = merged_factors(factors, reported.nodes);
+    orbit.jacobians =
+        merged_factors(factors.size() == closing.jacobians.size() ? factors : closing.jacobians, reported.nodes);
     orbit.points = wrapped_angles(reported.states, angles);
     const Index compared = orbit.points.cols() == start.points.cols() ? start.points.cols() : 1;
     orbit.distance = relative_size(

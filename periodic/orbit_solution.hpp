@@ -19,6 +19,8 @@ struct DiscreteStart {
     Eigen::MatrixXd nodes;       ///< shape (d, N)
     double time = 0.0;           ///< T [s]; iterations of a map
     ClosingError closing;        ///< at the nodes, whole turns not taken off
+    std::vector<int> rotation;   ///< turns per angle of the whole orbit; empty: nearest whole turns of the steps
+    int iterations = 0;          ///< steps already taken towards the nodes
     std::vector<double> points;  ///< shares of the orbit at which its points are reported; empty: all nodes
 };
 

@@ -6,6 +6,9 @@
 
 namespace orbid::periodic {
 
+/// What fixes the phase of an autonomous orbit where no section is named, see phase_condition().
+enum class PhaseChoice { plane, integral };
+
 /// Knobs of Newton's method that all discretisations share.
 struct ShootingOptions {
     /// Converged when closing error and Newton step fall below this x scale, or stagnate at rounding level; > 0. That
@@ -20,8 +23,13 @@ struct ShootingOptions {
     Eigen::VectorXd scale{};
     models::FlowOptions flow{};
     /// A segment over which the ratio of the largest to the smallest growth of an error exceeds this gets further nodes
-    /// inside (flows); > 1, infinity: none. Multipliers lose as many digits as this has. Measured: docs/periodic.md.
+    /// inside (flows); > 1, infinity: none. Sensitivities lose as many digits as this has; multipliers do not, see
+    /// FlowSteps::propagators().
     double segment_growth = 1e5;
+    /// Where Newton's first step does not contract, the orbit nearest to the guess is looked for. false: whichever
+    /// orbit Newton's method leads to.
+    bool nearest = true;
+    PhaseChoice phase = PhaseChoice::plane;
 };
 
 }  // namespace orbid::periodic

@@ -141,7 +141,8 @@ TEST_CASE("crossings and period of an autonomous orbit move as differences of so
         // Worst measured 2.4e-12 of the largest; ten times that.
         CHECK((slope - computed).cwiseAbs().maxCoeff() < 2.4e-11 * slope.cwiseAbs().maxCoeff());
         for (Index j = 0; j < 3; ++j)
-            CHECK(std::abs(orbit.sensitivities(3 * j + 2, k)) < 3e-15);  // z stays on the section
+            CHECK(std::abs(orbit.sensitivities(3 * j + 2, k)) <
+                  3e-14);  // z stays on the section: 3e-15 measured, times ten
     }
 }
 
