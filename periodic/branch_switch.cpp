@@ -72,7 +72,7 @@ std::optional<BranchSwitch> doubled(const CurvePoint& point, double step, double
         // A shift along the orbit is the same on both halves; the phase condition fixes it.
         const std::vector<double> no_phases(static_cast<std::size_t>(count), 0.0);
         const MatrixXd f = setting.system.rhs(once.nodes, no_phases, setting.theta_at(point.parameter()));
-        const VectorXd& normal = old.phase()->normal;
+        const VectorXd& normal = old.phase()->normals.col(0);
         const MatrixXd shift = -normal.dot(v.col(0)) / normal.dot(f.col(0)) * f;
         v += shift;
         second += shift;

@@ -63,7 +63,7 @@ double phase_cosine(const CurvePoint& point) {
     const CurveSetting& setting = point.curve->setting();
     const VectorXd f = setting.system.rhs(point.curve->nodes(point.y).col(0), std::vector<double>{0.0},
                                           setting.theta_at(point.parameter()));
-    const VectorXd& normal = point.curve->phase()->normal;
+    const VectorXd normal = point.curve->phase()->normals.col(0);
     return normal.dot(f) / (normal.norm() * f.norm());
 }
 

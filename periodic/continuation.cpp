@@ -108,7 +108,7 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
         const VectorXd f = system.rhs(x, std::vector<double>{0.0}, setting.theta);
         phase =
             start.section ? PhaseCondition{start.section->normal, start.section->offset} : PhaseCondition{f, f.dot(x)};
-        if (phase->normal.dot(f) < 0.0) phase = PhaseCondition{-phase->normal, -phase->offset};
+        if (phase->normals.col(0).dot(f) < 0.0) phase = PhaseCondition{-phase->normals, -phase->offset};
     }
     const MatrixXd turns = whole_turns(closing.error, angle_coordinates(system), orbit.rotation);
     const MatrixXd nodes = course.nodes;
