@@ -51,6 +51,7 @@ orbits::VirtualExperimentOptions simulation_options(const Job& job, const DataJo
     options.phase = job.section_phase;
     options.sensor = data.sensor;
     options.noise = simulation.noise;
+    options.noise_correlation = simulation.noise_correlation;
     options.seed = job.seed;
     return options;
 }
@@ -191,15 +192,17 @@ Experiment simulated(const Workspace& work, std::size_t index) {
 
 /// Header of the column with the sds of a coordinate's readings; empty: none is asked for.
 std::string sd_column(const Job& job, std::size_t experiment, Eigen::Index coordinate) {
-    if (!job.estimate || !job.estimate->series) return {};
-    const SeriesResidualJob& series = *job.estimate->series;
     const auto& observed = job.data[experiment].observe;
-    const bool used = std::count(series.data.begin(), series.data.end(), experiment) > 0 &&
-                      std::count(observed.begin(), observed.end(), coordinate) > 0;
-    for (const ErrorJob& error : series.errors) {
-        if (used && error.coordinate == coordinate) return error.sd_column;
-    }
-    return {};
+    if (!job.estimate || std::count(observed.begin(), observed.end(), coordinate) == 0) return {};
+    const auto column_of = [&](const auto& residual) -> std::string {
+        if (!residual || std::count(residual->data.begin(), residual->data.end(), experiment) == 0) return {};
+        for (const ErrorJob& error : residual->errors) {
+            if (error.coordinate == coordinate) return error.sd_column;
+        }
+        return {};
+    };
+    const std::string column = column_of(job.estimate->series);
+    return column.empty() ? column_of(job.estimate->waveform) : column;
 }
 
 Experiment measured(const Workspace& work, std::size_t index) {

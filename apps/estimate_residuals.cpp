@@ -112,6 +112,7 @@ std::vector<estimator::Residual*> JobResiduals::all() const {
     if (cycles) list.push_back(cycles.get());
     for (const auto& residual : series)
         list.push_back(residual.get());
+    if (waveform.residual) list.push_back(waveform.residual.get());
     return list;
 }
 
@@ -150,7 +151,7 @@ void add_series(const Job& job, const std::vector<Experiment>& data, EstimateSet
 }
 
 void check_enough_readings(const Job& job, const EstimateSetup& setup, const JobResiduals& residuals) {
-    if (residuals.cycles || residuals.series.empty()) return;
+    if (residuals.cycles || (residuals.series.empty() && !residuals.waveform.residual)) return;
     std::size_t readings = 0;
     std::size_t initial_values = 0;
     std::string names;
@@ -161,12 +162,20 @@ void check_enough_readings(const Job& job, const EstimateSetup& setup, const Job
             initial_values += static_cast<std::size_t>(block.latents);
         }
     }
+    for (std::size_t b = 0; b < residuals.waveform.places.size(); ++b) {
+        const std::string& name = job.data[residuals.waveform.places[b].experiment].name;
+        if (names.find(name) == std::string::npos) names += (names.empty() ? "" : ", ") + name;
+        const estimator::BlockLayout& block = residuals.waveform.residual->layout()[b];
+        readings += block.group.size();
+        initial_values += static_cast<std::size_t>(block.latents);
+    }
     const auto free = std::count_if(setup.parameters.begin(), setup.parameters.end(),
                                     [](const auto& parameter) { return !estimator::is_proper(parameter.prior); });
     const std::size_t unknowns = static_cast<std::size_t>(free) + initial_values;
     if (readings > unknowns) return;
     throw orbits::DataError(
-        fmt::format("{}: too short: {} readings for {} free parameters and {} initial values; at least {} are needed",
+        fmt::format("{}: too short: {} readings for {} free parameters and {} initial values, phases and offsets; at "
+                    "least {} are needed",
                     names, readings, free, initial_values, unknowns + 1));
 }
 

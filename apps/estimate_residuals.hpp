@@ -6,6 +6,7 @@
 
 #include "apps/data_stage.hpp"
 #include "apps/estimate_setup.hpp"
+#include "apps/estimate_waveform.hpp"
 #include "apps/job.hpp"
 #include "estimator/residual.hpp"
 #include "orbits/cycle_residual.hpp"
@@ -18,7 +19,9 @@ struct JobResiduals {
     std::unique_ptr<orbits::CycleResidual> cycles;
     std::vector<std::unique_ptr<orbits::SeriesResidual>> series;
     std::vector<std::size_t> experiments;  ///< of `series`: index into Job::data
+    JobWaveform waveform;
 
+    /// Cycles, then series, then the waveform.
     [[nodiscard]] std::vector<estimator::Residual*> all() const;
 };
 

@@ -84,6 +84,8 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
 
     JobResiduals residuals;
     add_series(job, data, setup, residuals);
+    for (const std::string& lost : add_waveform(job, data, setup, residuals.waveform))
+        work.progress.say(lost);
     std::vector<estimator::FreeParameter> parameters = setup.parameters;
     const models::ParameterBinding& cycle_binding =
         job.orbits && !job.orbits->file ? setup.experiments[job.orbits->data] : setup.model;
@@ -165,6 +167,12 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
                            estimate.latents[index],
                            has_sds ? estimate.latent_sds[index] : std::vector<Eigen::VectorXd>{}, outcome.context);
         add_predictions(job, experiment, *residuals.series[i], estimate, theta, outcome.context);
+    }
+    if (residuals.waveform.residual && evaluated) {
+        add_waveform_rows(job, residuals.waveform, estimate, estimate.residuals.back(), rows);
+        const bool has_sds = estimate.latent_sds.size() == all.size();
+        add_steady_states(job, residuals.waveform, theta, estimate.latents.back(),
+                          has_sds ? estimate.latent_sds.back() : std::vector<Eigen::VectorXd>{}, outcome.context);
     }
     if (evaluated) {
         posterior.diagnostics = diagnose_residuals(all, estimate);

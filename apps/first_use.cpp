@@ -31,6 +31,21 @@ std::optional<FlowStart> of_series(const Experiment& experiment, const orbits::S
     return flow;
 }
 
+/// From the first periodic solution there is, over a tenth of it.
+std::optional<FlowStart> of_waveform(const periodic::WaveformResidual& residual, const Eigen::VectorXd& start) {
+    const auto orbits = residual.solutions(start);
+    for (std::size_t b = 0; b < orbits.size(); ++b) {
+        if (orbits[b].status != periodic::OrbitStatus::converged) continue;
+        FlowStart flow;
+        flow.theta = residual.records()[b].binding.values(start);
+        flow.free = residual.records()[b].binding.parameter;
+        flow.state = orbits[b].points.col(0);
+        flow.durations = {0.1 * orbits[b].time};
+        return flow;
+    }
+    return std::nullopt;
+}
+
 FlowStart of_cycle(const models::System& system, const orbits::Cycle& cycle, double phase,
                    const models::ParameterBinding& binding, const Eigen::VectorXd& start) {
     FlowStart flow;
@@ -53,6 +68,8 @@ std::optional<FlowStart> first_flow(const Job& job, const std::vector<Experiment
     if (!residuals.series.empty()) {
         const std::size_t experiment = residuals.experiments.front();
         flow = of_series(data[experiment], *residuals.series.front(), setup.experiments[experiment], setup.start());
+    } else if (residuals.waveform.residual) {
+        flow = of_waveform(*residuals.waveform.residual, setup.start());
     } else if (job.estimate->cycles && !search.cycles.empty()) {
         flow = of_cycle(*job.model.system, search.cycles.front(), job.section_phase, cycle_binding, setup.start());
     }

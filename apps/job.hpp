@@ -26,6 +26,7 @@
 #include "periodic/continuation.hpp"
 #include "periodic/orbit_search.hpp"
 #include "periodic/solve_orbit.hpp"
+#include "periodic/waveform_record.hpp"
 
 namespace orbid::apps {
 
@@ -60,6 +61,7 @@ struct SimulationJob {
     std::vector<Eigen::VectorXd> initial;  ///< one state per trajectory; empty = random
     bool restart = true;                   ///< a captured or resting trajectory is started anew; false = only reported
     Eigen::VectorXd noise;                 ///< shape (n): sd of a reading in the coordinate's unit, >= 0
+    Eigen::VectorXd noise_correlation;     ///< shape (n): of the errors of successive readings, in (-1, 1)
 };
 
 /// One coordinate read from a column of a table:  model value = sign * (column * unit - offset).
@@ -225,7 +227,25 @@ struct SeriesResidualJob {
     std::vector<CovarianceJob> covariances;
 };
 
-enum class ResidualType { cycles, series };
+/// Measured periodic steady states; a fitted segment each.
+struct WaveformResidualJob {
+    struct Experiment {
+        int period = 1;     ///< in periods of the forcing
+        double time = 0.0;  ///< autonomous: a guess of T [s]
+        periodic::WaveformUnknown phase{true, 0.0};
+        std::vector<periodic::WaveformUnknown> offsets;  ///< one per entry of `errors`
+        Eigen::MatrixXd start;                           ///< shape (n, period): states at phase 0; empty: found
+    };
+    std::vector<std::size_t> data;        ///< indices into Job::data
+    std::vector<Experiment> experiments;  ///< one per entry of `data`
+    std::vector<ErrorJob> errors;         ///< one per coordinate observed in any of them, ascending
+    std::vector<CovarianceJob> covariances;
+};
+
+enum class ResidualType { cycles, series, waveform };
+
+/// As jobs write them, in the order of ResidualType.
+inline const std::vector<std::string> residual_type_names{"cycles", "series", "waveform"};
 
 /// Estimates from several starts; 1 = from the job's alone.
 struct MultiStartJob {
@@ -256,6 +276,7 @@ struct EstimateJob {
     std::vector<DerivedJob> derived;
     std::optional<CyclesResidualJob> cycles;
     std::optional<SeriesResidualJob> series;
+    std::optional<WaveformResidualJob> waveform;
     std::vector<ResidualType> strategy;  ///< in this order; names every residual present, once
     estimator::Variance variance = estimator::Variance::restricted;
     MultiStartJob multi_start;

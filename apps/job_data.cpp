@@ -193,6 +193,11 @@ DataJob read_experiment(const ValueReader& value, const std::string& default_nam
         data.simulation->noise[static_cast<Eigen::Index>(data.sensor.rate)] != 0.0) {
         object.report("simulate", "noise of a rate that is a difference of readings must be 0: give the angle's");
     }
+    if (data.simulation && data.sensor.type == models::Sensor::Type::angle_difference && job.model.system &&
+        data.simulation->noise_correlation[static_cast<Eigen::Index>(data.sensor.angle)] != 0.0) {
+        object.report("simulate",
+                      "noise of an angle that is read twice for a difference cannot be correlated in this version");
+    }
     read_observe(object, job, data);
     if (const auto parameters = object.find("parameters")) data.parameters = read_parameter_values(*parameters, job);
     if (const auto free = object.find("free")) {

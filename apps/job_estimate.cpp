@@ -139,6 +139,7 @@ void read_strategy(ObjectReader& object, EstimateJob& estimate) {
     std::vector<ResidualType> present;
     if (estimate.cycles) present.push_back(ResidualType::cycles);
     if (estimate.series) present.push_back(ResidualType::series);
+    if (estimate.waveform) present.push_back(ResidualType::waveform);
     const auto value = object.find("strategy");
     if (!value) {
         estimate.strategy = present;
@@ -148,14 +149,14 @@ void read_strategy(ObjectReader& object, EstimateJob& estimate) {
         if (value->value().text == "auto") {
             value->report_later();
         } else {
-            value->report_kind("a list of \"cycles\" and \"series\"");
+            value->report_kind("a list of \"cycles\", \"series\" and \"waveform\"");
         }
         return;
     }
     for (const ValueReader& item : value->items()) {
-        const auto choice = item.choice({"cycles", "series"}, {"harvest", "stage0"});
+        const auto choice = item.choice(residual_type_names, {"harvest", "stage0"});
         if (!choice) continue;
-        const auto type = *choice == 0 ? ResidualType::cycles : ResidualType::series;
+        const auto type = static_cast<ResidualType>(*choice);
         if (std::find(present.begin(), present.end(), type) == present.end()) {
             item.report(fmt::format("there is no residual of type {} in \"residuals\"", item.value().text));
         } else if (std::find(estimate.strategy.begin(), estimate.strategy.end(), type) != estimate.strategy.end()) {

@@ -55,6 +55,8 @@ void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& es
 /// Names of the model's estimated parameters in the result: k2, or k2@run1 where one is free per experiment.
 [[nodiscard]] std::vector<std::string> estimated_parameter_names(const Job& job, const EstimateJob& estimate);
 void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate);
+/// A residual of type "waveform", without its type.
+void read_waveform(ObjectReader& object, const Job& job, EstimateJob& estimate);
 /// "multi_start", "posterior", "profile", "marginals"; after the parameters and residuals.
 void read_posterior(ObjectReader& object, const Job& job, EstimateJob& estimate);
 

@@ -66,6 +66,9 @@ std::vector<std::string> error_names(const Job& job, const EstimateJob& estimate
     if (estimate.cycles) {
         add_error_names(job, "cycles", estimate.cycles->errors, estimate.cycles->covariances, names);
     }
+    if (estimate.waveform) {
+        add_error_names(job, "waveform", estimate.waveform->errors, estimate.waveform->covariances, names);
+    }
     if (!estimate.series) return names;
     for (const std::size_t index : estimate.series->data) {
         const DataJob& data = job.data[index];

@@ -116,13 +116,15 @@ void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estim
     if (items.empty() && value.is(JsonValue::Kind::array)) value.report("must hold at least one residual");
     for (const ValueReader& item : items) {
         ObjectReader object(item);
-        const auto type = object.require("type", "\"cycles\" or \"series\"");
-        const auto choice = type ? type->choice({"cycles", "series"}, {"waveform"}) : std::nullopt;
+        const auto type = object.require("type", "\"cycles\", \"series\" or \"waveform\"");
+        const auto choice = type ? type->choice({"cycles", "series", "waveform"}) : std::nullopt;
         if (!choice) continue;  // without the type every other key would be called unknown
         if (*choice == 0) {
             read_cycles(object, job, estimate);
-        } else {
+        } else if (*choice == 1) {
             read_series(object, job, estimate);
+        } else {
+            read_waveform(object, job, estimate);
         }
         object.finish();
     }

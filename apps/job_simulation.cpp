@@ -49,6 +49,35 @@ void read_initial(const ValueReader& value, const Job& job, bool trajectories_gi
     }
 }
 
+/// "noise": { "x": sd, "y": { "sd": ..., "correlation": ... } }; the latter is a first-order autoregression from
+/// reading to reading.
+void read_noise(ObjectReader& object, const Job& job, SimulationJob& simulation) {
+    simulation.noise = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(coordinate_names(job).size()));
+    simulation.noise_correlation = simulation.noise;
+    const auto noise = object.find("noise");
+    if (!noise) return;
+    for (const auto& [name, member] : noise->members()) {
+        std::optional<double> sd;
+        double correlation = 0.0;
+        if (member.is(JsonValue::Kind::object)) {
+            ObjectReader entry(member);
+            if (const auto value = entry.require("sd", "a number >= 0")) sd = value->nonnegative();
+            if (const auto value = entry.find("correlation"))
+                correlation =
+                    value->number([](double x) { return x > -1.0 && x < 1.0; }, "between -1 and 1").value_or(0.0);
+            entry.finish();
+        } else if (member.is(JsonValue::Kind::number)) {
+            sd = member.nonnegative();
+        } else {
+            member.report_kind("a number, or { \"sd\": ..., \"correlation\": ... }");
+        }
+        const auto index = coordinate_named(name, member, job);
+        if (!sd || !index) continue;
+        simulation.noise[*index] = *sd;
+        simulation.noise_correlation[*index] = correlation;
+    }
+}
+
 }  // namespace
 
 void read_simulation(const ValueReader& value, const Job& job, SimulationJob& simulation) {
@@ -85,15 +114,7 @@ void read_simulation(const ValueReader& value, const Job& job, SimulationJob& si
     if (const auto restart = object.find("restart")) {
         simulation.restart = restart->choice({"when_captured_or_at_rest", "never"}) != 1;
     }
-    simulation.noise = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(coordinate_names(job).size()));
-    if (const auto noise = object.find("noise")) {
-        const auto members = noise->members();
-        for (const auto& [name, member] : members) {
-            const auto sd = member.nonnegative();
-            const auto index = coordinate_named(name, member, job);
-            if (sd && index) simulation.noise[*index] = *sd;
-        }
-    }
+    read_noise(object, job, simulation);
     object.finish();
 }
 

@@ -88,7 +88,7 @@ std::string estimate_line(const Job& job) {
         names.push_back(free.value.name);
     std::vector<std::string_view> residuals;
     for (const ResidualType type : job.estimate->strategy) {
-        residuals.push_back(type == ResidualType::cycles ? "cycles" : "series");
+        residuals.push_back(residual_type_names[static_cast<std::size_t>(type)]);
     }
     return fmt::format("  estimate   {} from {}\n",
                        names.empty() ? "error scales only" : fmt::format("{}", fmt::join(names, ", ")),

@@ -26,7 +26,10 @@ Json simulation_document(const Job& job, const SimulationJob& simulation) {
     object["restart"] = simulation.restart ? "when_captured_or_at_rest" : "never";
     object["noise"] = Json::object();
     for (Eigen::Index i = 0; i < simulation.noise.size(); ++i) {
-        object["noise"][coordinate_name(job, i)] = simulation.noise[i];
+        const Json sd = simulation.noise[i];
+        const double correlation = simulation.noise_correlation[i];
+        object["noise"][coordinate_name(job, i)] =
+            correlation == 0.0 ? sd : Json{{"sd", sd}, {"correlation", correlation}};
     }
     return object;
 }

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "apps/job_writer.hpp"
@@ -36,6 +37,39 @@ Json free_document(const estimator::FreeParameter& free) {
             {"prior", prior_document(free.prior)}};
 }
 
+Json unknown_document(const periodic::WaveformUnknown& unknown) {
+    return unknown.estimate ? Json("estimate") : Json(unknown.value);
+}
+
+Json waveform_document(const Job& job, const WaveformResidualJob& waveform) {
+    Json object{{"type", "waveform"}, {"data", Json::array()}};
+    const bool autonomous = job.model.system->kind() == models::Kind::autonomous;
+    for (std::size_t i = 0; i < waveform.data.size(); ++i) {
+        const WaveformResidualJob::Experiment& experiment = waveform.experiments[i];
+        const std::string& name = job.data[waveform.data[i]].name;
+        object["data"].push_back(name);
+        object[autonomous ? "time" : "period"][name] = autonomous ? Json(experiment.time) : Json(experiment.period);
+        object["phase"][name] = unknown_document(experiment.phase);
+        Json start = Json::array();
+        for (Eigen::Index j = 0; j < experiment.start.cols(); ++j)
+            start.push_back(state_document(experiment.start.col(j)));
+        if (!start.empty()) object["start"][name] = std::move(start);
+    }
+    // One value for all experiments that observe a coordinate: so they are read.
+    object["offset"] = Json::object();
+    for (std::size_t c = 0; c < waveform.errors.size(); ++c) {
+        const Eigen::Index coordinate = waveform.errors[c].coordinate;
+        for (std::size_t i = 0; i < waveform.data.size(); ++i) {
+            const auto& observe = job.data[waveform.data[i]].observe;
+            if (std::count(observe.begin(), observe.end(), coordinate) == 0) continue;
+            object["offset"][coordinate_name(job, coordinate)] = unknown_document(waveform.experiments[i].offsets[c]);
+            break;
+        }
+    }
+    add_errors(job, waveform.errors, waveform.covariances, object);
+    return object;
+}
+
 Json residuals_document(const Job& job, const EstimateJob& estimate) {
     Json residuals = Json::array();
     if (estimate.cycles) {
@@ -58,6 +92,7 @@ Json residuals_document(const Job& job, const EstimateJob& estimate) {
         add_errors(job, estimate.series->errors, estimate.series->covariances, series);
         residuals.push_back(std::move(series));
     }
+    if (estimate.waveform) residuals.push_back(waveform_document(job, *estimate.waveform));
     return residuals;
 }
 
@@ -80,7 +115,7 @@ Json estimate_document(const Job& job) {
     object["variance"] = variance_name(estimate.variance);
     object["strategy"] = Json::array();
     for (const ResidualType type : estimate.strategy) {
-        object["strategy"].push_back(type == ResidualType::cycles ? "cycles" : "series");
+        object["strategy"].push_back(residual_type_names[static_cast<std::size_t>(type)]);
     }
     object["multi_start"] = {{"starts", estimate.multi_start.starts}, {"seed", estimate.multi_start.seed}};
     const SampleJob& sample = estimate.sample;

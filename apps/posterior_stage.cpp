@@ -17,6 +17,8 @@ std::vector<std::unique_ptr<estimator::Residual>> copies(const JobResiduals& res
     if (residuals.cycles) list.push_back(std::make_unique<orbits::CycleResidual>(*residuals.cycles));
     for (const auto& series : residuals.series)
         list.push_back(std::make_unique<orbits::SeriesResidual>(*series));
+    if (residuals.waveform.residual)
+        list.push_back(std::make_unique<periodic::WaveformResidual>(*residuals.waveform.residual));
     return list;
 }
 
@@ -153,6 +155,13 @@ LogEvidence evidence_of(const Job& job, const std::vector<estimator::FreeParamet
             return {std::nullopt, fmt::format("the initial {} of {} has no proper prior",
                                               job.model.system->coordinates()[i].name, data.name)};
         }
+    }
+    if (job.estimate->waveform) {
+        for (const auto& experiment : job.estimate->waveform->experiments)
+            if (experiment.phase.estimate ||
+                std::any_of(experiment.offsets.begin(), experiment.offsets.end(),
+                            [](const periodic::WaveformUnknown& offset) { return offset.estimate; }))
+                return {std::nullopt, "phases and offsets of waveforms have no proper prior"};
     }
     return {evidence.value, {}};
 }

@@ -100,6 +100,36 @@ Json initial_state_json(const InitialState& state) {
     return out;
 }
 
+Json aligned_json(const InitialState::Value& value) {
+    return {{"value", value.value}, {"sd", value.sd}, {"unit", value.unit}, {"estimated", value.estimated}};
+}
+
+Json steady_state_json(const SteadyState& state) {
+    Json out;
+    out["experiment"] = state.experiment;
+    out["segment"] = state.segment;
+    out["used"] = state.used;
+    out["phase"] = aligned_json(state.phase);
+    out["offset"] = Json::object();
+    for (const auto& offset : state.offsets)
+        out["offset"][offset.coordinate] = aligned_json(offset);
+    out["status"] = periodic::name(state.orbit.status);
+    const bool solved = state.orbit.status == periodic::OrbitStatus::converged;
+    out["time"] = solved ? Json(state.orbit.time) : Json(nullptr);
+    out["points"] = Json::array();
+    out["multipliers"] = Json::array();
+    if (!solved) return out;
+    for (Eigen::Index j = 0; j < state.orbit.points.cols(); ++j) {
+        Json point = Json::array();
+        for (Eigen::Index i = 0; i < state.orbit.points.rows(); ++i)
+            point.push_back(state.orbit.points(i, j));
+        out["points"].push_back(std::move(point));
+    }
+    for (const auto& multiplier : state.orbit.multipliers)
+        out["multipliers"].push_back({multiplier.real(), multiplier.imag()});
+    return out;
+}
+
 Json prediction_json(const Prediction& prediction) {
     Json out;
     out["experiment"] = prediction.experiment;
@@ -228,6 +258,11 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["initial_states"] = Json::array();
     for (const auto& state : context.initial_states) {
         out["initial_states"].push_back(initial_state_json(state));
+    }
+    if (!context.steady_states.empty()) {
+        out["steady_states"] = Json::array();
+        for (const auto& state : context.steady_states)
+            out["steady_states"].push_back(steady_state_json(state));
     }
     out["prediction"] = Json::array();
     for (const auto& prediction : context.predictions) {

@@ -9,6 +9,7 @@
 #include "apps/fingerprint.hpp"
 #include "apps/posterior_results.hpp"
 #include "estimator/estimate.hpp"
+#include "periodic/orbit.hpp"
 
 namespace orbid::apps {
 
@@ -24,6 +25,16 @@ struct InitialState {
         bool estimated;  ///< false: held at a given value
     };
     std::vector<Value> values;
+};
+
+/// A measured periodic steady state at the estimate: how its record lies against the computed solution.
+struct SteadyState {
+    std::string experiment;
+    std::string segment;
+    bool used = true;  ///< false: lost
+    InitialState::Value phase;
+    std::vector<InitialState::Value> offsets;
+    periodic::PeriodicOrbit orbit;
 };
 
 /// How well a segment is predicted that took no part in the fit (or did: see `fitted`).
@@ -47,6 +58,7 @@ struct Capture {
 struct ResultContext {
     std::map<std::string, double> reference;  ///< known values, by name of a parameter or derived quantity
     std::vector<InitialState> initial_states;
+    std::vector<SteadyState> steady_states;
     std::vector<Prediction> predictions;
     std::map<int, std::size_t> orbits_found;  ///< period -> cycles
     std::vector<int> orbits_missing;
@@ -71,7 +83,7 @@ struct ResultContext {
 /// Beside the keys of the contract: per parameter `laplace_sd`, `data_share`, `hessian_ratio`; per error scale
 /// `distribution` and its parameters, `rms`, `lag1`, `correlation_records`, `effective_count`, `estimated`;
 /// `covariance`, `covariances`, `log_evidence`, `diagnostics`, `posterior`, `profile`, `marginals`, `optima`, `rounds`,
-/// `history`. An interval is null as a whole when one of its ends is undefined.
+/// `history`, `steady_states` (of waveforms). An interval is null as a whole when one of its ends is undefined.
 [[nodiscard]] std::string result_text(const estimator::Estimate& estimate, const ResultContext& context);
 
 /// A cell of a table in text: quoted when it holds a comma, a quote or a line end (RFC 4180).

@@ -85,7 +85,7 @@ int run_stages(const Workspace& work) {
     const bool estimating = wants(work.options, Stage::estimate) && job.estimate;
     const bool searching = job.orbits && (wants(work.options, Stage::orbits) || (estimating && job.estimate->cycles));
     const bool loading = wants(work.options, Stage::simulate) || (searching && is_section_search(job)) ||
-                         (estimating && (job.estimate->series || is_section_search(job)));
+                         (estimating && (job.estimate->series || job.estimate->waveform || is_section_search(job)));
     int code = success;
 
     std::vector<Experiment> data;

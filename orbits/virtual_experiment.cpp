@@ -67,6 +67,9 @@ void validate(const models::System& system, const VirtualExperimentOptions& opti
     require(options.initial.allFinite(), "initial states must be finite numbers");
     require(options.noise.size() == 0 || options.noise.size() == n,
             fmt::format("noise has {} entries, must have {} or none", options.noise.size(), n));
+    require(options.noise_correlation.size() == 0 || options.noise_correlation.size() == n,
+            fmt::format("correlation of the noise has {} entries, must have {} or none",
+                        options.noise_correlation.size(), n));
     require(options.random_range.size() == 0 || options.random_range.size() == n,
             fmt::format("random range has {} entries, must have {} or none", options.random_range.size(), n));
     for (Eigen::Index i = 0; i < n; ++i) {
@@ -74,6 +77,11 @@ void validate(const models::System& system, const VirtualExperimentOptions& opti
         if (options.noise.size() > 0) {
             require(options.noise[i] >= 0.0 && std::isfinite(options.noise[i]),
                     fmt::format("noise of {} is {}, must be >= 0", coordinate.name, options.noise[i]));
+        }
+        if (options.noise_correlation.size() > 0) {
+            require(std::abs(options.noise_correlation[i]) < 1.0,
+                    fmt::format("correlation of the noise of {} is {}, must lie between -1 and 1", coordinate.name,
+                                options.noise_correlation[i]));
         }
         if (options.random_range.size() > 0 && !coordinate.angle) {
             require(options.random_range[i] > 0.0 && std::isfinite(options.random_range[i]),
@@ -88,6 +96,8 @@ void validate(const models::System& system, const VirtualExperimentOptions& opti
         require(options.noise.size() == 0 || options.noise[rate] == 0.0,
                 fmt::format("noise of {} must be 0: its error follows from the angle readings it is the difference of",
                             system.coordinates()[options.sensor.rate].name));
+        require(options.noise_correlation.size() == 0 || options.noise_correlation.isZero(0.0),
+                "noise of a difference sensor, which reads an angle twice, cannot be correlated");
     }
 }
 
@@ -168,17 +178,25 @@ double rounded(double value, const models::Sensor& sensor) {
 
 /// Adds the errors of one segment's readings and rounds them (mathematics.md, "Instrument").
 void add_reading_errors(Eigen::MatrixXd& readings, const models::Sensor& sensor, const Eigen::VectorXd& noise,
-                        estimator::RandomStream stream) {
+                        const Eigen::VectorXd& correlation, estimator::RandomStream stream) {
     const bool difference = sensor.type == models::Sensor::Type::angle_difference;
     const auto angle = static_cast<Eigen::Index>(sensor.angle);
     const auto rate = static_cast<Eigen::Index>(sensor.rate);
     const auto error = [&](Eigen::Index i) {
         return noise.size() > 0 && noise[i] > 0.0 ? noise[i] * stream.normal() : 0.0;
     };
+    // The first error is drawn from the stationary distribution; 0 leaves independent errors as they are, to the bit.
+    Eigen::VectorXd last = Eigen::VectorXd::Zero(readings.rows());
+    const auto correlated = [&](Eigen::Index i, Eigen::Index k) {
+        const double fresh = error(i);
+        const double rho = correlation.size() > 0 ? correlation[i] : 0.0;
+        last[i] = k == 0 || rho == 0.0 ? fresh : rho * last[i] + std::sqrt((1.0 - rho) * (1.0 + rho)) * fresh;
+        return last[i];
+    };
     for (Eigen::Index k = 0; k < readings.cols(); ++k) {
         const double later = difference ? readings(angle, k) + sensor.delay * readings(rate, k) : 0.0;
         for (Eigen::Index i = 0; i < readings.rows(); ++i) {
-            if (!(difference && i == rate)) readings(i, k) += error(i);
+            if (!(difference && i == rate)) readings(i, k) += correlated(i, k);
         }
         if (angle < readings.rows()) readings(angle, k) = rounded(readings(angle, k), sensor);
         if (difference) readings(rate, k) = (rounded(later + error(angle), sensor) - readings(angle, k)) / sensor.delay;
@@ -275,7 +293,7 @@ VirtualExperiment simulate(const models::System& system, const Eigen::VectorXd& 
         series.segments.push_back({std::to_string(s), std::move(read.readings), std::move(piece.times), {}});
     }
     oneapi::tbb::parallel_for(std::size_t{0}, series.segments.size(), [&](std::size_t s) {
-        add_reading_errors(series.segments[s].values, options.sensor, options.noise,
+        add_reading_errors(series.segments[s].values, options.sensor, options.noise, options.noise_correlation,
                            estimator::RandomStream(options.seed, estimator::RandomPurpose::reading_noise, s));
     });
     return experiment;

@@ -56,6 +56,9 @@ struct VirtualExperimentOptions {
     /// angle_difference sensor the error of an angle reading enters the angle once and the difference twice, and the
     /// rate has none of its own (its entry must be 0).
     Eigen::VectorXd noise;
+    /// Shape (n): errors of successive readings of a segment are a stationary first-order autoregression with this
+    /// correlation, in (-1, 1), and the sd of `noise`. Empty: independent. 0 for an angle_difference sensor.
+    Eigen::VectorXd noise_correlation;
     std::uint64_t seed = 0;
     models::FlowOptions flow;
 };
