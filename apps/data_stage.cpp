@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "apps/stage_fingerprint.hpp"
+#include "orbits/mixed_bits.hpp"
 #include "orbits/series_file.hpp"
 #include "orbits/virtual_experiment.hpp"
 
@@ -24,7 +25,13 @@ Eigen::VectorXd experiment_values(const Job& job, const DataJob& data) {
     return values;
 }
 
-orbits::VirtualExperimentOptions simulation_options(const Job& job, const DataJob& data) {
+/// Random numbers of an experiment: experiments of one job must not repeat each other's errors.
+std::uint64_t experiment_seed(const Job& job, std::size_t index) {
+    return index == 0 ? job.seed : orbits::mixed_bits(job.seed ^ orbits::mixed_bits(index));
+}
+
+orbits::VirtualExperimentOptions simulation_options(const Job& job, std::size_t index) {
+    const DataJob& data = job.data[index];
     const SimulationJob& simulation = *data.simulation;
     orbits::VirtualExperimentOptions options;
     if (simulation.sampling == orbits::Series::Sampling::section) {
@@ -52,7 +59,7 @@ orbits::VirtualExperimentOptions simulation_options(const Job& job, const DataJo
     options.sensor = data.sensor;
     options.noise = simulation.noise;
     options.noise_correlation = simulation.noise_correlation;
-    options.seed = job.seed;
+    options.seed = experiment_seed(job, index);
     return options;
 }
 
@@ -167,7 +174,8 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     }
 
     work.progress.begin("simulate");
-    auto run = orbits::simulate(*system_with(job, inputs), experiment_values(job, data), simulation_options(job, data));
+    auto run =
+        orbits::simulate(*system_with(job, inputs), experiment_values(job, data), simulation_options(job, index));
     if (!run.complete) throw orbits::DataError(fmt::format("{}: cannot be simulated: {}", data.name, run.message));
     Experiment experiment{std::move(run.series), captures(data.name, run.events), {}};
     experiment.inputs = by_segment(inputs, experiment.series.segments.size());
