@@ -23,8 +23,10 @@ namespace {
 
 /// A lost orbit is taken back at most this often, so that refreshing ends.
 constexpr int most_returns = 2;
-/// Steps along the line to a theta that is too far for one: at most 2^3.
-constexpr int most_halvings = 3;
+/// Minimisations that are repeated only because solutions had moved far from where they were known.
+constexpr int most_anchorings = 3;
+/// Steps along the line to a theta that is too far for one: at most 2^4.
+constexpr int most_halvings = 4;
 
 BlockValue failed() {
     BlockValue value;
@@ -54,9 +56,9 @@ void WaveformResidual::find_start(std::size_t b) {
     known.offsets = VectorXd::Zero(std::ssize(options_.channels));
     if (start.status != OrbitStatus::converged) return;
     known.origin = std::move(start.origin);
-    known.scale = std::move(start.scale);
-    known.phase = start.phase;
-    known.offsets = std::move(start.offsets);
+    known.scale = std::move(start.place.size);
+    known.phase = start.place.phase;
+    known.offsets = std::move(start.place.offsets);
     known.orbit = std::move(start.orbit);
     known.orbit.sensitivities.resize(0, 0);
     const PeriodicOrbit orbit = solve_near(b, known, options_.start, true);
@@ -247,10 +249,16 @@ estimator::RefreshReport WaveformResidual::refresh(const VectorXd& theta, const 
         if (known_[b].theta.size() > 0) solved[b] = solve(b, theta, true);
     });
     estimator::RefreshReport report;
+    bool far = false;
     for (std::size_t b = 0; b < blocks_.size(); ++b) {
         if (known_[b].theta.size() == 0) continue;
         const bool there = solved[b].status == OrbitStatus::converged;
-        if (there) keep(b, solved[b], theta);
+        if (there) {
+            const VectorXd move =
+                (solved[b].points.col(0) - known_[b].orbit.points.col(0)).cwiseQuotient(known_[b].scale);
+            far = far || !(move.cwiseAbs().maxCoeff() <= options_.maximum_move);
+            keep(b, solved[b], theta);
+        }
         if (layout_[b].active && !there) {
             layout_[b].active = false;
             ++report.lost;
@@ -260,7 +268,11 @@ estimator::RefreshReport WaveformResidual::refresh(const VectorXd& theta, const 
             ++report.added;
         }
     }
-    report.changed = report.lost + report.added > 0;
+    // Solutions that were predicted from afar are predicted from here once more: from afar steps near the end of a
+    // branch may have been stopped by predictions alone.
+    const bool again = far && anchored_ < most_anchorings;
+    if (again) ++anchored_;
+    report.changed = report.lost + report.added > 0 || again;
     return report;
 }
 

@@ -21,7 +21,7 @@ struct WaveformOptions {
     /// Full covariances; groups = positions in `channels`. Their channels are read at the same samples.
     std::vector<estimator::JointCovariance> covariances;
     Eigen::VectorXd start;      ///< the estimator's vector at which the first solutions are computed
-    double maximum_move = 0.5;  ///< of a point of an orbit from its prediction, relative to the orbit's size; > 0
+    double maximum_move = 0.1;  ///< of a point of an orbit from its prediction, relative to the orbit's size; > 0
     models::FlowOptions flow{1e-12, 1e-12, 100000};
 };
 
@@ -36,14 +36,15 @@ struct WaveformOptions {
 /// there are; as parameters they would be a dense row each.
 ///
 /// x* comes from multiple shooting (solve_orbit) from the solution at the last refresh(), moved to first order with its
-/// sensitivities; where that does not converge, in up to eight steps along the line between the two parameter vectors.
-/// The orbit of a record at the start: find_waveform_start(). Derivatives are those of the computed prediction:
-/// sensitivities of the orbit, carried along by the flow between its points, the motion of the places with omega (or
-/// T), and the sensor's. An orbit that vanished (a fold), lost its period, or was reached only at `maximum_move` from
-/// its prediction is BlockStatus::failed; solutions() names the reason.
+/// sensitivities; where that does not converge, in up to sixteen steps along the line between the two parameter
+/// vectors. The orbit of a record at the start: find_waveform_start(). Derivatives are those of the computed
+/// prediction: sensitivities of the orbit, carried along by the flow between its points, the motion of the places with
+/// omega (or T), and the sensor's. An orbit that vanished (a fold), lost its period, or was reached only at
+/// `maximum_move` from its prediction is BlockStatus::failed; solutions() names the reason.
 ///
-/// refresh() moves the solutions on to the present theta, takes out blocks whose orbit is lost there, and takes them
-/// back, at most twice each, where it is found again.
+/// refresh() moves the solutions on to the present theta, asks for another minimisation (three times at most) where
+/// they had moved by more than `maximum_move`, takes out blocks whose orbit is lost there, and takes them back, at most
+/// twice each, where it is found again.
 class WaveformResidual final : public estimator::Residual {
 public:
     /// A record whose orbit is not found at `start` is inactive from the beginning: start_status() says why.
@@ -140,6 +141,7 @@ private:
     std::vector<estimator::BlockLayout> layout_;
     std::vector<Block> blocks_;
     std::vector<Known> known_;
+    int anchored_ = 0;
 };
 
 }  // namespace orbid::periodic

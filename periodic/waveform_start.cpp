@@ -20,11 +20,6 @@ using Eigen::VectorXd;
 
 constexpr double full_turn = 2.0 * std::numbers::pi;
 
-/// Places along the orbit, per period of the forcing, at which a record may lie against it: the phase starts within
-/// 1.5 degrees.
-constexpr Index scan_places = 256;
-/// Samples of a record that are compared during the scan.
-constexpr Index scanned_samples = 400;
 /// Measured states, per period of the forcing, that are taken for the state at phase 0, and at most.
 constexpr Index launches_per_period = 8;
 constexpr Index most_launches = 32;
@@ -50,9 +45,8 @@ public:
           channels_(channels),
           flow_(flow),
           forced_(system.kind() == models::Kind::forced),
-          length_(forced_ ? record.period * system.period(theta, models::Clock::time) : record.time) {
-        scan_samples();
-    }
+          length_(forced_ ? record.period * system.period(theta, models::Clock::time) : record.time),
+          scan_(system, theta, record, channels, flow) {}
 
     WaveformStart run() {
         if (record_.start) {
@@ -69,28 +63,6 @@ public:
     }
 
 private:
-    void scan_samples() {
-        const Index count = record_.times.size();
-        const Index stride = std::max<Index>(1, count / scanned_samples);
-        for (Index k = 0; k < count; k += stride)
-            samples_.push_back(k);
-        variance_.resize(record_.values.rows());
-        mean_ = VectorXd::Zero(record_.values.rows());
-        for (Index c = 0; c < record_.values.rows(); ++c) {
-            double sum = 0.0, square = 0.0, number = 0.0;
-            for (const Index k : samples_) {
-                const double y = record_.values(c, k);
-                if (!std::isfinite(y)) continue;
-                sum += y;
-                square += y * y;
-                number += 1.0;
-            }
-            if (number > 0.0) mean_(c) = sum / number;
-            variance_(c) = number > 0.0 ? square / number - mean_(c) * mean_(c) : 0.0;
-            if (!(variance_(c) > 0.0)) variance_(c) = 1.0;
-        }
-    }
-
     [[nodiscard]] bool whole_state() const {
         for (Index i = 0; i < system_.dimension(); ++i)
             if (std::none_of(channels_.begin(), channels_.end(), [&](const WaveformChannel& channel) {
@@ -146,7 +118,7 @@ private:
         VectorXd mean = VectorXd::Zero(system_.dimension());
         for (std::size_t c = 0; c < channels_.size(); ++c)
             if (reads_state(record_.sensor, channels_[c].coordinate))
-                mean(channels_[c].coordinate) = mean_(static_cast<Index>(c));
+                mean(channels_[c].coordinate) = scan_.means()(static_cast<Index>(c));
         states.push_back(mean);
         states.emplace_back(VectorXd::Zero(system_.dimension()));
         // Of autonomous flows 0 is often at rest.
@@ -233,95 +205,15 @@ private:
             if (none && orbit.status != OrbitStatus::equilibrium) best_.status = orbit.status;
             return;
         }
-        WaveformStart found;
-        found.status = orbit.status;
-        found.origin.point = orbit.points.col(0);
-        found.origin.normal = system_.rhs(found.origin.point, std::vector<double>{0.0}, theta_);
-        found.orbit = std::move(orbit);
-        if (!lay_against(found)) {
+        PhaseOrigin origin{orbit.points.col(0), {}};
+        origin.normal = system_.rhs(origin.point, std::vector<double>{0.0}, theta_);
+        auto place = scan_.place(orbit, origin);
+        if (!place) {
             if (none) best_.status = OrbitStatus::not_simulated;
             return;
         }
-        if (none || found.misfit < best_.misfit) best_ = std::move(found);
-    }
-
-    /// Phase, offsets and misfit of an orbit: a scan over all places at which the record may begin.
-    bool lay_against(WaveformStart& found) const {
-        const Index grid = scan_places * found.orbit.period;
-        const double time = found.orbit.time;
-        std::vector<double> times(static_cast<std::size_t>(grid));
-        for (Index g = 0; g < grid; ++g)
-            times[static_cast<std::size_t>(g)] = time * static_cast<double>(g) / static_cast<double>(grid);
-        const CurveReadings curve =
-            readings_along(system_, theta_, found.orbit, found.origin, record_.sensor, times, 0.0, std::nullopt, flow_);
-        if (!curve.simulated) return false;
-        found.scale = VectorXd::Zero(system_.dimension());
-        std::vector<double> places(times);
-        if (forced_)
-            for (double& place : places)
-                place *= full_turn * found.orbit.period / time;
-        const CurveStates states = OrbitCurve(system_, theta_, found.orbit, flow_).states(places);
-        found.scale = states.states.cwiseAbs().rowwise().maxCoeff();
-        for (Index i = 0; i < found.scale.size(); ++i)
-            if (!(found.scale(i) > 0.0)) found.scale(i) = 1.0;
-        for (const Index i : angle_coordinates(system_))
-            found.scale(i) = full_turn;
-
-        const double turn = full_turn * (forced_ ? found.orbit.period : 1);
-        found.misfit = std::numeric_limits<double>::infinity();
-        const Index shifts = record_.phase.estimate ? grid : 1;
-        for (Index shift = 0; shift < shifts; ++shift) {
-            const double phase = record_.phase.estimate ? turn * static_cast<double>(shift) / static_cast<double>(grid)
-                                                        : record_.phase.value;
-            compare(curve.readings, time, phase / turn, phase, found);
-        }
-        return std::isfinite(found.misfit);
-    }
-
-    void compare(const MatrixXd& table, double time, double share, double phase, WaveformStart& found) const {
-        const Index grid = table.cols();
-        VectorXd offsets = VectorXd::Zero(record_.values.rows());
-        double misfit = 0.0;
-        double number = 0.0;
-        for (std::size_t c = 0; c < channels_.size(); ++c) {
-            const auto row = static_cast<Index>(c);
-            const auto coordinate = channels_[c].coordinate;
-            const bool angle =
-                models::reads_angle(record_.sensor, system_.coordinates(), static_cast<std::size_t>(coordinate));
-            errors_.clear();
-            double sum = 0.0, cosines = 0.0, sines = 0.0;
-            for (const Index k : samples_) {
-                const double y = record_.values(row, k);
-                if (!std::isfinite(y)) continue;
-                double place = share + record_.times(k) / time;
-                place = (place - std::floor(place)) * static_cast<double>(grid);
-                const auto below = std::min(static_cast<Index>(place), grid - 1);
-                const double left = table(coordinate, below);
-                double rise = table(coordinate, (below + 1) % grid) - left;
-                if (angle) rise = models::wrapped(rise);
-                const double e = y - (left + rise * (place - static_cast<double>(below)));
-                errors_.push_back(angle ? models::wrapped(e) : e);
-                sum += errors_.back();
-                cosines += std::cos(errors_.back());
-                sines += std::sin(errors_.back());
-            }
-            if (errors_.empty()) continue;
-            if (!record_.offsets.empty()) {
-                const WaveformUnknown& offset = record_.offsets[c];
-                const double mean = angle ? std::atan2(sines, cosines) : sum / static_cast<double>(errors_.size());
-                offsets(row) = offset.estimate ? mean : offset.value;
-            }
-            for (const double e : errors_) {
-                const double left = angle ? models::wrapped(e - offsets(row)) : e - offsets(row);
-                misfit += left * left / variance_(row);
-            }
-            number += static_cast<double>(errors_.size());
-        }
-        misfit /= std::max(number, 1.0);
-        if (!(misfit < found.misfit)) return;
-        found.misfit = misfit;
-        found.phase = phase;
-        found.offsets = offsets;
+        if (none || place->misfit < best_.place.misfit)
+            best_ = {OrbitStatus::converged, std::move(orbit), std::move(origin), std::move(*place)};
     }
 
     const models::System& system_;
@@ -331,9 +223,7 @@ private:
     models::FlowOptions flow_;
     bool forced_;
     double length_;  ///< of the orbit [s]
-    std::vector<Index> samples_;
-    VectorXd variance_, mean_;
-    mutable std::vector<double> errors_;
+    WaveformScan scan_;
     WaveformStart best_;
 };
 

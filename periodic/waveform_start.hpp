@@ -8,6 +8,7 @@
 #include "periodic/orbit.hpp"
 #include "periodic/waveform_curve.hpp"
 #include "periodic/waveform_record.hpp"
+#include "periodic/waveform_scan.hpp"
 
 namespace orbid::periodic {
 
@@ -16,10 +17,7 @@ struct WaveformStart {
     OrbitStatus status = OrbitStatus::no_progress;  ///< not converged: how the last of the attempts ended
     PeriodicOrbit orbit;                            ///< meaningful only if converged
     PhaseOrigin origin;                             ///< autonomous flows
-    double phase = 0.0;                             ///< [rad]; the known one, or the best of a scan
-    Eigen::VectorXd offsets;                        ///< shape (channels); known ones, or the mean errors
-    double misfit = 0.0;                            ///< mean square error over the variance of the readings
-    Eigen::VectorXd scale;                          ///< shape (n): largest |x| along the orbit, 2 pi for angles
+    WaveformPlace place;                            ///< meaningful only if converged
 };
 
 /// Finds the periodic orbit of a record: Newton's method from the start that the record gives; or else from where the
