@@ -75,6 +75,7 @@ void measure(const models::System& system, const std::vector<MatrixXd>& measured
     for (const MatrixXd& piece : measured)
         total += piece.cols();
     const Index stride = std::max<Index>(1, total / (Index{1} << 16));
+    double largest = 0.0;
     for (Index i = 0; i < n; ++i) {
         if (system.coordinates()[static_cast<std::size_t>(i)].angle) continue;
         std::vector<double> values;
@@ -86,8 +87,12 @@ void measure(const models::System& system, const std::vector<MatrixXd>& measured
         const double low = values.empty() ? 0.0 : values[cut];
         const double high = values.empty() ? 0.0 : values[values.size() - 1 - cut];
         pieces.lowest(i) = low;
-        pieces.size(i) = high - low > 1e-9 * std::max(std::abs(low), std::abs(high)) ? high - low : 1.0;
+        pieces.size(i) = high - low;
+        largest = std::max({largest, std::abs(low), std::abs(high)});
     }
+    // On a plane across an axis a coordinate is constant but for rounding.
+    for (double& size : pieces.size)
+        if (!(size > 1e-9 * largest)) size = largest > 0.0 ? largest : 1.0;
 }
 
 /// Columns of a piece that was lost before it left the surroundings of the others: as far again on every side.

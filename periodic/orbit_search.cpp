@@ -44,6 +44,13 @@ void validate(const models::System& system, const VectorXd& theta, const OrbitSe
         require(options.section->normal.size() == system.dimension() && options.section->normal.allFinite() &&
                     options.section->normal.norm() > 0.0 && std::isfinite(options.section->offset),
                 "the section's normal needs " + text(system.dimension()) + " finite numbers that are not all 0");
+    if (options.partition) validate(*options.partition, system.dimension());
+    require(options.codes.empty() || options.partition.has_value(), "codes need a partition");
+    for (const std::string& code : options.codes) {
+        require(is_prime_word(code), "code \"" + code + "\" is empty or repeats a shorter word");
+        require(code.find_first_not_of(options.partition->symbols) == std::string::npos,
+                "code \"" + code + "\" has symbols that are not among \"" + options.partition->symbols + "\"");
+    }
 }
 
 /// The orbits asked for, by period, rotation and points; mirrors renumbered.
@@ -99,7 +106,11 @@ OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, c
         simulate_pieces(section, {options.points, options.trajectories, options.seed, options.initial, coarse});
     StartSearch search(section, options, pieces);
     std::vector<int> periods = options.periods;
+    for (const std::string& code : options.codes)
+        periods.push_back(static_cast<int>(code.size()));
     std::sort(periods.begin(), periods.end());
+    periods.erase(std::unique(periods.begin(), periods.end()), periods.end());
+    search.from_codes();
     OrbitSearch result;
     for (const int period : periods) {
         search.from_recurrences(period);
@@ -113,7 +124,10 @@ OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, c
         for (std::size_t i = 0; i < periods.size(); ++i)
             search.from_orbits(periods[i], used[i]);
     }
-    result.orbits = ordered(search.list().orbits(), options.periods);
+    result.orbits = ordered(search.list().orbits(), periods);
+    if (options.partition)
+        for (FoundOrbit& found : result.orbits)
+            found.code = symbolic_code(*options.partition, found.orbit.points);
     result.starts = search.starts();
     result.captured = pieces.captured;
     return result;

@@ -12,6 +12,7 @@
 #include "models/system.hpp"
 #include "periodic/orbit.hpp"
 #include "periodic/solver_options.hpp"
+#include "periodic/symbolic_code.hpp"
 
 namespace orbid::periodic {
 
@@ -45,6 +46,10 @@ struct OrbitSearchOptions {
     std::size_t patience = 2000;
     /// Loops of cells that are tried in one round at most, >= 1: cells are made so small.
     std::size_t loops = 20000;
+    /// Names the parts of the section: orbits get codes. Orbits of different code differ; whether those of one code are
+    /// the same depends on the partition.
+    std::optional<SymbolPartition> partition{};
+    std::vector<std::string> codes{};  ///< words that are looked for besides (their lengths join `periods`)
     ShootingOptions solver{};
 };
 
@@ -54,6 +59,7 @@ struct FoundOrbit {
     StartOrigin origin = StartOrigin::recurrence;
     int mirror = -1;       ///< index of its mirror image in the list, its own when symmetric, -1 when not known
     std::size_t hits = 1;  ///< starts that led to it
+    std::string code{};    ///< of the points in their order; empty without a partition
 };
 
 struct OrbitSearch {

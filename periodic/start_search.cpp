@@ -10,6 +10,7 @@
 #include "periodic/multiple_shooting.hpp"
 #include "periodic/recurrence_start.hpp"
 #include "periodic/section_cell.hpp"
+#include "periodic/symbolic_start.hpp"
 
 namespace orbid::periodic {
 namespace {
@@ -93,6 +94,16 @@ void StartSearch::solve(std::size_t count, StartOrigin origin, const std::functi
             if (points.cols() > 0 && list_.add(points, origin, options_.symmetry)) idle = 0;
         }
         if (idle >= options_.patience && 4 * idle >= done + size) return;
+    }
+}
+
+void StartSearch::from_codes() {
+    if (options_.codes.empty()) return;
+    const SymbolicStarts symbolic(section_, pieces_, *options_.partition);
+    for (const std::string& word : options_.codes) {
+        const CodedOrbit coded = symbolic.solve(word, coarse_);
+        if (coded.found) list_.add(coded.orbit.points, StartOrigin::code, options_.symmetry);
+        ++starts_;
     }
 }
 

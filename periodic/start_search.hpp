@@ -23,6 +23,9 @@ class StartSearch {
 public:
     StartSearch(const ModelSection& section, const OrbitSearchOptions& options, const SectionPieces& pieces);
 
+    /// The words asked for.
+    void from_codes();
+
     /// Recurrences of the trajectories, closest first.
     void from_recurrences(int period);
 
