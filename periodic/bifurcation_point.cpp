@@ -213,7 +213,8 @@ LocatedPoint zero_between(const CurvePoint& a, const CurvePoint& b, Bifurcation 
     }
     result.point = std::move(best.point);
     result.position = best.s;
-    result.parameter_error = change;
+    // The test function belongs to the orbit before Newton's last step.
+    result.parameter_error = change + std::abs(best.point.parameter_slope()) * best.point.last_step;
     result.found = true;
     return result;
 }

@@ -57,7 +57,7 @@ struct LocatedPoint {
     CurvePoint point;
     Bifurcation bifurcation = Bifurcation::none;
     double position = 0.0;         ///< distance from a along the chord
-    double parameter_error = 0.0;  ///< how far the last step moved the parameter
+    double parameter_error = 0.0;  ///< how far the last steps of the search and of Newton's method moved it
     double unfolding = 0.0;        ///< branch points: what the equations missed there
 };
 

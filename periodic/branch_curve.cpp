@@ -56,7 +56,7 @@ int CurvePoint::unstable() const {
 }
 
 OrbitCurve::OrbitCurve(const CurveSetting& setting, Course course, MatrixXd turns, VectorXd scale,
-                       std::optional<PhaseCondition> phase, int period)
+                       std::optional<PhasePlane> phase, int period)
     : setting_(&setting),
       course_(std::move(course)),
       turns_(std::move(turns)),
@@ -126,7 +126,7 @@ Course OrbitCurve::course_at(const VectorXd& y) const {
 MatrixXd OrbitCurve::rows_across(const std::vector<VectorXd>& directions) const {
     const Index first = autonomous() ? 1 : 0;
     MatrixXd rows = MatrixXd::Zero(first + static_cast<Index>(directions.size()), size());
-    if (autonomous()) rows.row(0).head(n_) = phase_->normals.col(0).transpose() / phase_->normals.col(0).norm();
+    if (autonomous()) rows.row(0).head(n_) = phase_->normal.transpose() / phase_->normal.norm();
     for (std::size_t i = 0; i < directions.size(); ++i)
         rows.row(first + static_cast<Index>(i)) = weights_.array().square() * directions[i].array();
     rows.rightCols(1) *= setting_->range;
@@ -173,8 +173,7 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
         VectorXd back = guess - y;
         back(back.size() - 1) /= setting_->range;
         right.col(0).tail(k) = rows * back;
-        if (autonomous())
-            right(inner, 0) = (phase_->offset - phase_->normals.col(0).dot(y.head(n_))) / phase_->normals.col(0).norm();
+        if (autonomous()) right(inner, 0) = (phase_->offset - phase_->normal.dot(y.head(n_))) / phase_->normal.norm();
         right(right.rows() - 1, 1) = 1.0;
         const MatrixXd solution = matrix.solve(right);
         if (!solution.allFinite()) {
@@ -193,6 +192,7 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
             CurvePoint& point = result.point;
             point.curve = shared_from_this();
             point.tangent = moves.col(1) / norm(moves.col(1));
+            point.last_step = length;
             point.residual = closing.error.cwiseAbs().maxCoeff();
             point.sticking = closing.sticking;
             point.jacobians = std::move(closing.jacobians);

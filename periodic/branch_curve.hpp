@@ -9,7 +9,7 @@
 
 #include "models/system.hpp"
 #include "periodic/course.hpp"
-#include "periodic/newton.hpp"
+#include "periodic/orbit.hpp"
 #include "periodic/solver_options.hpp"
 
 namespace orbid::periodic {
@@ -27,6 +27,12 @@ struct CurveSetting {
     [[nodiscard]] Eigen::VectorXd theta_at(double value) const;
 };
 
+/// Poincare's phase condition normal . x_0 = offset on the first node of an autonomous orbit.
+struct PhasePlane {
+    Eigen::VectorXd normal;  ///< shape (n), not 0
+    double offset = 0.0;
+};
+
 class OrbitCurve;
 
 /// A solved orbit on a curve.
@@ -39,6 +45,7 @@ struct CurvePoint {
     std::vector<std::complex<double>> multipliers;  ///< the trivial one of autonomous orbits not
     std::complex<double> trivial;                   ///< that one
     double residual = 0.0;                          ///< largest closing error
+    double last_step = 0.0;                         ///< Newton\'s, in the norm: the jacobians are off by that
     int iterations = 0;
     bool sticking = false;
 
@@ -73,13 +80,13 @@ public:
     /// @param phase   needed exactly for autonomous flows.
     /// @param period  what an orbit on the curve is called, in periods of the forcing or returns.
     OrbitCurve(const CurveSetting& setting, Course course, Eigen::MatrixXd turns, Eigen::VectorXd scale,
-               std::optional<PhaseCondition> phase, int period);
+               std::optional<PhasePlane> phase, int period);
 
     [[nodiscard]] const CurveSetting& setting() const { return *setting_; }
     [[nodiscard]] const Course& course() const { return course_; }
     [[nodiscard]] const Eigen::MatrixXd& turns() const { return turns_; }
     [[nodiscard]] const Eigen::VectorXd& scale() const { return scale_; }
-    [[nodiscard]] const std::optional<PhaseCondition>& phase() const { return phase_; }
+    [[nodiscard]] const std::optional<PhasePlane>& phase() const { return phase_; }
     [[nodiscard]] int period() const { return period_; }
     [[nodiscard]] bool autonomous() const { return phase_.has_value(); }
     /// Whole turns over the orbit, one per angle coordinate.
@@ -119,7 +126,7 @@ private:
     Course course_;
     Eigen::MatrixXd turns_;
     Eigen::VectorXd scale_;
-    std::optional<PhaseCondition> phase_;
+    std::optional<PhasePlane> phase_;
     int period_;
     Eigen::VectorXd weights_;  ///< the norm of y is the Euclidean one of weights * y
     Eigen::Index n_;

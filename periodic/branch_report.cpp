@@ -6,6 +6,7 @@
 #include <numbers>
 #include <vector>
 
+#include "periodic/newton.hpp"
 #include "periodic/orbit_report.hpp"
 #include "periodic/whole_turn.hpp"
 

@@ -16,8 +16,10 @@ using Eigen::VectorXd;
 
 constexpr int newton_steps = 10;
 
-/// A first orbit farther from its prediction than this share of the step belongs to another branch.
+/// A first orbit farther from its prediction than this share of the step is not believed. The direction of a doubled
+/// branch is known; a branch that crosses lies anywhere across the one that is known, in steep cases at this slope.
 constexpr double largest_distance = 0.5;
+constexpr double largest_slope = 4.0;
 
 /// Nor may a multiplier have moved by more than this: the next bifurcation may follow soon.
 constexpr double largest_move = 0.5;
@@ -27,13 +29,12 @@ constexpr double shortening = 0.25;
 
 /// An orbit at a given distance from a bifurcation, in a direction.
 std::optional<CurvePoint> first_orbit(const CurvePoint& origin, const VectorXd& direction, double step,
-                                      double smallest_step) {
+                                      double smallest_step, double most_distant) {
     const OrbitCurve& curve = *origin.curve;
     for (double length = step; length >= smallest_step; length *= shortening) {
         Correction correction =
             curve.corrected(origin.y + length * direction, direction, curve.setting().solver.tolerance, newton_steps);
-        if (correction.status != OrbitStatus::converged || !(correction.distance <= largest_distance * length))
-            continue;
+        if (correction.status != OrbitStatus::converged || !(correction.distance <= most_distant * length)) continue;
         if (largest_multiplier_move(origin, correction.point) > largest_move && length * shortening >= smallest_step)
             continue;
         return std::move(correction.point);
@@ -72,7 +73,7 @@ std::optional<BranchSwitch> doubled(const CurvePoint& point, double step, double
         // A shift along the orbit is the same on both halves; the phase condition fixes it.
         const std::vector<double> no_phases(static_cast<std::size_t>(count), 0.0);
         const MatrixXd f = setting.system.rhs(once.nodes, no_phases, setting.theta_at(point.parameter()));
-        const VectorXd& normal = old.phase()->normals.col(0);
+        const VectorXd& normal = old.phase()->normal;
         const MatrixXd shift = -normal.dot(v.col(0)) / normal.dot(f.col(0)) * f;
         v += shift;
         second += shift;
@@ -94,7 +95,7 @@ std::optional<BranchSwitch> doubled(const CurvePoint& point, double step, double
     if (old.autonomous()) origin.columns.col(0) *= 0.5;
     for (auto& multiplier : origin.multipliers)
         multiplier *= multiplier;
-    auto first = first_orbit(result.origin, direction, step, smallest_step);
+    auto first = first_orbit(result.origin, direction, step, smallest_step, largest_distance);
     if (!first) return std::nullopt;
     result.first = std::move(*first);
     return result;
@@ -109,7 +110,7 @@ std::vector<BranchSwitch> crossing(const CurvePoint& point, double step, double 
         branch.origin.tangent = sign * direction;
         const double length =
             result.empty() ? step : point.curve->norm(result.front().first.y - result.front().origin.y);
-        auto first = first_orbit(branch.origin, branch.origin.tangent, length, smallest_step);
+        auto first = first_orbit(branch.origin, branch.origin.tangent, length, smallest_step, largest_slope);
         if (!first) continue;
         branch.first = std::move(*first);
         // Other branches differ by as much as they are away from the branch point; mirror images only by the error of

@@ -44,13 +44,4 @@ struct Walk {
 [[nodiscard]] Walk walked(const CurvePoint& start, const ParameterRange& range, const ContinuationOptions& options,
                           double first_step, std::size_t most);
 
-/// Unit of each coordinate along a course: the one asked for, or 2 pi for angles and the largest value in between the
-/// nodes for the others. Shape (n).
-[[nodiscard]] Eigen::VectorXd scale_along(const CurveSetting& setting, const Course& course);
-
-/// The same orbit with further nodes where errors grow too much in between, a phase condition across the flow where the
-/// old one has become oblique, and a larger scale where it has grown beyond the old one; the point itself when nothing
-/// was to be done, or could be.
-[[nodiscard]] CurvePoint with_fitting_nodes(const CurvePoint& point);
-
 }  // namespace orbid::periodic

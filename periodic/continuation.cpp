@@ -10,6 +10,7 @@
 
 #include "periodic/bifurcation_point.hpp"
 #include "periodic/branch_curve.hpp"
+#include "periodic/branch_nodes.hpp"
 #include "periodic/branch_report.hpp"
 #include "periodic/branch_switch.hpp"
 #include "periodic/branch_walk.hpp"
@@ -102,13 +103,12 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
         closing = close();
         if (!closing.simulated) return std::nullopt;
     }
-    std::optional<PhaseCondition> phase;
+    std::optional<PhasePlane> phase;
     if (system.kind() == models::Kind::autonomous) {
         const VectorXd x = course.nodes.col(0);
         const VectorXd f = system.rhs(x, std::vector<double>{0.0}, setting.theta);
-        phase =
-            start.section ? PhaseCondition{start.section->normal, start.section->offset} : PhaseCondition{f, f.dot(x)};
-        if (phase->normals.col(0).dot(f) < 0.0) phase = PhaseCondition{-phase->normals, -phase->offset};
+        phase = start.section ? PhasePlane{start.section->normal, start.section->offset} : PhasePlane{f, f.dot(x)};
+        if (phase->normal.dot(f) < 0.0) phase = PhasePlane{-phase->normal, -phase->offset};
     }
     const MatrixXd turns = whole_turns(closing.error, angle_coordinates(system), orbit.rotation);
     const MatrixXd nodes = course.nodes;

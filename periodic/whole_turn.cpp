@@ -17,6 +17,9 @@ constexpr double full_turn = 2.0 * std::numbers::pi;
 /// are closer only next to a period doubling, where the orbits cannot be told apart to this accuracy either.
 constexpr double same_point = 1e-7;
 
+/// A coordinate smaller than this share of the others is a zero that was rounded: its size says nothing.
+constexpr double rounded_zero = 1e-12;
+
 }  // namespace
 
 std::vector<Index> angle_coordinates(const models::System& system) {
@@ -28,10 +31,11 @@ std::vector<Index> angle_coordinates(const models::System& system) {
 
 VectorXd default_scale(const models::System& system, const MatrixXd& guess) {
     VectorXd scale = guess.cwiseAbs().rowwise().maxCoeff();
+    const double largest = scale.maxCoeff();
     for (Index i = 0; i < scale.size(); ++i) {
         if (system.coordinates()[static_cast<std::size_t>(i)].angle) {
             scale(i) = full_turn;
-        } else if (!(scale(i) > 0.0)) {
+        } else if (!(scale(i) > rounded_zero * largest)) {
             scale(i) = 1.0;
         }
     }

@@ -1,11 +1,15 @@
 #include "periodic/continuation.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
+#include "tests/periodic/branch_maps.hpp"
+#include "tests/periodic/closed_form_system.hpp"
 
 using namespace orbid;
 using Eigen::MatrixXd;
@@ -72,6 +76,119 @@ TEST_CASE("logistic map: the first five doublings of the cascade", "[periodic][r
     CHECK(diagram.branches[0].points.front().parameter == 2.5);
 }
 
+TEST_CASE("folds, and the whole of a branch that closes: fixed points on a circle", "[periodic]") {
+    const tests::CircleMap system;
+    StartingSolution start;
+    start.points = MatrixXd::Constant(1, 1, 0.8);
+    ContinuationOptions options;
+    options.lower = -2.0;
+    options.upper = 2.0;
+    options.direction = 1;
+    const BifurcationDiagram diagram = follow_branches(system, VectorXd::Constant(1, 0.6), start, options);
+    REQUIRE(diagram.branches.size() == 1);
+    const Branch& branch = diagram.branches[0];
+    CHECK(branch.first == BranchEnd::start);
+    CHECK(branch.last == BranchEnd::closed);
+    std::vector<double> folds;
+    for (const BranchPoint& point : branch.points) {
+        // Every point lies on the circle, and is stable where it is right of the middle. Measured 2e-16.
+        CHECK_THAT(std::hypot(point.parameter, point.orbit.points(0, 0)), tests::WithinAbs(1.0, 1e-14));
+        if (point.bifurcation == Bifurcation::fold)
+            folds.push_back(point.parameter);
+        else
+            CHECK(point.unstable == (point.orbit.points(0, 0) > 0.0 ? 0 : 1));
+        CHECK(point.bifurcation != Bifurcation::branch_point);
+    }
+    REQUIRE(folds.size() == 2);
+    CHECK_THAT(folds[0], tests::WithinAbs(1.0, 1e-14));
+    CHECK_THAT(folds[1], tests::WithinAbs(-1.0, 1e-14));
+    CHECK_THAT(branch.points.back().orbit.points(0, 0), tests::WithinAbs(0.8, 1e-12));
+    CHECK_THAT(branch.points.back().parameter, tests::WithinAbs(0.6, 1e-12));
+}
+
+TEST_CASE("branches that cross, with and without a symmetry", "[periodic]") {
+    for (const double skew : {0.0, 1.0}) {
+        CAPTURE(skew);
+        const tests::CrossingMap system(skew);
+        StartingSolution start;
+        start.points = MatrixXd::Zero(1, 1);
+        ContinuationOptions options;
+        options.lower = -0.7;
+        options.upper = 0.3;
+        options.solver.scale = VectorXd::Ones(1);
+        const BifurcationDiagram diagram = follow_branches(system, VectorXd::Constant(1, -0.3), start, options);
+        // With the skew term another branch, x = (1 - sqrt(1 + 4 lambda)) / 2 and its other half, crosses at 0. Without
+        // it x = +-sqrt(lambda) begins there, and the symmetry makes one of the two halves enough.
+        REQUIRE(diagram.branches.size() == (skew == 0.0 ? 2 : 3));
+        const auto& trunk = diagram.branches[0].points;
+        const auto crossing = std::find_if(trunk.begin(), trunk.end(), [](const BranchPoint& point) {
+            return point.bifurcation == Bifurcation::branch_point;
+        });
+        REQUIRE(crossing != trunk.end());
+        // Measured 2e-18.
+        CHECK_THAT(crossing->parameter, tests::WithinAbs(0.0, 1e-15));
+        for (std::size_t b = 1; b < diagram.branches.size(); ++b) {
+            CHECK(diagram.branches[b].origin->branch == 0);
+            for (const BranchPoint& point : diagram.branches[b].points) {
+                const double x = point.orbit.points(0, 0);
+                CHECK_THAT(point.parameter, tests::WithinAbs(x * x - skew * x, 5e-15));
+            }
+        }
+    }
+}
+
+TEST_CASE("Neimark-Sacker of the delayed logistic map at a = 2", "[periodic]") {
+    const tests::DelayedLogisticMap system;
+    StartingSolution start;
+    start.points = Eigen::Vector2d(1.0 / 3.0, 1.0 / 3.0);
+    ContinuationOptions options;
+    options.lower = 1.2;
+    options.upper = 2.4;
+    const BifurcationDiagram diagram = follow_branches(system, VectorXd::Constant(1, 1.5), start, options);
+    REQUIRE(diagram.branches.size() == 1);
+    std::vector<BranchPoint> found;
+    for (const BranchPoint& point : diagram.branches[0].points)
+        if (point.bifurcation != Bifurcation::none) found.push_back(point);
+    REQUIRE(found.size() == 1);
+    CHECK(found[0].bifurcation == Bifurcation::neimark_sacker);
+    // Fixed point 1 - 1 / a with multipliers exp(+-i pi / 3). Measured 0 and 3e-16; the search
+    // stops at 1e-13.
+    CHECK_THAT(found[0].parameter, tests::WithinAbs(2.0, 1e-12));
+    CHECK(std::abs(found[0].orbit.multipliers[0] - std::polar(1.0, std::numbers::pi / 3.0)) < 1e-12);
+    CHECK(diagram.branches[0].points.back().unstable == 2);
+}
+
+TEST_CASE("a branch follows the forcing frequency in the phase, and ends at the edge of the domain", "[periodic]") {
+    const tests::ForcedOscillator system;
+    VectorXd theta = system.default_parameters();
+    StartingSolution start;
+    start.phase = 0.7;
+    start.points = tests::ForcedOscillator::steady(0.7, theta.cast<tests::Complex>()).real();
+    ContinuationOptions options;
+    options.parameter = 3;
+    options.lower = 1.0;
+    options.upper = 3.0;
+    BifurcationDiagram diagram = follow_branches(system, theta, start, options);
+    REQUIRE(diagram.branches.size() == 1);
+    CHECK(diagram.branches[0].points.front().parameter == 1.0);
+    CHECK(diagram.branches[0].points.back().parameter == 3.0);
+    for (const BranchPoint& point : diagram.branches[0].points) {
+        theta(3) = point.parameter;
+        const Eigen::Vector2d exact = tests::ForcedOscillator::steady(0.7, theta.cast<tests::Complex>()).real();
+        CHECK((point.orbit.points.col(0) - exact).norm() < 4e-14);  // measured 4e-15, times ten
+    }
+    // Damping, >= 0, asked for down to -1.
+    theta(3) = 2.3;
+    options.parameter = 1;
+    options.lower = -1.0;
+    options.upper = 1.0;
+    diagram = follow_branches(system, theta, start, options);
+    REQUIRE(diagram.branches.size() == 1);
+    CHECK(diagram.branches[0].first == BranchEnd::domain);
+    CHECK(diagram.branches[0].points.front().parameter == 0.0);
+    CHECK(diagram.branches[0].last == BranchEnd::bound);
+}
+
 TEST_CASE("continuation refuses a wrong call", "[periodic]") {
     const auto system = models::make_system("logistic");
     const VectorXd theta = VectorXd::Constant(1, 2.8);
@@ -97,4 +214,18 @@ TEST_CASE("continuation refuses a wrong call", "[periodic]") {
     refused([](auto& o) { o.maximum_period = 0; });
     refused([](auto& o) { o.maximum_branches = 0; });
     refused([](auto& o) { o.longest = 0.0; });
+}
+
+TEST_CASE("continuation says why there is no branch", "[periodic]") {
+    const auto system = models::make_system("henon");
+    StartingSolution start;
+    start.points = Eigen::Vector2d(0.0, 0.0);
+    VectorXd theta = system->default_parameters();
+    theta(0) = -2.0;  // no fixed points below a = -(1 - b)^2 / 4
+    ContinuationOptions options;
+    options.lower = -3.0;
+    options.upper = 1.0;
+    const BifurcationDiagram diagram = follow_branches(*system, theta, start, options);
+    CHECK(diagram.start_status != OrbitStatus::converged);
+    CHECK(diagram.branches.empty());
 }
