@@ -214,7 +214,7 @@ LocatedPoint zero_between(const CurvePoint& a, const CurvePoint& b, Bifurcation 
     result.point = std::move(best.point);
     result.position = best.s;
     // The test function belongs to the orbit before Newton's last step.
-    result.parameter_error = change + std::abs(best.point.parameter_slope()) * best.point.last_step;
+    result.parameter_error = change + std::abs(result.point.parameter_slope()) * result.point.last_step;
     result.found = true;
     return result;
 }

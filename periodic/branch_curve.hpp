@@ -45,7 +45,7 @@ struct CurvePoint {
     std::vector<std::complex<double>> multipliers;  ///< the trivial one of autonomous orbits not
     std::complex<double> trivial;                   ///< that one
     double residual = 0.0;                          ///< largest closing error
-    double last_step = 0.0;                         ///< Newton\'s, in the norm: the jacobians are off by that
+    double last_step = 0.0;                         ///< Newton's, in the norm: the jacobians are off by that
     int iterations = 0;
     bool sticking = false;
 
