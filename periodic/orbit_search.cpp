@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -13,6 +14,10 @@ namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
+
+/// Stabilised iterations for a period that is settled already: a sample that would show what the other starts cannot
+/// reach.
+constexpr std::size_t sample = 256;
 
 void require(bool holds, const std::string& message) {
     if (!holds) throw std::invalid_argument("search_orbits: " + message);
@@ -122,7 +127,8 @@ OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, c
     for (std::size_t before = 0; options.stabilised && before < search.list().orbits().size();) {
         before = search.list().orbits().size();
         for (std::size_t i = 0; i < periods.size(); ++i)
-            search.from_orbits(periods[i], used[i]);
+            search.from_orbits(periods[i], used[i],
+                               result.settled[i] ? sample : std::numeric_limits<std::size_t>::max());
     }
     result.orbits = ordered(search.list().orbits(), periods);
     if (options.partition)

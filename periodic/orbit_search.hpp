@@ -37,7 +37,8 @@ struct OrbitSearchOptions {
     std::size_t trajectories = 256;  ///< at a time, >= 1; from random states
     Eigen::MatrixXd initial{};       ///< shape (n, m): states from which the first trajectories begin; may be empty
     bool symmetry = true;            ///< look for the mirror image of every orbit (models that declare a symmetry)
-    /// As the last resort stabilised iterations from the orbits found, until a round of them is in vain.
+    /// As the last resort stabilised iterations from the orbits found, until a round of them is in vain; a sample of
+    /// them for periods that are settled.
     bool stabilised = true;
     /// Recurrences up to this gap are tried, relative to the extent of the section, closest first; in (0, 0.5].
     double widest = 0.05;

@@ -34,12 +34,13 @@ public:
 
     /// Loops of cells, from fine cells to coarse ones, until a round brings nothing new. Fine cells have few loops,
     /// each near to its orbit, but some of their steps were never seen; coarse ones have many.
-    /// @return such a round came.
+    /// @return the last round, through cells of another size than those before, brought nothing new.
     bool from_joined(int period);
 
     /// Stabilised iterations that begin at the points of orbits of other periods.
     /// @param used  orbits of the list that have served already; set to all.
-    void from_orbits(int period, std::size_t& used);
+    /// @param most  iterations, a mixed sample of all.
+    void from_orbits(int period, std::size_t& used, std::size_t most);
 
     [[nodiscard]] const OrbitList& list() const { return list_; }
     [[nodiscard]] std::size_t starts() const { return starts_; }

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "models/registry.hpp"
+#include "periodic/index_sum.hpp"
 #include "periodic/orbit_search.hpp"
 #include "tests/catch.hpp"
 #include "tests/periodic/flow_orbits.hpp"
@@ -78,6 +79,7 @@ TEST_CASE("search without data finds the pendulum's cycles", "[periodic][search]
     const auto table = tests::read_reference_orbits(*pendulum, "pendulum_orbits_g9.81.json");
     OrbitSearchOptions options;
     options.periods = {1, 2, 3};
+    options.points = 1U << 16U;
     const OrbitSearch search = search_orbits(*pendulum, table.theta, options);
     CHECK(counts(search, 3) == std::vector<int>{6, 9, 28});
     for (const auto& reference : table.orbits) {
@@ -100,6 +102,102 @@ TEST_CASE("search without data finds the pendulum's cycles", "[periodic][search]
     }
 }
 
+TEST_CASE("search finds every cycle of Henon's map, also off the attractor", "[periodic][search][reference]") {
+    const auto henon = models::make_system("henon");
+    std::ifstream stream(std::string(ORBID_SOURCE_DIR) + "/tests/reference/henon_cycles.json");
+    const auto table = nlohmann::json::parse(stream);
+    OrbitSearchOptions options;
+    options.periods = up_to(10);
+    options.points = 1U << 15U;
+    const OrbitSearch search = search_orbits(*henon, henon->default_parameters(), options);
+    std::vector<int> expected;
+    for (const int p : options.periods)
+        expected.push_back(table.at("prime_cycle_count").at(std::to_string(p)).get<int>());
+    CHECK(counts(search, 10) == expected);
+    CHECK(search.settled == std::vector<bool>(10, true));
+    for (const auto& cycle : table.at("cycles")) {
+        const Eigen::Vector2d x(std::stod(cycle.at("x").get<std::string>()),
+                                std::stod(cycle.at("y").get<std::string>()));
+        CAPTURE(x(0), cycle.at("period").get<int>());
+        double nearest = INFINITY;
+        for (const FoundOrbit& found : search.orbits)
+            if (found.orbit.period == cycle.at("period").get<int>())
+                nearest =
+                    std::min(nearest, (found.orbit.points.colwise() - x).cwiseAbs().colwise().maxCoeff().minCoeff());
+        CHECK(nearest < 1e-13);  // rounding: measured 1e-14 times ten
+    }
+}
+
+TEST_CASE("search finds Ikeda's cycles", "[periodic][search][reference]") {
+    const auto ikeda = models::make_system("ikeda");
+    OrbitSearchOptions options;
+    options.periods = up_to(7);
+    options.points = 1U << 15U;
+    const OrbitSearch search = search_orbits(*ikeda, ikeda->default_parameters(), options);
+    std::vector<int> unstable(7, 0), stable(7, 0);
+    std::vector<periodic::PeriodicOrbit> orbits;
+    for (const FoundOrbit& found : search.orbits) {
+        auto& number = std::abs(found.orbit.multipliers.at(0)) > 1.0 ? unstable : stable;
+        ++number[static_cast<std::size_t>(found.orbit.period - 1)];
+        orbits.push_back(found.orbit);
+    }
+    CHECK(unstable == std::vector<int>{2, 1, 2, 3, 4, 7, 10});
+    // Beside the chaos there is a stable fixed point.
+    CHECK(stable == std::vector<int>{1, 0, 0, 0, 0, 0, 0});
+    // The plane is mapped into a disc: all indices add up to 1.
+    CHECK(index_sums(orbits, 7) == std::vector<int>(7, 1));
+}
+
+TEST_CASE("search finds the orbits of Lorenz' and Roessler's flows", "[periodic][search][reference]") {
+    const auto check = [](const std::string& model, const periodic::SymbolPartition& partition, int longest,
+                          const std::vector<int>& expected) {
+        const auto system = models::make_system(model);
+        const auto table = tests::read_flow_orbits(model);
+        OrbitSearchOptions options;
+        options.periods = up_to(longest);
+        options.section = table.section;
+        options.partition = partition;
+        options.points = 1U << 13U;
+        options.stabilised = false;
+        const OrbitSearch search = search_orbits(*system, system->default_parameters(), options);
+        CAPTURE(model);
+        CHECK(counts(search, longest) == expected);
+        for (const auto& reference : table.orbits) {
+            CAPTURE(reference.code);
+            bool met = false;
+            for (const FoundOrbit& found : search.orbits)
+                if (periodic::same_cyclic_word(found.code, reference.code)) {
+                    // As autonomous_orbits_test.cpp, for any start.
+                    CHECK(std::abs(found.orbit.time / reference.time - 1.0) < 1e-13);
+                    met = true;
+                }
+            CHECK(met);
+        }
+    };
+    // Binary words but A and B, which have shrunk to the equilibria.
+    check("lorenz", {{{0, {0.0}}}, "AB"}, 5, {0, 1, 2, 3, 6});
+    // The top of the return map lies at y = 4.95 (symbolic_start_test.cpp finds it).
+    check("rossler", {{{1, {4.95}}}, "01"}, 7, {1, 1, 2, 1, 2, 3, 4});
+}
+
+TEST_CASE("indices of a complete list of orbits of the pendulum add up to the same number", "[periodic][search]") {
+    const auto pendulum = models::make_system("parametric_pendulum");
+    const auto table = tests::read_reference_orbits(*pendulum, "pendulum_orbits_g9.81.json");
+    OrbitSearchOptions options;
+    options.periods = {1, 2, 3, 4};
+    options.points = 1U << 16U;
+    options.stabilised = false;
+    const OrbitSearch search = search_orbits(*pendulum, table.theta, options);
+    std::vector<periodic::PeriodicOrbit> orbits;
+    for (const FoundOrbit& found : search.orbits)
+        orbits.push_back(found.orbit);
+    // A cylinder is mapped into itself: its Euler characteristic.
+    CHECK(index_sums(orbits, 4) == std::vector<int>(4, 0));
+    CHECK(counts(search, 4) == std::vector<int>{6, 9, 28, 98});
+    orbits.pop_back();
+    CHECK(index_sums(orbits, 4).back() != 0);
+}
+
 TEST_CASE("search for orbits refuses wrong options", "[periodic][search]") {
     const auto lorenz = models::make_system("lorenz");
     const auto henon = models::make_system("henon");
@@ -119,6 +217,12 @@ TEST_CASE("search for orbits refuses wrong options", "[periodic][search]") {
     refused(*henon, [](OrbitSearchOptions& o) { o.widest = std::nan(""); });
     refused(*henon, [](OrbitSearchOptions& o) { o.patience = 0; });
     refused(*henon, [](OrbitSearchOptions& o) { o.phase = std::nan(""); });
+    refused(*henon, [](OrbitSearchOptions& o) { o.loops = 0; });
+    refused(*henon, [](OrbitSearchOptions& o) { o.codes = {"0"}; });
+    refused(*henon, [](OrbitSearchOptions& o) {
+        o.partition = periodic::SymbolPartition{{{0, {0.0}}}, "01"};
+        o.codes = {"0101"};
+    });
     refused(*henon, [](OrbitSearchOptions& o) { o.initial = MatrixXd::Zero(3, 1); });
     CHECK_THROWS_AS(search_orbits(*henon, VectorXd::Zero(1), OrbitSearchOptions{}), std::invalid_argument);
 }
