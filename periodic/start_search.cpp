@@ -38,7 +38,7 @@ constexpr double finest_edge = 1e-3;
 constexpr double edge_ratio = 1.4142135623730951;
 
 /// Random states that are tried for every period.
-constexpr std::size_t scattered_states = 256;
+constexpr std::size_t scattered_states = 64;
 
 std::vector<double> section_signs(const ModelSection& section) {
     const auto symmetry = section.system.symmetry();

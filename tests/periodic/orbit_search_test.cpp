@@ -108,7 +108,8 @@ TEST_CASE("search finds every cycle of Henon's map, also off the attractor", "[p
     const auto table = nlohmann::json::parse(stream);
     OrbitSearchOptions options;
     options.periods = up_to(10);
-    options.points = 1U << 15U;
+    options.points = 1U << 14U;
+    options.stabilised = false;
     const OrbitSearch search = search_orbits(*henon, henon->default_parameters(), options);
     std::vector<int> expected;
     for (const int p : options.periods)
@@ -132,7 +133,8 @@ TEST_CASE("search finds Ikeda's cycles", "[periodic][search][reference]") {
     const auto ikeda = models::make_system("ikeda");
     OrbitSearchOptions options;
     options.periods = up_to(7);
-    options.points = 1U << 15U;
+    options.points = 1U << 14U;
+    options.stabilised = false;
     const OrbitSearch search = search_orbits(*ikeda, ikeda->default_parameters(), options);
     std::vector<int> unstable(7, 0), stable(7, 0);
     std::vector<periodic::PeriodicOrbit> orbits;
@@ -157,8 +159,9 @@ TEST_CASE("search finds the orbits of Lorenz' and Roessler's flows", "[periodic]
         options.periods = up_to(longest);
         options.section = table.section;
         options.partition = partition;
-        options.points = 1U << 13U;
+        options.points = 1U << 12U;
         options.stabilised = false;
+        options.loops = 300;
         const OrbitSearch search = search_orbits(*system, system->default_parameters(), options);
         CAPTURE(model);
         CHECK(counts(search, longest) == expected);
