@@ -1,11 +1,11 @@
-/// The cascade of the parametric pendulum, from the locked rotation at 13 rad/s down: its doublings, what they cost per
-/// point of a branch, and AUTO-07p on the same branches in the same run (bench/auto/cascade.sh; without AUTO that is
-/// said, and only our own figures are printed).
+// The cascade of the parametric pendulum, from the locked rotation at 13 rad/s down: its doublings, what they cost per
+// point of a branch, and AUTO-07p on the same branches in the same run (bench/auto/cascade.sh; without AUTO that is
+// said, and only our own figures are printed).
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <numbers>
@@ -36,7 +36,7 @@ VectorXd after(const models::System& system, const VectorXd& x, double phase, co
 /// One line of the cascade: a branch up to its first doubling.
 struct Generation {
     std::size_t points = 0;
-    double time = 0.0;  ///< [s]
+    double time = 0.0;  ///< processor time [s]
     double doubling = 0.0;
     double error = 0.0;
 };
@@ -52,10 +52,9 @@ std::vector<Generation> cascade(const models::System& system, const VectorXd& th
         total.time = 1e9;
         periodic::BifurcationDiagram diagram;
         for (int k = 0; k < repetitions; ++k) {
-            const auto begin = std::chrono::steady_clock::now();
+            const std::clock_t begin = std::clock();
             diagram = follow_branches(system, theta, start, options);
-            const std::chrono::duration<double> time = std::chrono::steady_clock::now() - begin;
-            total.time = std::min(total.time, time.count());
+            total.time = std::min(total.time, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
         }
         for (const auto& branch : diagram.branches)
             total.points += branch.points.size();

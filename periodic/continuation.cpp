@@ -223,13 +223,18 @@ private:
     void switch_at(std::size_t branch, std::size_t index) {
         if (followed_.size() >= options_.maximum_branches) return;
         const WalkPoint& at = followed_[branch].points[index];
+        // Each generation of a cascade is a few times shorter than the one before: steps that are far too long for it
+        // are not even tried.
+        constexpr double part_of_parent = 0.1;
+        const double step = followed_[branch].origin
+                                ? std::clamp(part_of_parent * at.arclength, options_.smallest_step, options_.first_step)
+                                : options_.first_step;
         std::vector<BranchSwitch> found;
         if (at.bifurcation == Bifurcation::period_doubling && options_.switch_doublings &&
             2 * at.point.curve->period() <= options_.maximum_period) {
-            if (auto one = doubled(at.point, options_.first_step, options_.smallest_step))
-                found.push_back(std::move(*one));
+            if (auto one = doubled(at.point, step, options_.smallest_step)) found.push_back(std::move(*one));
         } else if (at.bifurcation == Bifurcation::branch_point && options_.switch_symmetry) {
-            found = crossing(at.point, options_.first_step, options_.smallest_step);
+            found = crossing(at.point, step, options_.smallest_step);
         }
         for (const BranchSwitch& start : found) {
             if (followed_.size() >= options_.maximum_branches) return;

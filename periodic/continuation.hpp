@@ -17,10 +17,11 @@ struct ContinuationOptions {
     Eigen::Index parameter = 0;  ///< index into System::parameters()
     double lower = 0.0;          ///< range of its values, lower < upper; the start lies inside
     double upper = 0.0;
-    /// +1: first towards larger values, -1: towards smaller ones, 0: both ways from the start.
+    /// +1: the branch that leaves the start towards larger values, -1: towards smaller ones, 0: both ways.
     int direction = 0;
-    /// Arclength: points relative to the scales and the parameter relative to upper - lower, each with the weight of
-    /// one coordinate. All > 0.
+    /// Arclength: points relative to the scales (the solver's; by default 2 pi for angles and the largest value along
+    /// the orbit for the others, enlarged when an orbit grows to three times that) and the parameter relative to upper
+    /// - lower, each with the weight of one coordinate. All > 0.
     double first_step = 1e-2;
     double smallest_step = 1e-7;
     double largest_step = 5e-2;
@@ -33,18 +34,21 @@ struct ContinuationOptions {
     ShootingOptions solver{};
 };
 
-/// The branch through an orbit, by pseudo-arclength continuation of multiple shooting: folds are passed, bifurcations
-/// located. Stops at nothing but the range, the limits and its own start.
-///
-/// @param start  leads to an orbit at theta by solve_multiple_shooting().
-/// @return the branch; empty points when the start does not converge: `start_status` of the diagram says how.
-/// @throws std::invalid_argument naming the option and its rule.
 struct BifurcationDiagram {
     OrbitStatus start_status = OrbitStatus::no_progress;  ///< converged, or why there is no branch
     std::vector<Branch> branches;                         ///< the first one through the start, then those switched to
 };
 
-/// That branch and, generation after generation, the branches that begin at its doublings and symmetry breakings.
+/// The branch through an orbit, by pseudo-arclength continuation of multiple shooting, and, generation after
+/// generation, the branches that begin at its doublings and symmetry breakings. Folds are passed, bifurcations located:
+/// each is solved for together with its orbit, to the accuracy of the flow. No branch is followed twice: neither from
+/// the other one of its ends, nor as its own mirror image (models that declare a symmetry).
+///
+/// @param start  leads to an orbit at theta by solve_multiple_shooting().
+/// @return no branches when the start does not converge; `start_status` says how it ended then. Never throws for bad
+///         numerics: every branch says why it ended.
+/// @throws std::invalid_argument naming the option and its rule.
+/// Source: H. B. Keller, in: Applications of Bifurcation Theory (1977) 359 (pseudo-arclength).
 [[nodiscard]] BifurcationDiagram follow_branches(const models::System& system, const Eigen::VectorXd& theta,
                                                  const StartingSolution& start, const ContinuationOptions& options);
 

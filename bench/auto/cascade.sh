@@ -1,9 +1,9 @@
-#!/bin/sh
+#!/bin/bash
 # The cascade of the parametric pendulum with AUTO-07p: bench/auto/cascade.sh START
 #
 # START   file with an orbit at omega = 13 rad/s: t, phi + omega t, phi_dot, sin(omega t), cos(omega t) per line
 #
-# Prints per branch: period, points, shortest time of seven runs as AUTO gives it [s], omega of its first doubling. The Debian package auto-07p
+# Prints per branch: period, points, shortest processor time of seven runs [s], omega of its first doubling. The Debian package auto-07p
 # holds AUTO's objects, which each problem is linked with by gfortran.
 library=/usr/lib/auto-07p/lib
 if [ ! -e $library/main.o ] || ! command -v gfortran > /dev/null; then
@@ -28,6 +28,7 @@ RL0=9.0, RL1=13.5, A0=-1e10, A1=1e10, NPR=0, MXBF=0, IID=2, ITMX=9, ITNW=7, NWTN
 EPSL=1e-10, EPSU=1e-10, EPSS=1e-9, DS=$3, DSMIN=1e-8, DSMAX=0.1, IADS=1
 END
 }
+TIMEFORMAT=%U
 label=0
 switch=1
 step=-0.01
@@ -36,8 +37,7 @@ for period in 1 2 4 8 16; do
     constants $label $switch $step $intervals > fort.2
     : > times
     for run in 1 2 3 4 5 6 7; do
-        OMP_NUM_THREADS=1 ./cascade > out 2> /dev/null || { cat out; exit 1; }
-        sed -n 's/.*Total Time *//p' out >> times
+        { time OMP_NUM_THREADS=1 ./cascade > out 2> /dev/null || { cat out; exit 1; } } 2>> times
     done
     count=$(grep -c '^ *[1-9-][0-9]* *-*[1-9]' fort.7)
     time=$(sort -g times | head -1)
