@@ -46,7 +46,7 @@ const std::vector<Command>& commands() {
         {"models", "[NAME]", "the models, or one of them", "orbid models parametric_pendulum", {}},
         {"new",
          "MODEL [TASK]",
-         "print a commented starting job; TASK: simulate (default), cycles, series",
+         "print a commented starting job; TASK: simulate (default), cycles, series, waveform",
          "orbid new parametric_pendulum cycles > job.json",
          {}},
         {"report", "", "", "", {}, true},

@@ -84,7 +84,7 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
 
     JobResiduals residuals;
     add_series(job, data, setup, residuals);
-    for (const std::string& lost : add_waveform(job, data, setup, residuals.waveform))
+    for (const std::string& lost : add_waveform(job, data, setup, setup.start(), residuals.waveform))
         work.progress.say(lost);
     std::vector<estimator::FreeParameter> parameters = setup.parameters;
     const models::ParameterBinding& cycle_binding =
@@ -131,6 +131,13 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
             residuals.cycles = std::make_unique<orbits::CycleResidual>(
                 job.model.system, cycle_binding, search.cycles, job.section_phase, best, start.nodes, cycle_options);
         }
+        if (residuals.waveform.residual) {
+            Eigen::VectorXd best(static_cast<Eigen::Index>(parameters.size()));
+            for (std::size_t i = 0; i < parameters.size(); ++i)
+                best[static_cast<Eigen::Index>(i)] = parameters[i].start;
+            for (const std::string& lost : add_waveform(job, data, setup, best, residuals.waveform))
+                work.progress.say(lost);
+        }
         work.progress.begin("estimate");
     }
     const auto all = residuals.all();
@@ -173,6 +180,8 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
         const bool has_sds = estimate.latent_sds.size() == all.size();
         add_steady_states(job, residuals.waveform, theta, estimate.latents.back(),
                           has_sds ? estimate.latent_sds.back() : std::vector<Eigen::VectorXd>{}, outcome.context);
+        for (const auto& plot : waveform_plots(job, residuals.waveform, theta, estimate.latents.back()))
+            work.folder.store(plot.first, plot.second);
     }
     if (evaluated) {
         posterior.diagnostics = diagnose_residuals(all, estimate);

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "apps/segment_choice.hpp"
+#include "apps/waveform_plot.hpp"
 #include "models/parameter.hpp"
 #include "orbits/data_error.hpp"
 
@@ -60,7 +62,7 @@ double sd_of(const estimator::EstimatedScale& scale, const periodic::WaveformCha
 }  // namespace
 
 std::vector<std::string> add_waveform(const Job& job, const std::vector<Experiment>& data, const EstimateSetup& setup,
-                                      JobWaveform& waveform) {
+                                      const Eigen::VectorXd& start, JobWaveform& waveform) {
     if (!job.estimate->waveform) return {};
     const WaveformResidualJob& asked = *job.estimate->waveform;
     periodic::WaveformOptions options;
@@ -76,7 +78,8 @@ std::vector<std::string> add_waveform(const Job& job, const std::vector<Experime
         }
         options.covariances.push_back(std::move(covariance));
     }
-    options.start = setup.start();
+    options.start = start;
+    waveform.places.clear();
     std::vector<periodic::WaveformRecord> records;
     for (std::size_t i = 0; i < asked.data.size(); ++i) {
         const std::size_t experiment = asked.data[i];
@@ -178,6 +181,44 @@ void add_steady_states(const Job& job, const JobWaveform& waveform, const Eigen:
         }
         context.steady_states.push_back(std::move(state));
     }
+}
+
+std::vector<std::pair<std::string, std::string>> waveform_plots(const Job& job, const JobWaveform& waveform,
+                                                                const Eigen::VectorXd& theta,
+                                                                const std::vector<Eigen::VectorXd>& latents) {
+    constexpr std::size_t places = 401;
+    const periodic::WaveformResidual& residual = *waveform.residual;
+    const auto orbits = residual.solutions(theta);
+    std::vector<std::vector<PlottedWaveform>> plots(residual.channels().size());
+    for (std::size_t b = 0; b < orbits.size(); ++b) {
+        if (orbits[b].status != periodic::OrbitStatus::converged) continue;
+        const periodic::WaveformRecord& record = residual.records()[b];
+        const double time = orbits[b].time;
+        const double share = residual.alignment(b, latents[b]).phase / (2.0 * std::numbers::pi * record.period);
+        std::vector<double> times(places);
+        for (std::size_t k = 0; k < places; ++k)
+            times[k] = (static_cast<double>(k) / static_cast<double>(places - 1) - share) * time;
+        const Eigen::MatrixXd computed = residual.readings(b, theta, orbits[b], latents[b], times);
+        if (computed.size() == 0) continue;
+        Eigen::VectorXd at = record.times.array() / time + share;
+        at = at.array() - at.array().floor();
+        for (std::size_t c = 0; c < plots.size(); ++c)
+            plots[c].push_back(
+                {record.label, at, record.values.row(static_cast<Index>(c)), computed.row(static_cast<Index>(c))});
+    }
+    std::vector<std::pair<std::string, std::string>> files;
+    for (std::size_t c = 0; c < plots.size(); ++c) {
+        if (plots[c].empty()) continue;
+        const auto index = static_cast<std::size_t>(residual.channels()[c].coordinate);
+        const auto& entry = job.model.system->coordinates()[index];
+        const orbits::SeriesCoordinate coordinate{
+            std::string(entry.name), std::string(entry.unit),
+            models::reads_angle(residual.records().front().sensor, job.model.system->coordinates(), index)};
+        files.emplace_back(
+            plots.size() == 1 ? std::string("waveform.svg") : fmt::format("waveform_{}.svg", coordinate.name),
+            waveform_svg(coordinate, plots[c], job.title));
+    }
+    return files;
 }
 
 }  // namespace orbid::apps

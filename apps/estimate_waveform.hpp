@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -25,11 +26,12 @@ struct JobWaveform {
     std::vector<Place> places;  ///< one per block
 };
 
-/// Makes it, with a record per fitted segment of its experiments.
+/// Makes it, with a record per fitted segment of its experiments and first solutions at `start`.
 /// @return what went wrong with records whose orbit was not found, one line each, when others have theirs
 /// @throws orbits::DataError when the data cannot serve it, or no record has an orbit, naming the experiments.
 [[nodiscard]] std::vector<std::string> add_waveform(const Job& job, const std::vector<Experiment>& data,
-                                                    const EstimateSetup& setup, JobWaveform& waveform);
+                                                    const EstimateSetup& setup, const Eigen::VectorXd& start,
+                                                    JobWaveform& waveform);
 
 /// One row per reading, in time order within a channel.
 /// @param values  of the estimate, one per block; lost records (empty) are left out.
@@ -41,5 +43,10 @@ void add_waveform_rows(const Job& job, const JobWaveform& waveform, const estima
 void add_steady_states(const Job& job, const JobWaveform& waveform, const Eigen::VectorXd& theta,
                        const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
                        ResultContext& context);
+
+/// One plot per observed coordinate: name of the file and its content.
+[[nodiscard]] std::vector<std::pair<std::string, std::string>> waveform_plots(
+    const Job& job, const JobWaveform& waveform, const Eigen::VectorXd& theta,
+    const std::vector<Eigen::VectorXd>& latents);
 
 }  // namespace orbid::apps

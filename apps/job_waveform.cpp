@@ -76,8 +76,12 @@ void read_data_names(ObjectReader& object, const Job& job, WaveformResidualJob& 
             value->report(fmt::format("\"{}\" is a section series: a waveform needs samples in time", name));
         waveform.data.push_back(index);
     }
-    if (value->is(JsonValue::Kind::array) && value->value().items.empty())
+    if (value->is(JsonValue::Kind::array) && value->value().items.empty()) {
         value->report("must name at least one experiment");
+        // Otherwise every coordinate would be called unobserved.
+        for (std::size_t i = 0; i < job.data.size(); ++i)
+            if (job.data[i].sampling() == Sampling::samples) waveform.data.push_back(i);
+    }
     std::sort(waveform.data.begin(), waveform.data.end());
 }
 

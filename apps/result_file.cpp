@@ -21,13 +21,16 @@ std::optional<double> find(const std::map<std::string, double>& values, const st
     return found == values.end() ? std::nullopt : std::optional<double>(found->second);
 }
 
+Json interval_json(double lower, double upper) {
+    return std::isfinite(lower) && std::isfinite(upper) ? Json::array({lower, upper}) : Json(nullptr);
+}
+
 Json estimated_json(const estimator::Estimated& x, const std::map<std::string, double>& references) {
     const auto reference = find(references, x.name);
-    const bool interval = std::isfinite(x.lower95) && std::isfinite(x.upper95);
     Json out;
     out["value"] = x.value;
     out["sd"] = x.sd;
-    out["interval95"] = interval ? Json::array({x.lower95, x.upper95}) : Json(nullptr);
+    out["interval95"] = interval_json(x.lower95, x.upper95);
     out["interval_method"] = x.interval_method;
     out["start"] = x.start;
     out["reference"] = reference ? Json(*reference) : Json(nullptr);
@@ -70,6 +73,7 @@ Json evidence_json(const LogEvidence& evidence) {
 }
 
 /// `sd` is always a standard deviation in the data's unit: of a factor group it is the rms of the raw residuals.
+/// `interval95` belongs to what was estimated: the factor of such a group, the sd of the others.
 Json scale_json(const estimator::EstimatedScale& scale) {
     Json out;
     out["sd"] = scale.factor ? scale.rms : scale.value;
@@ -80,8 +84,12 @@ Json scale_json(const estimator::EstimatedScale& scale) {
     out["estimated"] = scale.estimated;
     out["rms"] = scale.rms;
     out["distribution"] = scale.distribution;
+    out["interval95"] = interval_json(scale.lower95, scale.upper95);
     for (const estimator::Estimated& parameter : scale.shape) {
-        out[parameter.name] = {{"value", parameter.value}, {"uncertainty", parameter.sd}, {"start", parameter.start}};
+        out[parameter.name] = {{"value", parameter.value},
+                               {"uncertainty", parameter.sd},
+                               {"interval95", interval_json(parameter.lower95, parameter.upper95)},
+                               {"start", parameter.start}};
     }
     out["lag1"] = scale.lag1;
     out["correlation_records"] = scale.correlation_records;

@@ -56,7 +56,7 @@ std::string coordinate_names(const models::System& system, bool cells) {
     return fmt::format("{}", fmt::join(names, ", "));
 }
 
-std::string data_block(const models::System& system, bool sections, bool cells) {
+std::string data_block(const models::System& system, bool sections, bool cells, bool steady) {
     if (system.kind() == models::Kind::map) {
         const std::vector<std::string_view> small(system.coordinates().size(), "0.1");
         return fmt::format(R"(  "data": {{
@@ -82,12 +82,16 @@ std::string data_block(const models::System& system, bool sections, bool cells) 
     // Measured data instead: "file": "series.csv", "kind": "samples", "columns": {{ "time": "t", "NAME": "HEADER", ... }}
     "simulate": {{
       "samples": {{ "step": 0.01, "count": {} }},      // seconds, samples per trajectory
-      "initial": {}                             // one state per trajectory: {}
+{}      "initial": {}                             // one state per trajectory: {}
     }}
   }},
 )",
         // Rows of cells are the most chaotic models: over ten seconds a start 10 % beside the value is lost.
-        cells ? 201 : 1001, first_state(system, cells), coordinate_names(system, cells));
+        cells ? 201 : 1001,
+        steady
+            ? "      \"transient\": 10000,                         // samples left out: until the motion is periodic\n"
+            : "",
+        first_state(system, cells), coordinate_names(system, cells));
 }
 
 /// The first parameter whose default says something: a start 10 % beside it shows an estimate at work.
@@ -98,28 +102,41 @@ const models::Parameter& first_free(const models::System& system) {
     return found == parameters.end() ? parameters.front() : *found;
 }
 
-std::string estimate_block(const models::System& system, bool cycles) {
+/// What a residual holds beside its data.
+std::string residual_keys(const models::System& system, std::string_view task) {
+    if (task != "waveform") return fmt::format("\"type\": \"{}\"", task);
+    const bool forced = system.kind() == models::Kind::forced;
+    return fmt::format("\"type\": \"waveform\", {}, \"phase\": \"estimate\", \"offset\": \"none\"",
+                       forced ? "\"period\": 1" : "\"time\": 1.0");
+}
+
+std::string estimate_block(const models::System& system, std::string_view task) {
+    const bool cycles = task == "cycles";
     const bool map = system.kind() == models::Kind::map;
     const std::string orbits =
         fmt::format("  \"orbits\": {{ \"periods\": {} }},       // in {}\n", map ? "[1, 2, 4, 6]" : "[1, 2, 3]",
                     map ? "iterations" : "periods of the forcing");
     const models::Parameter& free = first_free(system);
-    const std::string residual = cycles ? "\"type\": \"cycles\"" : "\"type\": \"series\"";
     return fmt::format(R"({}  "estimate": {{
     "parameters": {{
       // The free ones; all others keep their values. "bounds": [lower, upper] and "prior" may be added.
       "{}": {{ "start": {} }}
     }},
-    "residuals": [ {{ {} }} ]      // "errors" left out: normal, with standard deviations that are estimated
+{}    "residuals": [ {{ {} }} ]      // "errors" left out: normal, with standard deviations that are estimated
   }},
 )",
-                       cycles ? orbits : "", free.name, 1.1 * free.default_value, residual);
+                       cycles ? orbits : "", free.name, 1.1 * free.default_value,
+                       task != "waveform" ? ""
+                       : system.kind() == models::Kind::forced
+                           ? "    // \"period\": of the steady state, in periods of the forcing.\n"
+                           : "    // \"time\": a guess of the period in s.\n",
+                       residual_keys(system, task));
 }
 
 }  // namespace
 
 const std::vector<std::string>& starting_tasks() {
-    static const std::vector<std::string> tasks{"simulate", "cycles", "series"};
+    static const std::vector<std::string> tasks{"simulate", "cycles", "series", "waveform"};
     return tasks;
 }
 
@@ -138,6 +155,10 @@ std::string starting_job(std::string_view model, std::string_view task) {
         throw std::invalid_argument(
             fmt::format("series of {}, which is a map: not in this version; estimate from its cycles", model));
     }
+    if (task == "waveform" && (system->kind() == models::Kind::map || !system->inputs().empty())) {
+        throw std::invalid_argument(fmt::format("waveforms of {}, which {}: not in this version", model,
+                                                system->inputs().empty() ? "is a map" : "reads measured inputs"));
+    }
     std::string text = fmt::format(
         R"(// Check with `orbid check FILE`, run with `orbid run FILE`; `orbid models {0}` explains the model.
 {{
@@ -150,8 +171,8 @@ std::string starting_job(std::string_view model, std::string_view task) {
   "seed": 1,
 )",
         model, task, parameter_lines(*system), size_line(size));
-    text += data_block(*system, cycles, size.has_value());
-    if (task != "simulate") text += estimate_block(*system, cycles);
+    text += data_block(*system, cycles, size.has_value(), task == "waveform");
+    if (task != "simulate") text += estimate_block(*system, task);
     return text + "  \"output\": { \"series\": \"csv\" }      // h5 | csv | none\n}\n";
 }
 

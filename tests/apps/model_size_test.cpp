@@ -91,7 +91,7 @@ TEST_CASE("models of any size are listed and started", "[apps][command]") {
                !ContainsSubstring("size:") && ContainsSubstring("sensors:      state function angle_difference\n"));
     CHECK_THAT(model_page("duffing"),
                ContainsSubstring("symmetry:     (x, x_dot) -> (-x, -x_dot), half a period later\n"));
-    for (const std::string task : {"simulate", "series"}) {
+    for (const std::string task : {"simulate", "series", "waveform"}) {
         const std::string text = starting_job("lorenz96", task);
         CAPTURE(text);
         CHECK_THAT(text, ContainsSubstring("\"size\": 6,") && ContainsSubstring("x1 ... x6"));

@@ -166,10 +166,11 @@ Formula autoregressive_formula(const Data& data) {
 }
 
 /// One group with the given errors, one block.
-FunctionResidual residual_of(const Data& data, estimator::ErrorDistribution distribution) {
+FunctionResidual residual_of(const Data& data, estimator::ErrorDistribution distribution, bool ordered = false) {
     FunctionResidual residual;
     auto y = group("y");
     y.distribution = std::move(distribution);
+    y.ordered = ordered;
     residual.add_group(y);
     auto block = layout("all", static_cast<Eigen::Index>(data.x.size()));
     block.observed = Eigen::Map<const Eigen::VectorXd>(data.y.data(), static_cast<Eigen::Index>(data.y.size()));
@@ -207,8 +208,8 @@ Data simulated(int n, Error error) {
 }
 
 estimator::Estimate estimate_of(const Data& data, estimator::ErrorDistribution distribution,
-                                estimator::Variance variance) {
-    FunctionResidual residual = residual_of(data, std::move(distribution));
+                                estimator::Variance variance, bool ordered = false) {
+    FunctionResidual residual = residual_of(data, std::move(distribution), ordered);
     estimator::EstimateOptions options;
     options.variance = variance;
     options.verdict = false;
@@ -376,6 +377,31 @@ TEST_CASE("autoregressive errors", "[estimator]") {
               }
               return sum;
           });
+}
+
+// Errors that the law explains are no reason for clusters; the same errors taken for independent ones are.
+TEST_CASE("autocorrelation that is modelled does not widen intervals again", "[estimator]") {
+    std::mt19937_64 generator(25);
+    std::normal_distribution<double> normal;
+    double e = 0.2 * normal(generator);
+    const Data data = simulated(200, [&](int i, double) {
+        if (i > 0) e = 0.7 * e + std::sqrt(0.51) * 0.2 * normal(generator);
+        return e;
+    });
+    for (const bool modelled : {true, false}) {
+        CAPTURE(modelled);
+        const auto result =
+            modelled ? estimate_of(data, estimator::AutoregressiveErrors{}, estimator::Variance::restricted, true)
+                     : estimate_of(data, estimator::NormalErrors{}, estimator::Variance::restricted, true);
+        REQUIRE(result.status == estimator::EstimateStatus::converged);
+        for (const auto& parameter : result.parameters) {
+            CHECK((parameter.interval_method == "sandwich") == !modelled);
+            CHECK((parameter.sd == parameter.laplace_sd) == modelled);
+        }
+        // What is reported is the correlation of the residuals themselves.
+        CHECK(result.scales[0].lag1 > 0.5);
+        CHECK(result.scales[0].effective_count < 100.0);
+    }
 }
 
 // 200 replicates: 190 intervals of 95 % are expected to hold the truth, binomial sd 3.1; four of them below, and two

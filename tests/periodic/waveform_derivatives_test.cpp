@@ -105,8 +105,8 @@ TEST_CASE("waveform of a linear oscillator in closed form", "[periodic][waveform
 
     const auto value = residual.evaluate(options.start, {Eigen::Vector2d(phase, 0.25)}, true);
     REQUIRE(value[0].status == estimator::BlockStatus::ok);
-    // The flow keeps 1e-12 per step of the state; measured 2e-13, times ten.
-    CHECK(value[0].e.cwiseAbs().maxCoeff() < 2e-12);
+    // Measured 6.5e-14, times ten.
+    CHECK(value[0].e.cwiseAbs().maxCoeff() < 7e-13);
     for (int j = 0; j < 4; ++j)
         for (Index k = 0; k < times.size(); ++k)
             CHECK(std::abs(value[0].e_theta(k, j) + x_at(times(k), j)) < 1e-10);
@@ -116,6 +116,8 @@ TEST_CASE("waveform of a linear oscillator in closed form", "[periodic][waveform
     }
 }
 
+// Bounds: ten times what was measured, which is rounding of the flow over the step (an orbit of period 2 near its
+// doubling and the pendulum are sensitive).
 TEST_CASE("derivatives of waveforms against differences", "[periodic][waveform]") {
     SECTION("Duffing, two excitations of different parameters, one orbit of period 1 and offsets") {
         const std::shared_ptr<const models::System> system = models::make_system("duffing", "");
@@ -137,7 +139,7 @@ TEST_CASE("derivatives of waveforms against differences", "[periodic][waveform]"
         const WaveformResidual residual(system, records, options);
         REQUIRE(residual.layout()[0].latents == 2);
         REQUIRE(residual.layout()[1].latents == 1);
-        CHECK(derivative_error(residual, options.start, residual.initial_latents(), 2e-3) < 1e-8);
+        CHECK(derivative_error(residual, options.start, residual.initial_latents(), 7e-4) < 1e-10);
     }
     SECTION("Duffing in its two wells, an orbit of period 2") {
         const std::shared_ptr<const models::System> system = models::make_system("duffing", "");
@@ -152,7 +154,7 @@ TEST_CASE("derivatives of waveforms against differences", "[periodic][waveform]"
         record.period = 2;
         const WaveformResidual residual(system, {record}, options);
         REQUIRE(residual.start_status(0) == periodic::OrbitStatus::converged);
-        CHECK(derivative_error(residual, options.start, residual.initial_latents(), 2e-4) < 1e-7);
+        CHECK(derivative_error(residual, options.start, residual.initial_latents(), 2e-4) < 2e-8);
     }
     SECTION("landing gear with dry friction") {
         const std::shared_ptr<const models::System> system = models::make_system("landing_gear_damper", "");
@@ -165,7 +167,7 @@ TEST_CASE("derivatives of waveforms against differences", "[periodic][waveform]"
         const MatrixXd y = steady_readings(*system, values, Eigen::Vector2d(0.14, 0.0), {}, times, 1.0, 20.0);
         const WaveformResidual residual(system, {record_of(binding, times, y, options.channels)}, options);
         REQUIRE(residual.start_status(0) == periodic::OrbitStatus::converged);
-        CHECK(derivative_error(residual, options.start, residual.initial_latents(), 1e-3) < 1e-6);
+        CHECK(derivative_error(residual, options.start, residual.initial_latents(), 3e-4) < 5e-11);
     }
     SECTION("rotating pendulum, difference of encoder readings, omega estimated") {
         const std::shared_ptr<const models::System> system = models::make_system("parametric_pendulum", "");
@@ -184,7 +186,7 @@ TEST_CASE("derivatives of waveforms against differences", "[periodic][waveform]"
         record.offsets = {{true, 0.0}, {false, 0.0}};
         const WaveformResidual residual(system, {record}, options);
         REQUIRE(residual.start_status(0) == periodic::OrbitStatus::converged);
-        CHECK(derivative_error(residual, options.start, residual.initial_latents(), 1e-4) < 1e-6);
+        CHECK(derivative_error(residual, options.start, residual.initial_latents(), 4e-4) < 4e-8);
     }
     SECTION("van der Pol, autonomous, T unknown, a formula as reading") {
         const std::shared_ptr<const models::System> system = models::make_system("van_der_pol", "");
@@ -205,8 +207,8 @@ TEST_CASE("derivatives of waveforms against differences", "[periodic][waveform]"
         record.time = 6.0;
         const WaveformResidual residual(system, {record}, options);
         REQUIRE(residual.start_status(0) == periodic::OrbitStatus::converged);
-        CHECK(derivative_error(residual, options.start, residual.initial_latents(), 2e-3) < 1e-7);
+        CHECK(derivative_error(residual, options.start, residual.initial_latents(), 7e-4) < 7e-11);
         // Away from where it started, where the plane of phase zero is no longer across the flow.
-        CHECK(derivative_error(residual, VectorXd::Constant(1, 1.5), residual.initial_latents(), 2e-3) < 1e-7);
+        CHECK(derivative_error(residual, VectorXd::Constant(1, 1.5), residual.initial_latents(), 7e-4) < 7e-11);
     }
 }
