@@ -58,8 +58,8 @@ std::string plain_message(const models::System& system, const periodic::Periodic
             return "the time of the orbit went to zero: there is no orbit near the start, or it is too small";
         case OrbitStatus::singular:
             return fmt::format(
-                "the linear system is singular: a fold, where two orbits meet and vanish, or a crossing of branches{}; "
-                "other parameters, or \"continuation\" from one of them, show it",
+                "the linear system is singular: a fold, where two orbits meet and vanish, a crossing of branches, or one of "
+                "a whole family of orbits (no damping){}; other parameters, or \"continuation\" from one of them, show it",
                 still_open(orbit.residual));
         case OrbitStatus::no_progress:
             return fmt::format("no orbit near the start{}", still_open(orbit.residual));

@@ -37,6 +37,7 @@ struct ComputedOrbits {
     std::size_t starts = 0;    ///< of the search, that were solved
     std::size_t captured = 0;  ///< trajectories of the search that ended in a stable orbit or at rest
     bool interrupted = false;
+    bool own_time = false;  ///< autonomous models: T of an orbit is a result
 
     [[nodiscard]] std::size_t converged() const;
 };

@@ -52,6 +52,14 @@ void read_switch(const ValueReader& value, periodic::ContinuationOptions& option
     }
 }
 
+/// An end of the range: a value of the parameter, or the edge of its domain, which the branch comes near.
+std::optional<double> read_end(const ValueReader& value, Eigen::Index parameter, const Job& job) {
+    const models::Domain domain = job.model.system->parameters()[static_cast<std::size_t>(parameter)].domain;
+    if (domain == models::Domain::positive && value.is(JsonValue::Kind::number) && value.value().number == 0.0)
+        return 0.0;
+    return read_parameter_value(value, parameter, job);
+}
+
 /// "range": [lower, upper], both ways or in a "direction" first; or "to": value, from the model's own.
 void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index> parameter,
                 periodic::ContinuationOptions& options) {
@@ -81,8 +89,8 @@ void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index
             range->report(fmt::format("must be [lower, upper], not {} values", items.size()));
         }
         if (items.size() != 2) return;
-        const auto lower = read_parameter_value(items[0], *parameter, job);
-        const auto upper = read_parameter_value(items[1], *parameter, job);
+        const auto lower = read_end(items[0], *parameter, job);
+        const auto upper = read_end(items[1], *parameter, job);
         if (!lower || !upper) return;
         options.lower = *lower;
         options.upper = *upper;
@@ -94,7 +102,7 @@ void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index
         }
     } else if (to) {
         if (direction) direction->report("follows from \"to\": must be left out");
-        const auto end = read_parameter_value(*to, *parameter, job);
+        const auto end = read_end(*to, *parameter, job);
         if (!end) return;
         if (*end == start) {
             to->report(fmt::format("is where the branch starts: the model's {} is {}", name, start));

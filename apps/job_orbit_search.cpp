@@ -8,11 +8,23 @@ namespace {
 constexpr std::uint64_t most_points = 1'000'000'000;
 constexpr std::uint64_t fewest_points = 100;  // rule of OrbitSearchOptions::points
 constexpr std::uint64_t most_trajectories = 65536;
+constexpr std::uint64_t most_patience = 1'000'000'000;  // tries every start there is
+
+/// States from which the first trajectories begin.
+void read_initial(const ValueReader& value, const Job& job, periodic::OrbitSearchOptions& search) {
+    std::vector<Eigen::VectorXd> states;
+    for (const ValueReader& item : value.items())
+        if (const auto state = read_state(item, job)) states.push_back(*state);
+    if (!job.model.system) return;
+    search.initial.resize(job.model.system->dimension(), static_cast<Eigen::Index>(states.size()));
+    for (std::size_t j = 0; j < states.size(); ++j)
+        search.initial.col(static_cast<Eigen::Index>(j)) = states[j];
+}
 
 }  // namespace
 
 void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& periodic) {
-    periodic::OrbitSearchOptions search;
+    periodic::OrbitSearchOptions& search = periodic.search.emplace();
     search.seed = job.seed;
     search.symmetry = job.model.system && job.model.system->symmetry().has_value();
     ObjectReader object(value);
@@ -24,6 +36,9 @@ void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& pe
     if (const auto trajectories = object.find("trajectories"))
         search.trajectories =
             static_cast<std::size_t>(trajectories->whole(1, most_trajectories).value_or(search.trajectories));
+    if (const auto initial = object.find("initial")) read_initial(*initial, job, search);
+    if (const auto patience = object.find("patience"))
+        search.patience = static_cast<std::size_t>(patience->whole(1, most_patience).value_or(search.patience));
     if (const auto seed = object.find("seed")) search.seed = seed->whole(0, largest_exact_whole).value_or(search.seed);
     if (const auto stabilised = object.find("stabilised"))
         search.stabilised = stabilised->boolean().value_or(search.stabilised);
@@ -40,7 +55,6 @@ void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& pe
                         "\"coordinate\": ..., \"value\": ..., \"direction\": ... }}",
                         job.model.name));
     }
-    periodic.search = std::move(search);
 }
 
 }  // namespace orbid::apps

@@ -226,8 +226,6 @@ void read_periodic(ObjectReader& root, Job& job) {
     if (!value) return;
     PeriodicJob periodic;
     ObjectReader object(*value);
-    constexpr bool built = false;
-    if (!built) object.reserve({"search", "continuation"});
     if (job.model.system && !job.model.system->inputs().empty()) {
         value->report(fmt::format("the model {} is driven by measured inputs: it has no periodic orbits of its own",
                                   job.model.name));
@@ -246,9 +244,9 @@ void read_periodic(ObjectReader& root, Job& job) {
         for (const ValueReader& item : items)
             periodic.orbits.push_back(read_start(item, job));
     }
-    const auto search = built ? object.find("search") : std::nullopt;
+    const auto search = object.find("search");
     if (search) read_orbit_search(*search, job, periodic);
-    const auto continuation = built ? object.find("continuation") : std::nullopt;
+    const auto continuation = object.find("continuation");
     if (continuation) read_continuation(*continuation, job, periodic);
     if (object.valid() && !object.find("orbits") && !search) {
         object.self().report(

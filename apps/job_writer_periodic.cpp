@@ -49,8 +49,12 @@ struct AddMethod {
 };
 
 Json search_document(const periodic::OrbitSearchOptions& search) {
-    return {{"periods", search.periods},   {"points", search.points},         {"trajectories", search.trajectories},
-            {"symmetry", search.symmetry}, {"stabilised", search.stabilised}, {"seed", search.seed}};
+    Json initial = Json::array();
+    for (Eigen::Index j = 0; j < search.initial.cols(); ++j)
+        initial.push_back(state_document(search.initial.col(j)));
+    return {{"periods", search.periods},   {"points", search.points},     {"trajectories", search.trajectories},
+            {"initial", initial},          {"symmetry", search.symmetry}, {"stabilised", search.stabilised},
+            {"patience", search.patience}, {"seed", search.seed}};
 }
 
 Json continuation_document(const Job& job, const ContinuationJob& continuation) {

@@ -77,6 +77,13 @@ Json orbit_json(const CycleFileHead& head, const ComputedOrbit& computed, std::s
     return out;
 }
 
+periodic::Bifurcation bifurcation_named(std::string_view text) {
+    using periodic::Bifurcation;
+    for (const Bifurcation value : {Bifurcation::fold, Bifurcation::period_doubling, Bifurcation::neimark_sacker})
+        if (periodic::name(value) == text) return value;
+    return Bifurcation::none;
+}
+
 ComputedOrbit orbit_of(const nlohmann::json& json) {
     ComputedOrbit computed;
     periodic::PeriodicOrbit& orbit = computed.orbit;
@@ -96,6 +103,11 @@ ComputedOrbit orbit_of(const nlohmann::json& json) {
     orbit.residual = detail::number_of(json.at("residual"));
     orbit.iterations = json.at("iterations").get<int>();
     orbit.distance = detail::number_of(json.at("distance"));
+    if (json.contains("unstable")) {
+        computed.stability.emplace();
+        computed.stability->unstable = json["unstable"].get<int>();
+        computed.stability->nearest = bifurcation_named(json.at("bifurcation_near").get<std::string>());
+    }
     return computed;
 }
 

@@ -9,6 +9,7 @@
 
 #include "apps/atomic_file.hpp"
 #include "apps/cycle_reader.hpp"
+#include "apps/model_section_plot.hpp"
 #include "apps/orbit_file.hpp"
 #include "apps/orbits_stage.hpp"
 #include "apps/stage_fingerprint.hpp"
@@ -19,12 +20,6 @@ namespace orbid::apps {
 namespace {
 
 using periodic::OrbitStatus;
-
-std::optional<models::Section> job_section(const Job& job) {
-    if (!job.section_plane) return std::nullopt;
-    return models::Section{Eigen::VectorXd::Unit(job.model.system->dimension(), job.section_plane->coordinate),
-                           job.section_plane->value, job.section_plane->direction};
-}
 
 periodic::StartingSolution starting_solution(const Job& job, const OrbitStart& orbit) {
     periodic::StartingSolution start;
@@ -85,6 +80,52 @@ ComputedOrbit not_computed(const periodic::StartingSolution& start) {
     return computed;
 }
 
+/// What a search finds, computed like the starts of the job, from the found points. Mirror images are counted from
+/// `first`, the place of the first one in the list.
+void add_found(const Workspace& work, ComputedOrbits& orbits) {
+    const Job& job = work.job;
+    periodic::OrbitSearchOptions options = *job.periodic->search;
+    options.phase = job.section_phase;
+    options.section = job_section(job);
+    if (const auto* shooting = std::get_if<periodic::ShootingOptions>(&job.periodic->method)) {
+        options.solver = *shooting;
+        // What is far from its start is another orbit, which the search finds from a start of its own.
+        options.solver.maximum_distance = periodic::ShootingOptions{}.maximum_distance;
+    }
+    work.progress.begin("search");
+    const periodic::OrbitSearch search = periodic::search_orbits(work.system(), job.model.values, options);
+    work.progress.end(fmt::format("{} orbits from {} starts", search.orbits.size(), search.starts));
+    orbits.searched = true;
+    orbits.starts = search.starts;
+    orbits.captured = search.captured;
+    const std::size_t first = orbits.list.size();
+    work.progress.begin("found orbits", static_cast<double>(search.orbits.size()), "orbits");
+    orbits.list.resize(first + search.orbits.size());
+    tbb::parallel_for(std::size_t{0}, search.orbits.size(), [&](std::size_t i) {
+        const periodic::FoundOrbit& found = search.orbits[i];
+        const periodic::StartingSolution start = starting_solution(job, found.orbit);
+        ComputedOrbit& computed = orbits.list[first + i];
+        computed = work.interruption.asked() ? not_computed(start) : computed_from(job, start);
+        computed.origin = std::string(periodic::name(found.origin));
+        computed.hits = found.hits;
+        if (found.mirror >= 0) computed.mirror = static_cast<int>(first) + found.mirror;
+        work.progress.advance(1.0);
+    });
+    work.progress.end();
+}
+
+void compute_starts(const Workspace& work, ComputedOrbits& orbits) {
+    const std::vector<OrbitStart>& starts = work.job.periodic->orbits;
+    work.progress.begin("periodic", static_cast<double>(starts.size()), "orbits");
+    orbits.list.resize(starts.size());
+    tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
+        const periodic::StartingSolution start = starting_solution(work.job, starts[i]);
+        orbits.list[i] = work.interruption.asked() ? not_computed(start) : computed_from(work.job, start);
+        work.progress.advance(1.0);
+    });
+    work.progress.end(fmt::format("{} of {} converged", orbits.converged(), orbits.list.size()));
+}
+
 Fingerprint orbits_fingerprint(const Workspace& work) {
     std::vector<std::string_view> places{"/model", "/section"};
     // All of the block but the branches, which begin where this ends.
@@ -106,6 +147,12 @@ std::optional<ComputedOrbits> from_folder(const Workspace& work, const Fingerpri
 
 }  // namespace
 
+std::optional<models::Section> job_section(const Job& job) {
+    if (!job.section_plane) return std::nullopt;
+    return models::Section{Eigen::VectorXd::Unit(job.model.system->dimension(), job.section_plane->coordinate),
+                           job.section_plane->value, job.section_plane->direction};
+}
+
 periodic::StartingSolution starting_solution(const Job& job, const periodic::PeriodicOrbit& orbit) {
     const bool free_course = job.model.system->kind() == models::Kind::autonomous && !job.section_plane;
     return starting_solution(job,
@@ -118,28 +165,25 @@ ComputedOrbits compute_orbits(const Workspace& work) {
     const Fingerprint wanted = orbits_fingerprint(work);
     if (auto stored = from_folder(work, wanted)) {
         work.progress.reused("periodic", fmt::format("{} orbits from orbits.json", stored->list.size()));
+        stored->own_time = system.kind() == models::Kind::autonomous;
         return std::move(*stored);
     }
-    std::vector<periodic::StartingSolution> starts;
-    for (const OrbitStart& start : job.periodic->orbits)
-        starts.push_back(starting_solution(job, start));
-
-    work.progress.begin("periodic", static_cast<double>(starts.size()), "orbits");
     ComputedOrbits orbits;
-    orbits.list.resize(starts.size());
-    tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
-        orbits.list[i] = work.interruption.asked() ? not_computed(starts[i]) : computed_from(job, starts[i]);
-        work.progress.advance(1.0);
-    });
-    orbits.interrupted =
-        std::any_of(orbits.list.begin(), orbits.list.end(), [](const ComputedOrbit& orbit) { return !orbit.computed; });
+    orbits.own_time = system.kind() == models::Kind::autonomous;
+    if (!job.periodic->orbits.empty()) compute_starts(work, orbits);
+    if (job.periodic->search && !work.interruption.asked()) add_found(work, orbits);
+    orbits.interrupted = work.interruption.asked();
     std::vector<std::string> names;
     for (const Eigen::Index index : job.periodic->free)
         names.emplace_back(system.parameters()[static_cast<std::size_t>(index)].name);
     CycleFileHead head = cycle_file_head(job, orbits.interrupted ? Fingerprint{} : wanted);
     head.coordinates = series_coordinates(system);  // also the one that is the same at all points of the section
     work.folder.store("orbits.json", orbits_text(head, orbits, names));
-    work.progress.end(fmt::format("{} of {} converged", orbits.converged(), orbits.list.size()));
+    if (orbits.searched) {
+        // A search in data has a picture of its own.
+        if (const auto picture = model_section_svg(job, orbits))
+            work.folder.store(job.orbits ? "model_section.svg" : "section.svg", *picture);
+    }
     return orbits;
 }
 

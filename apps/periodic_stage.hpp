@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include "apps/computed_orbit.hpp"
 #include "apps/workspace.hpp"
 #include "periodic/course.hpp"
@@ -12,6 +14,9 @@ namespace orbid::apps {
 ///
 /// Interrupted: those not yet computed say so; the file carries no fingerprint then, so that the next run starts anew.
 [[nodiscard]] ComputedOrbits compute_orbits(const Workspace& work);
+
+/// The plane that orbits of an autonomous model cross; none without one.
+[[nodiscard]] std::optional<models::Section> job_section(const Job& job);
 
 /// An orbit of the list as a start: its points, or the state and the time of a flow that has no section.
 [[nodiscard]] periodic::StartingSolution starting_solution(const Job& job, const periodic::PeriodicOrbit& orbit);

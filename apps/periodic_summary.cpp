@@ -44,7 +44,7 @@ std::string starts_table(const ComputedOrbits& orbits) {
         std::string point;
         for (Eigen::Index k = 0; orbit.points.cols() > 0 && k < orbit.points.rows(); ++k)
             point += fmt::format("{}{:.9g}", k == 0 ? "" : ", ", orbit.points(k, 0));
-        const bool own_time = computed.converged() && orbit.time_sensitivities.size() > 0;
+        const bool own_time = computed.converged() && orbits.own_time;
         const auto& stability = computed.stability;
         table.add({std::to_string(i), std::to_string(orbit.period), rotation_text(orbit.rotation),
                    own_time ? fmt::format("{:.9g}", orbit.time) : "", std::string(computed.status()), point,

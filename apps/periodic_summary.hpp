@@ -3,6 +3,8 @@
 #include <string>
 
 #include "apps/computed_orbit.hpp"
+#include "apps/followed_branch.hpp"
+#include "models/parameter.hpp"
 
 namespace orbid::apps {
 
@@ -10,5 +12,9 @@ namespace orbid::apps {
 /// point, multipliers, closing error), what was found instead of those that did not converge, and what a search found
 /// by period.
 [[nodiscard]] std::string orbits_summary(const ComputedOrbits& orbits);
+
+/// Branches for people: each with where it begins, how far it goes and why it ends; the located bifurcations with
+/// value, error and critical multiplier; the cascades of period doublings with the ratios of their intervals.
+[[nodiscard]] std::string branches_summary(const FollowedBranches& followed, const models::Parameter& parameter);
 
 }  // namespace orbid::apps

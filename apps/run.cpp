@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <tbb/global_control.h>
 
+#include "apps/branch_stage.hpp"
 #include "apps/data_stage.hpp"
 #include "apps/estimate_stage.hpp"
 #include "apps/fingerprint.hpp"
@@ -110,6 +111,12 @@ int run_stages(const Workspace& work) {
         const ComputedOrbits orbits = compute_orbits(work);
         print(orbits_summary(orbits));
         if (orbits.converged() == 0) code = no_valid_answer;
+        if (job.periodic->continuation && !work.interruption.asked()) {
+            const FollowedBranches followed = follow_job_branches(work, orbits);
+            print(branches_summary(followed, job.model.system->parameters()[static_cast<std::size_t>(
+                                                 job.periodic->continuation->options.parameter)]));
+            if (followed.branches.empty()) code = no_valid_answer;
+        }
     }
     if (estimating) {
         const EstimateOutcome outcome = run_estimate(work, data, search);

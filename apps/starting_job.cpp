@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/starting_orbit.hpp"
 #include "models/registry.hpp"
 
 namespace orbid::apps {
@@ -133,10 +134,15 @@ std::string estimate_block(const models::System& system, std::string_view task) 
                        residual_keys(system, task));
 }
 
+bool is_periodic_task(std::string_view task) {
+    return task == "periodic" || task == "search" || task == "continuation";
+}
+
 }  // namespace
 
 const std::vector<std::string>& starting_tasks() {
-    static const std::vector<std::string> tasks{"simulate", "cycles", "series", "waveform"};
+    static const std::vector<std::string> tasks{"simulate", "cycles", "series",      "waveform",
+                                                "periodic", "search", "continuation"};
     return tasks;
 }
 
@@ -148,6 +154,10 @@ std::string starting_job(std::string_view model, std::string_view task) {
             fmt::format("there is no task \"{}\"; tasks: {}", task, fmt::join(starting_tasks(), ", ")));
     }
     const bool cycles = task == "cycles";
+    if (is_periodic_task(task) && !system->inputs().empty()) {
+        throw std::invalid_argument(
+            fmt::format("{} is driven by measured inputs: it has no periodic orbits of its own", model));
+    }
     if (cycles && system->kind() == models::Kind::autonomous) {
         throw std::invalid_argument(fmt::format("cycles of {}, which is not forced: not in this version", model));
     }
@@ -171,6 +181,7 @@ std::string starting_job(std::string_view model, std::string_view task) {
   "seed": 1,
 )",
         model, task, parameter_lines(*system), size_line(size));
+    if (is_periodic_task(task)) return text + starting_periodic_block(*system, task) + "}\n";
     text += data_block(*system, cycles, size.has_value(), task == "waveform");
     if (task != "simulate") text += estimate_block(*system, task);
     return text + "  \"output\": { \"series\": \"csv\" }      // h5 | csv | none\n}\n";

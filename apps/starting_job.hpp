@@ -7,11 +7,13 @@
 namespace orbid::apps {
 
 /// What a new job can be for: "simulate" (sampled data; iterates of a map), "cycles" (parameters from periodic orbits
-/// of a section series), "series" (parameters from sampled data). The first is what every model can do.
+/// of a section series), "series" (parameters from sampled data); "periodic", "search" and "continuation" (periodic
+/// orbits of the model, without data). The first is what every model can do.
 [[nodiscard]] const std::vector<std::string>& starting_tasks();
 
 /// A commented job that runs as it stands: it simulates its own data, to be replaced by a file.
-/// @throws std::invalid_argument for an unknown model or task, for cycles of autonomous models and series of maps.
+/// @throws std::invalid_argument for an unknown model or task, for cycles of autonomous models, series of maps, and
+/// periodic orbits of models that are driven by measured inputs.
 [[nodiscard]] std::string starting_job(std::string_view model, std::string_view task);
 
 }  // namespace orbid::apps

@@ -1,5 +1,6 @@
 #include "periodic/whole_turn.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -31,7 +32,8 @@ std::vector<Index> angle_coordinates(const models::System& system) {
 
 VectorXd default_scale(const models::System& system, const MatrixXd& guess) {
     VectorXd scale = guess.cwiseAbs().rowwise().maxCoeff();
-    const double largest = scale.maxCoeff();
+    // Or of one unit: an equilibrium at 0 is found as 1e-17 in every coordinate.
+    const double largest = std::max(1.0, scale.maxCoeff());
     for (Index i = 0; i < scale.size(); ++i) {
         if (system.coordinates()[static_cast<std::size_t>(i)].angle) {
             scale(i) = full_turn;

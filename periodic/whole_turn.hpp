@@ -12,7 +12,8 @@ namespace orbid::periodic {
 /// Indices of the coordinates that are angles.
 [[nodiscard]] std::vector<Eigen::Index> angle_coordinates(const models::System& system);
 
-/// 2 pi for angles, the largest |guess| (1 where that is zero, or a rounded zero) for the others. Shape (n).
+/// 2 pi for angles, the largest |guess| (1 where that is zero, or a rounded zero beside 1 or the largest coordinate)
+/// for the others. Shape (n).
 [[nodiscard]] Eigen::VectorXd default_scale(const models::System& system, const Eigen::MatrixXd& guess);
 
 /// Whole turns from each node to the next: the nearest ones for the flow of the guess. Where the wanted total differs,

