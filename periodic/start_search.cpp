@@ -31,8 +31,10 @@ constexpr double coarse_closing = 1e-6;
 constexpr double recurrence_cell = 0.05;
 
 /// Edges of the cells through which pieces are joined, relative to the section. Pendulum, g = 9.81, 2^17 points: with
-/// any edge from 1/24 to 1/4 all 352 orbits of period 5 come out of one round, with 1/32 344, with 1/48 298.
-constexpr double first_edge = 1.0 / 32.0;
+/// any edge from 1/24 to 1/4 all 352 orbits of period 5 come out of one round, with 1/32 344, with 1/48 298; with 2^15
+/// points from 1/8 on, with 2^19 from 1/48 on. So the first edge goes with the root of the points.
+constexpr double edge_at_2_17 = 1.0 / 24.0;
+constexpr double finest_first_edge = 1.0 / 64.0;
 constexpr double coarsest_edge = 1.0 / 8.0 + 1e-9;
 constexpr double finest_edge = 1e-3;
 constexpr double edge_ratio = 1.4142135623730951;
@@ -126,7 +128,8 @@ void StartSearch::from_scattered(int period) {
 }
 
 bool StartSearch::from_joined(int period) {
-    double edge = first_edge;
+    double edge = std::clamp(edge_at_2_17 * std::sqrt(0x1p17 / static_cast<double>(options_.points)), finest_first_edge,
+                             coarsest_edge / edge_ratio);
     auto loops = loops_of(period, edge);
     while (!loops && edge > finest_edge) {
         edge /= edge_ratio;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <numbers>
 #include <set>
 #include <stdexcept>
 
@@ -17,6 +18,18 @@ void require(bool holds, const std::string& message) {
 }
 
 }  // namespace
+
+SymbolPartition quarter_turn_partition(Index angle, Index velocity, const std::vector<double>& bands) {
+    constexpr double eighth = std::numbers::pi / 4.0;
+    constexpr std::size_t first = '!';  // 94 printable characters follow
+    require(!bands.empty() && bands.size() <= 22, "one to 22 velocities part the bands of a pendulum");
+    SymbolPartition partition;
+    partition.cuts = {{angle, {-3.0 * eighth, -eighth, eighth, 3.0 * eighth}}, {velocity, bands}};
+    const std::size_t width = bands.size() + 1;
+    for (std::size_t k = 0; k < 5 * width; ++k)
+        partition.symbols.push_back(static_cast<char>(first + k % (4 * width)));  // the fifth part is the first one
+    return partition;
+}
 
 void validate(const SymbolPartition& partition, Index dimension) {
     require(!partition.cuts.empty(), "cuts must not be empty");
@@ -35,8 +48,6 @@ void validate(const SymbolPartition& partition, Index dimension) {
     }
     require(partition.symbols.size() == parts,
             std::to_string(parts) + " parts need as many symbols, got " + std::to_string(partition.symbols.size()));
-    require(std::set<char>(partition.symbols.begin(), partition.symbols.end()).size() == parts,
-            "symbols must differ, got \"" + partition.symbols + "\"");
 }
 
 char symbol_of(const SymbolPartition& partition, Eigen::Ref<const Eigen::VectorXd> x) {

@@ -14,10 +14,20 @@ struct SymbolPartition {
         std::vector<double> boundaries;  ///< [coordinate's unit], ascending, one at least
     };
     std::vector<Cut> cuts;  ///< one at least, of different coordinates
-    /// One character per part, all different: parts of the first cut from below; with a second cut all of its parts
-    /// for the first part of the first one, and so on.
+    /// One character per part: parts of the first cut from below; with a second cut all of its parts for the first part
+    /// of the first one, and so on. Parts may share one: those on either side of -pi = pi should.
     std::string symbols;
 };
+
+/// Partition of the section of a pendulum: four quarters of the turn, centred on hanging, standing and the two sides,
+/// times bands of the velocity. It is its own mirror image. Bands -10, -6, -2, 2, 6, 10 rad/s tell all 493 orbits of
+/// periods 1 to 5 of the parametrically excited pendulum apart (g = 9.81, k1 = 0); -9, -3, 3, 9 leave two pairs of
+/// period 5 with one word each and give two of period 4 words that repeat. Turns per period alone: 33 words for the 352
+/// orbits of period 5, up to 54 of them with one word.
+/// @param bands  [rad/s], ascending, one to 22 of them.
+/// @throws std::invalid_argument on other numbers of them
+[[nodiscard]] SymbolPartition quarter_turn_partition(Eigen::Index angle, Eigen::Index velocity,
+                                                     const std::vector<double>& bands);
 
 /// @throws std::invalid_argument naming the rule broken.
 void validate(const SymbolPartition& partition, Eigen::Index dimension);

@@ -15,6 +15,7 @@
 #include "periodic/symbolic_start.hpp"
 #include "tests/catch.hpp"
 #include "tests/periodic/flow_orbits.hpp"
+#include "tests/periodic/reference_orbits.hpp"
 
 namespace {
 
@@ -101,6 +102,33 @@ TEST_CASE("every orbit of Roessler's table is reached from its code", "[periodic
     check_table(simulated, {{{1, {top}}}, "01"});
 }
 
+TEST_CASE("every cycle of the pendulum to period 3 is reached from its code", "[periodic][symbolic][reference]") {
+    const auto pendulum = models::make_system("parametric_pendulum");
+    const auto table = tests::read_reference_orbits(*pendulum, "pendulum_orbits_g9.81.json");
+    const periodic::ModelSection section{*pendulum, table.theta, 0.0, std::nullopt, 1.0};
+    const auto pieces = periodic::simulate_pieces(section, {1U << 17U, 256, 1, {}, models::FlowOptions{1e-8, 1e-8}});
+    const auto partition = periodic::quarter_turn_partition(0, 1, {-10.0, -6.0, -2.0, 2.0, 6.0, 10.0});
+    const periodic::SymbolicStarts starts(section, pieces, partition);
+    std::set<std::string> words;
+    REQUIRE_FALSE(table.orbits.empty());
+    for (const auto& reference : table.orbits) {
+        std::string word = periodic::symbolic_code(partition, reference.points);
+        CAPTURE(word, reference.period, reference.rotation);
+        REQUIRE(periodic::is_prime_word(word));
+        const auto coded = starts.solve(word, {});
+        REQUIRE(coded.found);
+        for (Index j = 0; j < reference.points.cols(); ++j) {
+            MatrixXd gap = coded.orbit.points.colwise() - reference.points.col(j);
+            for (double& angle : gap.row(0).reshaped())
+                angle = models::wrapped(angle);
+            CHECK(gap.cwiseAbs().colwise().maxCoeff().minCoeff() < 1e-11);  // digits of the table
+        }
+        for (std::size_t shift = 1; shift < word.size(); ++shift)
+            CHECK(words.count(word.substr(shift) + word.substr(0, shift)) == 0);
+        CHECK(words.insert(word).second);
+    }
+}
+
 TEST_CASE("Biham and Wenzel's dynamics reach every cycle of Henon's map, each from one word", "[periodic][symbolic]") {
     const auto henon = models::make_system("henon");
     const VectorXd theta = henon->default_parameters();
@@ -151,11 +179,12 @@ TEST_CASE("orbits from codes refuse wrong words and partitions", "[periodic][sym
     refused({{}, "0"});
     refused({{{2, {0.0}}}, "01"});
     refused({{{0, {0.0}}}, "0"});
-    refused({{{0, {0.0}}}, "00"});
+    refused({{{0, {0.0}}}, "000"});
     refused({{{0, {1.0, 0.0}}}, "012"});
     refused({{{0, {std::nan("")}}}, "01"});
     refused({{{0, {}}}, "0"});
     refused({{{0, {0.0}}, {0, {1.0}}}, "0123"});
+    CHECK_THROWS_AS(periodic::quarter_turn_partition(0, 1, {}), std::invalid_argument);
     CHECK_THROWS_AS(periodic::henon_start(1.4, 0.3, ""), std::invalid_argument);
     CHECK_THROWS_AS(periodic::henon_start(1.4, 0.3, "+0"), std::invalid_argument);
 }
