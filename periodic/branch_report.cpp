@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 #include "periodic/newton.hpp"
@@ -76,6 +78,13 @@ MatrixXd section_points(const CurvePoint& point) {
     return points;
 }
 
+/// The same points in the order that begins with a later one.
+MatrixXd begun_later(const MatrixXd& points, Index shift) {
+    MatrixXd later(points.rows(), points.cols());
+    later << points.rightCols(points.cols() - shift), points.leftCols(shift);
+    return later;
+}
+
 double distance(const MatrixXd& difference, const OrbitCurve& curve) {
     return relative_size(wrapped_angles(difference, angle_coordinates(curve.setting().system)), curve.scale());
 }
@@ -142,23 +151,41 @@ std::vector<Approach> approaches(const CurvePoint& point, const VectorXd& x) {
     return result;
 }
 
-/// The orbit passes through these points, in their order from some one on.
-bool passes_through(const CurvePoint& point, const MatrixXd& points, double tolerance) {
+/// How far the orbit is from passing through these points, in their order from some one on.
+double gap_between(const CurvePoint& point, const MatrixXd& points) {
+    double smallest = std::numeric_limits<double>::infinity();
     if (point.curve->autonomous()) {
-        const auto near = approaches(point, points.col(0));
-        return std::any_of(near.begin(), near.end(),
-                           [&](const Approach& approach) { return approach.distance <= tolerance; });
+        for (const Approach& near : approaches(point, points.col(0)))
+            smallest = std::min(smallest, near.distance);
+        return smallest;
     }
     const MatrixXd own = section_points(point);
     const Index p = own.cols();
-    if (points.cols() != p) return false;
-    for (Index shift = 0; shift < p; ++shift) {
-        MatrixXd difference(own.rows(), p);
-        for (Index j = 0; j < p; ++j)
-            difference.col(j) = own.col((j + shift) % p) - points.col(j);
-        if (distance(difference, *point.curve) <= tolerance) return true;
+    for (Index shift = 0; shift < p && points.cols() == p; ++shift)
+        smallest = std::min(smallest, distance(begun_later(own, shift) - points, *point.curve));
+    return smallest;
+}
+
+/// The points of b's mirror image at the section; none without a symmetry, or when they cannot be simulated.
+std::optional<MatrixXd> mirrored_points(const CurvePoint& b) {
+    const CurveSetting& setting = b.curve->setting();
+    const auto symmetry = setting.system.symmetry();
+    if (!symmetry) return std::nullopt;
+    const Eigen::Map<const VectorXd> signs(symmetry->signs.data(), static_cast<Index>(symmetry->signs.size()));
+    MatrixXd points = section_points(b);
+    const double shift = std::fmod(symmetry->phase_shift, 2.0 * std::numbers::pi);
+    if (!b.curve->autonomous() && shift > 0.0) {
+        // S x(tau) is a solution at tau + shift: the states a shift before the end of each period are wanted.
+        const double durations[] = {2.0 * std::numbers::pi - shift};
+        for (Index j = 0; j < points.cols(); ++j) {
+            const auto flow =
+                setting.system.flow(points.col(j), setting.phase, durations, setting.theta_at(b.parameter()),
+                                    models::Clock::phase, setting.solver.flow);
+            if (flow.status != models::FlowStatus::ok) return std::nullopt;
+            points.col(j) = flow.states.col(0);
+        }
     }
-    return false;
+    return MatrixXd(signs.asDiagonal() * points);
 }
 
 bool comparable(const CurvePoint& a, const CurvePoint& b, double tolerance) {
@@ -212,48 +239,34 @@ PeriodicOrbit reported(const CurvePoint& point) {
 
 bool same_orbit(const CurvePoint& a, const CurvePoint& b, double tolerance) {
     return comparable(a, b, tolerance) && a.curve->rotation() == b.curve->rotation() &&
-           passes_through(a, section_points(b), tolerance);
+           gap_between(a, section_points(b)) <= tolerance;
 }
 
 bool mirror_images(const CurvePoint& a, const CurvePoint& b, double tolerance) {
-    const CurveSetting& setting = a.curve->setting();
-    const auto symmetry = setting.system.symmetry();
-    if (!symmetry || !comparable(a, b, tolerance)) return false;
-    const Eigen::Map<const VectorXd> signs(symmetry->signs.data(), static_cast<Index>(symmetry->signs.size()));
-    MatrixXd points = section_points(b);
-    const double shift = std::fmod(symmetry->phase_shift, 2.0 * std::numbers::pi);
-    if (!b.curve->autonomous() && shift > 0.0) {
-        // S x(tau) is a solution at tau + shift: the states a shift before the end of each period are wanted.
-        const double durations[] = {2.0 * std::numbers::pi - shift};
-        for (Index j = 0; j < points.cols(); ++j) {
-            const auto flow =
-                setting.system.flow(points.col(j), setting.phase, durations, setting.theta_at(b.parameter()),
-                                    models::Clock::phase, setting.solver.flow);
-            if (flow.status != models::FlowStatus::ok) return false;
-            points.col(j) = flow.states.col(0);
-        }
-    }
-    points = signs.asDiagonal() * points;
-    return passes_through(a, points, tolerance);
+    if (!comparable(a, b, tolerance)) return false;
+    const auto points = mirrored_points(b);
+    return points && gap_between(a, *points) <= tolerance;
 }
 
-bool repeats(const CurvePoint& point, double tolerance) {
+double symmetry_gap(const CurvePoint& point) {
+    const auto points = mirrored_points(point);
+    return points ? gap_between(point, *points) : std::numeric_limits<double>::infinity();
+}
+
+double repetition_gap(const CurvePoint& point) {
+    double smallest = std::numeric_limits<double>::infinity();
     if (point.curve->autonomous()) {
-        const auto near = approaches(point, point.curve->nodes(point.y).col(0));
-        return std::any_of(near.begin(), near.end(), [&](const Approach& approach) {
-            return approach.share > 1e-3 && approach.share < 1.0 - 1e-3 && approach.distance <= tolerance;
-        });
+        // The first node itself is met at the start and after T.
+        constexpr double itself = 1e-3;
+        for (const Approach& near : approaches(point, point.curve->nodes(point.y).col(0)))
+            if (near.share > itself && near.share < 1.0 - itself) smallest = std::min(smallest, near.distance);
+        return smallest;
     }
     const MatrixXd points = section_points(point);
     const Index p = points.cols();
-    for (Index shift = 1; shift < p; ++shift) {
-        if (p % shift != 0) continue;
-        MatrixXd difference(points.rows(), p);
-        for (Index j = 0; j < p; ++j)
-            difference.col(j) = points.col((j + shift) % p) - points.col(j);
-        if (distance(difference, *point.curve) <= tolerance) return true;
-    }
-    return false;
+    for (Index shift = 1; shift < p; ++shift)
+        if (p % shift == 0) smallest = std::min(smallest, distance(begun_later(points, shift) - points, *point.curve));
+    return smallest;
 }
 
 }  // namespace orbid::periodic

@@ -19,7 +19,11 @@ namespace orbid::periodic {
 /// One is the other's image under the symmetry that the model declares; false without one.
 [[nodiscard]] bool mirror_images(const CurvePoint& a, const CurvePoint& b, double tolerance);
 
-/// The points repeat after fewer than all of them, within `tolerance` x scale.
-[[nodiscard]] bool repeats(const CurvePoint& point, double tolerance);
+/// How far an orbit is from repeating itself before it closes: the smallest distance between it and the same orbit
+/// begun later, relative to the scale. Infinity for orbits of one period.
+[[nodiscard]] double repetition_gap(const CurvePoint& point);
+
+/// How far an orbit is from being its own mirror image; infinity without a symmetry.
+[[nodiscard]] double symmetry_gap(const CurvePoint& point);
 
 }  // namespace orbid::periodic

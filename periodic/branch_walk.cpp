@@ -249,8 +249,14 @@ private:
     /// A fold that is none: the parameter turns as the branch meets the one it left by a doubling or a loss of
     /// symmetry.
     [[nodiscard]] bool meets_another(const CurvePoint& fold) const {
-        if (repeats(fold, same_solution)) return true;
-        return mirror_images(fold, fold, same_solution) && !mirror_images(here_, here_, same_solution);
+        // Both gaps go through zero there like the arclength, and are as they were before at any other fold. (The place
+        // itself is only known to the root of rounding: the matrix is singular where branches cross.)
+        constexpr double closed = 1e-2;
+        const auto vanishes = [&](double gap, double before) {
+            return std::isfinite(before) && before > same_solution && gap <= closed * before;
+        };
+        return vanishes(repetition_gap(fold), repetition_gap(here_)) ||
+               vanishes(symmetry_gap(fold), symmetry_gap(here_));
     }
 
     /// Back at the start: adds it a second time.

@@ -127,7 +127,9 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
 
 /// A branch ended at this bifurcation when it was followed from elsewhere.
 bool ends_at(const BranchSwitch& start, const Followed& branch) {
-    constexpr double same_bifurcation = 1e-5;  // both are located, but the parameter is stationary along one of them
+    // Both were located, but along the other branch the parameter is stationary, and the place known to the root of
+    // rounding only.
+    constexpr double same_bifurcation = 1e-4;
     return branch.last == BranchEnd::other_branch &&
            (same_orbit(branch.points.back().point, start.origin, same_bifurcation) ||
             mirror_images(branch.points.back().point, start.origin, same_bifurcation));

@@ -1,8 +1,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <vector>
+
+#include <Eigen/LU>
 
 #include "models/registry.hpp"
 #include "periodic/continuation.hpp"

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <vector>
 
+#include <tbb/global_control.h>
+
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
 #include "tests/periodic/branch_maps.hpp"
@@ -156,6 +158,87 @@ TEST_CASE("Neimark-Sacker of the delayed logistic map at a = 2", "[periodic]") {
     CHECK_THAT(found[0].parameter, tests::WithinAbs(2.0, 1e-12));
     CHECK(std::abs(found[0].orbit.multipliers[0] - std::polar(1.0, std::numbers::pi / 3.0)) < 1e-12);
     CHECK(diagram.branches[0].points.back().unstable == 2);
+}
+
+TEST_CASE("a branch between two doublings is followed once", "[periodic]") {
+    const tests::BubbleMap system;
+    StartingSolution start;
+    start.points = MatrixXd::Constant(1, 1, 0.6);
+    ContinuationOptions options;
+    options.lower = -0.9;
+    options.upper = 0.9;
+    const BifurcationDiagram diagram = follow_branches(system, VectorXd::Constant(1, 0.8), start, options);
+    REQUIRE(diagram.branches.size() == 2);
+    std::vector<double> places;
+    for (const BranchPoint& point : diagram.branches[0].points)
+        if (point.bifurcation == Bifurcation::period_doubling) places.push_back(point.parameter);
+    REQUIRE(places.size() == 2);
+    // Measured 2e-15, times ten and the accuracy of the search.
+    CHECK_THAT(places[0], tests::WithinAbs(-std::sqrt(0.2), 1e-13));
+    CHECK_THAT(places[1], tests::WithinAbs(std::sqrt(0.2), 1e-13));
+    const Branch& bubble = diagram.branches[1];
+    CHECK(bubble.first == BranchEnd::other_branch);
+    CHECK(bubble.last == BranchEnd::other_branch);
+    CHECK(bubble.points.front().parameter == places[0]);
+    // Located from the branch that ends, to the root of rounding in its points: measured 2e-11 in the parameter.
+    CHECK_THAT(bubble.points.back().parameter, tests::WithinAbs(places[1], 2e-10));
+    for (const BranchPoint& point : bubble.points) {
+        // The two points of the orbit: x1 + x2 = (r + 1) / r.
+        const double r = 3.2 - point.parameter * point.parameter;
+        CHECK_THAT(point.orbit.points.sum(), tests::WithinAbs((r + 1.0) / r, 1e-9));
+        CHECK(point.orbit.period == 2);
+    }
+}
+
+TEST_CASE("an asymmetric branch between two losses of symmetry is followed once", "[periodic]") {
+    const tests::ArchMap system;
+    StartingSolution start;
+    start.points = MatrixXd::Zero(1, 1);
+    ContinuationOptions options;
+    options.lower = -0.9;
+    options.upper = 0.9;
+    options.solver.scale = VectorXd::Ones(1);
+    const BifurcationDiagram diagram = follow_branches(system, VectorXd::Constant(1, 0.8), start, options);
+    REQUIRE(diagram.branches.size() == 2);
+    const Branch& arch = diagram.branches[1];
+    CHECK(arch.last == BranchEnd::other_branch);
+    // Measured 1e-16 at the beginning, 2e-10 at the end, see above.
+    CHECK_THAT(arch.points.front().parameter, tests::WithinAbs(-std::sqrt(0.2), 1e-14));
+    CHECK_THAT(arch.points.back().parameter, tests::WithinAbs(std::sqrt(0.2), 2e-9));
+    CHECK(arch.points.size() > 10);
+    for (const BranchPoint& point : arch.points)
+        CHECK_THAT(std::hypot(point.parameter, point.orbit.points(0, 0)), tests::WithinRel(std::sqrt(0.2), 1e-8));
+}
+
+TEST_CASE("a diagram is the same with any number of threads", "[periodic]") {
+    const auto system = models::make_system("duffing");
+    VectorXd theta(5);
+    theta << 0.1, 1.0, 0.25, 0.5, 0.5;
+    StartingSolution start;
+    start.points = Eigen::Vector2d(0.65, 0.05);
+    ContinuationOptions options;
+    options.parameter = 4;
+    options.lower = 0.4;
+    options.upper = 1.2;
+    options.solver.maximum_distance = 1.0;
+    options.solver.segment_growth = 3.0;  // several nodes, solved in parallel
+    const auto run = [&](std::size_t threads) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+        return follow_branches(*system, theta, start, options);
+    };
+    const BifurcationDiagram one = run(1);
+    const BifurcationDiagram four = run(4);
+    REQUIRE(one.branches.size() == 1);
+    REQUIRE(four.branches.size() == 1);
+    REQUIRE(one.branches[0].points.size() == four.branches[0].points.size());
+    CHECK(one.branches[0].points.size() > 10);
+    for (std::size_t k = 0; k < one.branches[0].points.size(); ++k) {
+        const BranchPoint& a = one.branches[0].points[k];
+        const BranchPoint& b = four.branches[0].points[k];
+        CHECK(a.parameter == b.parameter);
+        CHECK(a.orbit.points == b.orbit.points);
+        CHECK(a.orbit.multipliers == b.orbit.multipliers);
+    }
 }
 
 TEST_CASE("a branch follows the forcing frequency in the phase, and ends at the edge of the domain", "[periodic]") {
