@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "periodic/approach.hpp"
 #include "periodic/collocation_mesh.hpp"
 #include "periodic/orbit_solution.hpp"
 #include "periodic/whole_turn.hpp"
@@ -35,7 +36,7 @@ void check(const models::System& system, const CollocationOptions& options) {
 /// A start that is solved on one mesh after the other.
 class Refinement {
 public:
-    Refinement(const models::System& system, const VectorXd& theta, const StartingSolution& start, const Course& course,
+    Refinement(const models::System& system, const VectorXd& theta, const StartingSolution& start, const Approach& near,
                const VectorXd& scale, const CollocationOptions& options)
         : system_(system),
           theta_(theta),
@@ -43,10 +44,11 @@ public:
           options_(options),
           field_(system, theta, start.phase, start.points.cols()),
           method_(gauss_method(options.stages)),
-          time_(course.time) {
+          rotation_(near.rotation),
+          time_(near.course.time) {
         options_.solver.scale = scale;
         double share = 0.0;
-        for (const Segment& segment : course.segments) {
+        for (const Segment& segment : near.course.segments) {
             points_.push_back(share);
             share += segment.share;
         }
@@ -60,6 +62,7 @@ public:
         first.nodes = std::move(guess);
         first.time = time_;
         first.points = points_;
+        first.rotation = rotation_;
         first.closing =
             closing_error(steps, first.nodes, time_, MatrixXd::Zero(first.nodes.rows(), first.nodes.cols()));
         DiscreteSolution solution = solve_discrete(system_, theta_, start_, steps, first, free, options_.solver);
@@ -90,6 +93,7 @@ private:
     OrbitField field_;
     GaussMethod method_;
     std::vector<double> points_;
+    std::vector<int> rotation_;
     double time_;
     PiecewisePolynomial polynomial_;
 };
@@ -108,16 +112,18 @@ PeriodicOrbit solve_collocation(const models::System& system, const VectorXd& th
     orbit.period = static_cast<int>(start.points.cols());
     if (!course.simulated) return orbit;
     const VectorXd scale = options.solver.scale.size() > 0 ? options.solver.scale : default_scale(system, start.points);
-    Refinement refinement(system, theta, start, course, scale, options);
+    const Approach near = approach(system, theta, course, start, scale, options.solver);
+    Refinement refinement(system, theta, start, near, scale, options);
 
     const Index intervals = options.intervals * start.points.cols();
     std::vector<double> mesh;
     for (Index j = 0; j < intervals; ++j)
         mesh.push_back(static_cast<double>(j) / static_cast<double>(intervals));
-    const SampledCourse guess = sampled(system, theta, course, mesh, options.solver.flow);
+    const SampledCourse guess = sampled(system, theta, near.course, mesh, options.solver.flow);
     if (!guess.simulated) return orbit;
     const bool single = options.mesh_updates == 0 && options.halvings == 0;
     orbit = refinement.solve(mesh, guess.states, single ? free : std::span<const Index>{});
+    orbit.iterations += near.iterations;
     const auto again = [&](const std::vector<double>& next, bool last) {
         int iterations = orbit.iterations;
         orbit = refinement.solve(next, refinement.at(next), last ? free : std::span<const Index>{});

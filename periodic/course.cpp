@@ -177,6 +177,34 @@ Course refined(const models::System& system, const VectorXd& theta, const Course
     return finer;
 }
 
+Course divided(const models::System& system, const VectorXd& theta, const Course& course, int pieces,
+               const models::FlowOptions& options) {
+    Course finer = course;
+    finer.simulated = false;
+    finer.segments.clear();
+    finer.points.clear();
+    finer.nodes.resize(course.nodes.rows(), pieces * course.nodes.cols());
+    for (std::size_t s = 0; s < course.segments.size(); ++s) {
+        const Segment& whole = course.segments[s];
+        const auto first = static_cast<Index>(s) * pieces;
+        std::vector<double> durations;
+        for (int k = 0; k < pieces; ++k) {
+            const double begin = whole.duration * k / pieces;
+            durations.push_back(begin);
+            finer.segments.push_back({whole.phase + (course.clock == models::Clock::phase ? begin : 0.0),
+                                      whole.duration / pieces, whole.share / pieces});
+        }
+        const auto flow =
+            system.flow(course.nodes.col(static_cast<Index>(s)), whole.phase, durations, theta, course.clock, options);
+        if (flow.status != models::FlowStatus::ok) return finer;
+        finer.nodes.middleCols(first, pieces) = flow.states;
+        if (std::find(course.points.begin(), course.points.end(), static_cast<Index>(s)) != course.points.end())
+            finer.points.push_back(first);
+    }
+    finer.simulated = course.simulated;
+    return finer;
+}
+
 bool grows_beyond(const MatrixXd& jacobian, double growth) {
     return ln_growth(jacobian) > std::log(growth);
 }

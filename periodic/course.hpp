@@ -52,6 +52,10 @@ struct Course {
 [[nodiscard]] Course refined(const models::System& system, const Eigen::VectorXd& theta, const Course& course,
                              double growth, const models::FlowOptions& options);
 
+/// The same course with nodes at equal times, taken from its flow: `pieces` segments for each.
+[[nodiscard]] Course divided(const models::System& system, const Eigen::VectorXd& theta, const Course& course,
+                             int pieces, const models::FlowOptions& options);
+
 /// That ratio exceeds `growth`. A direction that is lost altogether (sticking) has no growth backwards.
 [[nodiscard]] bool grows_beyond(const Eigen::MatrixXd& jacobian, double growth);
 /// As many pieces of even growth as keep each below `growth`, in [1, 48].

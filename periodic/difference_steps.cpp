@@ -38,8 +38,8 @@ StepImage SecondOrderSteps::state(Index j, const VectorXd& z, double time, std::
     const std::array<double, 1> shares{share(j)};
     StepImage image;
     VectorXd x = z;
-    // v - w - h/2 a(q, v) = 0: one step for damping linear in v, two or three otherwise. The contraction is h |a_v|, so
-    // that what a step changes by less than 1e-13 of v is settled.
+    // v - w - h/2 a(q, v) = 0: one step for damping linear in v, two or three otherwise. Errors square, so that what a
+    // step changes by less than 1e-8 of v is settled.
     constexpr int most_steps = 20;
     for (int i = 0; i < most_steps; ++i) {
         const FieldValues g = field_.values(x, shares, time, {});
@@ -48,7 +48,7 @@ StepImage SecondOrderSteps::state(Index j, const VectorXd& z, double time, std::
         const MatrixXd matrix = MatrixXd::Identity(half, half) - 0.5 * h * g.by_state(velocities_, velocities_);
         const VectorXd step = matrix.partialPivLu().solve(gap);
         x(velocities_) += step;
-        image.simulated = step.norm() <= 1e-13 * (x(velocities_).norm() + 1e-300);
+        image.simulated = step.norm() <= 1e-8 * (x(velocities_).norm() + 1e-300);
         if (image.simulated || step.norm() == 0.0) break;
     }
     // Slower than that is no scheme but a step far too long.

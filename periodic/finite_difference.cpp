@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "periodic/approach.hpp"
 #include "periodic/difference_steps.hpp"
 #include "periodic/orbit_solution.hpp"
 #include "periodic/whole_turn.hpp"
@@ -25,8 +26,9 @@ double scattered(int k) {
 }
 
 PeriodicOrbit solve_on(Index steps, const models::System& system, const VectorXd& theta, const StartingSolution& start,
-                       const Course& course, const VectorXd& scale, std::span<const Index> free,
+                       const Approach& near, const VectorXd& scale, std::span<const Index> free,
                        const FiniteDifferenceOptions& options) {
+    const Course& course = near.course;
     PeriodicOrbit failed;
     failed.status = OrbitStatus::not_simulated;
     failed.period = static_cast<int>(start.points.cols());
@@ -46,6 +48,8 @@ PeriodicOrbit solve_on(Index steps, const models::System& system, const VectorXd
 
     DiscreteStart first;
     first.time = course.time;
+    first.rotation = near.rotation;
+    first.iterations = near.iterations;
     double share = 0.0;
     for (const Segment& segment : course.segments) {
         first.points.push_back(share);
@@ -128,12 +132,13 @@ PeriodicOrbit solve_finite_difference(const models::System& system, const Vector
     orbit.period = static_cast<int>(start.points.cols());
     if (!course.simulated) return orbit;
     const VectorXd scale = options.solver.scale.size() > 0 ? options.solver.scale : default_scale(system, start.points);
+    const Approach near = approach(system, theta, course, start, scale, options.solver);
     const auto solve = [&](Index nodes, std::span<const Index> wanted) {
         Index steps = nodes * start.points.cols();
         const bool pairs = options.second_order &&
                            second_order_structure(system, theta, start.points.replicate(1, 30), scale).complete;
         if (!pairs && steps % 2 == 0) ++steps;
-        return solve_on(steps, system, theta, start, course, scale, wanted, options);
+        return solve_on(steps, system, theta, start, near, scale, wanted, options);
     };
     orbit = solve(options.nodes, free);
     orbit.discretisation_error = std::numeric_limits<double>::quiet_NaN();

@@ -43,7 +43,7 @@ struct SecondOrderStructure {
 ///     (x_{k+1} - x_{k-1}) / (2 h) = f(x_k, t_k),   k mod N.
 ///
 /// Newton on all nodes at once; the error of a converged orbit is O(h^2), that of its multipliers as well.
-/// Sensitivities are those of the discrete orbit, to about 1e-9 (derivatives of f by differences).
+/// Sensitivities are those of the discrete orbit, exact but for rounding.
 ///
 /// @param start  as for multiple shooting; forced models and autonomous flows.
 /// @return orbit as from multiple shooting; `jacobians` is empty where a point is no node, and with the first-order

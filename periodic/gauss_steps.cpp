@@ -42,7 +42,6 @@ MatrixXd GaussSteps::slopes(Index j, const VectorXd& z, double time) const {
     MatrixXd k = field_.value(z.replicate(1, m), instants, time);
     // Squares its error from step to step; an interval that takes more is far too long for its polynomial.
     constexpr int most_steps = 15;
-    double last = std::numeric_limits<double>::infinity();
     for (int i = 0; i < most_steps; ++i) {
         const FieldValues g = field_.values(states(j, z, k), instants, time, {});
         if (!g.value.allFinite() || !g.by_state.allFinite()) return {};
@@ -50,9 +49,8 @@ MatrixXd GaussSteps::slopes(Index j, const VectorXd& z, double time) const {
         const VectorXd step = matrix(j, g.by_state).partialPivLu().solve(gap);
         k += step.reshaped(k.rows(), m);
         const double size = step.norm() / (k.norm() + std::numeric_limits<double>::min());
-        // Rounding of the field ends the squaring near 1e-15 of its largest terms.
-        if (size <= 1e-14 || (size < 1e-11 && size > 0.1 * last)) return k;
-        last = size;
+        // What is left after a step of 1e-9 is its square.
+        if (size <= 1e-9) return k;
     }
     return {};
 }

@@ -1,5 +1,6 @@
 #include "periodic/guess_correction.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <utility>
@@ -118,6 +119,17 @@ SparseMatrix<double> scaled_jacobian(const ClosingError& closing, const VectorXd
     SparseMatrix<double> jacobian(d * count, d * count + closing.by_ln_time.cols());
     jacobian.setFromTriplets(entries.begin(), entries.end());
     return jacobian;
+}
+
+double shortest_correction(const ClosingError& closing, const VectorXd& scale, double weight) {
+    const SparseMatrix<double> jacobian = scaled_jacobian(closing, scale);
+    SparseMatrix<double> normal = weight * SparseMatrix<double>(jacobian.transpose() * jacobian);
+    normal.diagonal().array() += 1.0;
+    const Eigen::SimplicialLDLT<SparseMatrix<double>> factorised(normal);
+    const VectorXd error = (closing.error.array().colwise() / scale.array()).matrix().reshaped();
+    const VectorXd pull = weight * (jacobian.transpose() * error);
+    const VectorXd move = -factorised.solve(pull);
+    return std::sqrt(std::max(weight * error.squaredNorm() + pull.dot(move), 0.0));
 }
 
 CorrectedGuess corrected_guess(const Discretisation& discretisation, const MatrixXd& guess, double time,

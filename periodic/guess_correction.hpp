@@ -14,6 +14,10 @@ namespace orbid::periodic {
 /// in units of the scales: shape (d N, d N + k).
 [[nodiscard]] Eigen::SparseMatrix<double> scaled_jacobian(const ClosingError& closing, const Eigen::VectorXd& scale);
 
+/// Square root of min_d |d|^2 + weight |J d + r|^2: how far the guess has to move, as far as the linearised equations
+/// tell, until it closes but for a rest that the weight makes expensive. All in units of the scales.
+[[nodiscard]] double shortest_correction(const ClosingError& closing, const Eigen::VectorXd& scale, double weight);
+
 /// A guess on its way to an orbit.
 struct CorrectedGuess {
     bool closed = false;  ///< closing error below 1e-4 of the scale, rms: Newton's method is left a small step

@@ -21,11 +21,16 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-PeriodicOrbit solve_multiple_shooting(const models::System& system, const VectorXd& theta,
-                                      const StartingSolution& start, std::span<const Index> free,
-                                      const ShootingOptions& options) {
+namespace {
+
+PeriodicOrbit solve_once(const models::System& system, const VectorXd& theta, const StartingSolution& start,
+                         std::span<const Index> free, const ShootingOptions& options) {
     validate(system, free, options);
     Course course = course_through(system, theta, start, options.flow);
+    // The integral phase condition is a sum over the nodes; with fewer it is not much of an integral.
+    constexpr int integral_nodes = 12;
+    if (system.kind() == models::Kind::autonomous && !start.section && options.phase == PhaseChoice::integral)
+        course = divided(system, theta, course, integral_nodes, options.flow);
     DiscreteStart first;
     if (course.simulated) {
         double share = 0.0;
@@ -56,6 +61,36 @@ PeriodicOrbit solve_multiple_shooting(const models::System& system, const Vector
     first.time = course.time;
     return solve_discrete(system, theta, start, FlowSteps(system, theta, course, options.flow), first, free, options)
         .orbit;
+}
+
+}  // namespace
+
+PeriodicOrbit solve_multiple_shooting(const models::System& system, const VectorXd& theta,
+                                      const StartingSolution& start, std::span<const Index> free,
+                                      const ShootingOptions& options) {
+    PeriodicOrbit orbit = solve_once(system, theta, start, free, options);
+    const auto found_one = [](OrbitStatus status) {
+        return status == OrbitStatus::converged || status == OrbitStatus::other_orbit ||
+               status == OrbitStatus::shorter_period || status == OrbitStatus::equilibrium;
+    };
+    if (system.kind() == models::Kind::autonomous && !start.section && options.phase == PhaseChoice::automatic &&
+        !found_one(orbit.status)) {
+        // The plane across the flow through a bad guess need not be crossed by the orbit.
+        ShootingOptions anywhere = options;
+        anywhere.phase = PhaseChoice::integral;
+        PeriodicOrbit shifted = solve_once(system, theta, start, free, anywhere);
+        if (found_one(shifted.status)) orbit = std::move(shifted);
+    }
+    if (start.rotation.empty() || orbit.status == OrbitStatus::converged) return orbit;
+    // Is there one near the guess that turns otherwise than asked for?
+    StartingSolution any_rotation = start;
+    any_rotation.rotation.clear();
+    PeriodicOrbit turning = solve_once(system, theta, any_rotation, free, options);
+    const bool found = turning.status == OrbitStatus::converged || turning.status == OrbitStatus::other_orbit;
+    const bool nearer = orbit.status != OrbitStatus::other_orbit || turning.distance < orbit.distance;
+    if (!found || !nearer || turning.rotation == start.rotation) return orbit;
+    turning.status = OrbitStatus::other_orbit;
+    return turning;
 }
 
 PeriodicOrbit solve_multiple_shooting(const models::System& system, const VectorXd& theta, double phase,

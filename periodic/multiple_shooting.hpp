@@ -19,9 +19,12 @@ namespace orbid::periodic {
 /// @param free   parameters for which sensitivities of the points (and T) are computed (M7); may be empty. Points of
 ///               autonomous flows: of the crossings, which move along the section; without a section, at fixed shares
 ///               of T with the first point moving across the flow.
-/// @return orbit with status; everything but status, iterations and residual is meaningful only if converged.
-///         `shorter_period`: converged to an orbit whose prime period divides p. `equilibrium`: `points` is where.
-///         Autonomous flows otherwise: `points` is the last iterate. Never throws for bad numerics.
+/// @return orbit with status; everything but status, iterations and residual is meaningful only if converged, or where
+/// stated.
+///         `shorter_period`: converged to an orbit that runs `repeats` times through a shorter one. `other_orbit`:
+///         farther from the guess than allowed, or with a rotation other than asked for where there is none with that
+///         one. Both hold the orbit found, complete. `equilibrium`: `points` is where. Autonomous flows otherwise:
+///         `points` is the last iterate. Never throws for bad numerics.
 /// @throws std::invalid_argument on wrong shapes, nan, time <= 0, or a start that does not fit the kind of model.
 [[nodiscard]] PeriodicOrbit solve_multiple_shooting(const models::System& system, const Eigen::VectorXd& theta,
                                                     const StartingSolution& start, std::span<const Eigen::Index> free,

@@ -142,6 +142,7 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
         }
 
         const double step_norm = step.norm(scale);
+        if (result.iterations == 0) result.first_step = step_norm;
         bool accepted = false;
         bool simulated_once = false;
         bool shrank = false;

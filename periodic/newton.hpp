@@ -24,6 +24,7 @@ struct NewtonResult {
     /// Length of the second step, with the old matrix, relative to the first one; infinity where there was none. Below
     /// 1/4 the orbit found is the only one near the guess, as far as the two steps tell.
     double contraction = std::numeric_limits<double>::infinity();
+    double first_step = 0.0;  ///< length of the first one, all nodes and ln T together, in units of the scales
 };
 
 /// Damped Newton on all nodes at once, and on ln T of autonomous orbits. Damping by the natural monotonicity test: a

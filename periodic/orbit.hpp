@@ -35,6 +35,9 @@ struct PeriodicOrbit {
     Eigen::MatrixXd points;     ///< shape (n, p), angles in (-pi, pi]; p: nodes without a section
     std::vector<Eigen::MatrixXd> jacobians;         ///< X_j = dPhi/dx from point j to the next, shape (n, n) each
     std::vector<std::complex<double>> multipliers;  ///< Floquet multipliers, largest modulus first, the trivial one not
+    /// shorter_period: how many times the orbit asked for runs through the one found, whose period, time and rotation
+    /// are that many times less; 1 otherwise.
+    int repeats = 1;
     double residual = 0.0;  ///< largest closing error max_j |Phi(x_j) - x_{j+1}| over coordinates
     int iterations = 0;
     double distance = 0.0;  ///< largest move of a point from its guess, relative to the scales given

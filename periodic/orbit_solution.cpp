@@ -21,17 +21,19 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// An orbit of T that closes after T / 2, T / 3, T / 5 or T / 7 as well (a p-fold orbit does so after T / prime).
-bool closes_earlier(const models::System& system, const VectorXd& theta, const VectorXd& x, double time,
+/// A prime number of times that an orbit of T runs through a shorter one, 2, 3, 5 or 7 (the largest that does); 1 where
+/// it does not.
+int repeats_in_time(const models::System& system, const VectorXd& theta, const VectorXd& x, double time,
                     const std::vector<Index>& angles, const VectorXd& scale, const models::FlowOptions& options) {
     // The flow over a part of an unstable orbit magnifies the error of the point, 1e-12, by less than its multiplier.
     constexpr double same_point = 1e-6;
     const std::vector<double> durations{time / 7.0, time / 5.0, time / 3.0, time / 2.0};
     const auto flow = system.flow(x, 0.0, durations, theta, models::Clock::time, options);
-    if (flow.status != models::FlowStatus::ok) return false;
+    if (flow.status != models::FlowStatus::ok) return 1;
     for (Index k = 0; k < flow.states.cols(); ++k)
-        if (relative_size(wrapped_angles(flow.states.col(k) - x, angles), scale) < same_point) return true;
-    return false;
+        if (relative_size(wrapped_angles(flow.states.col(k) - x, angles), scale) < same_point)
+            return static_cast<int>(std::lround(time / durations[static_cast<std::size_t>(k)]));
+    return 1;
 }
 
 MatrixXd states_of(const Discretisation& discretisation, const MatrixXd& nodes, double time, Index n) {
@@ -100,7 +102,7 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
     VectorXd shares(discretisation.steps());
     for (Index j = 0; j < shares.size(); ++j)
         shares(j) = discretisation.share(j);
-    const bool on_plane = !autonomous || start.section || options.phase == PhaseChoice::plane;
+    const bool on_plane = !autonomous || start.section || options.phase != PhaseChoice::integral;
     const std::optional<PhaseCondition> condition =
         phase_condition(system, theta, on_plane ? start.points : states_of(discretisation, first.nodes, first.time, n),
                         shares, start.section, options.phase);
@@ -158,9 +160,10 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
     const Index compared = orbit.points.cols() == start.points.cols() ? start.points.cols() : 1;
     orbit.distance = relative_size(
         wrapped_angles(reported.states.leftCols(compared) - start.points.leftCols(compared), angles), scale);
-    if (repeats_earlier(orbit.points, angles, scale) ||
-        (autonomous &&
-         closes_earlier(system, theta, reported.states.col(0), orbit.time, angles, scale, options.flow))) {
+    orbit.repeats = repeats_of(orbit.points, angles, scale);
+    if (autonomous && orbit.repeats == 1)
+        orbit.repeats = repeats_in_time(system, theta, reported.states.col(0), orbit.time, angles, scale, options.flow);
+    if (orbit.repeats > 1) {
         orbit.status = OrbitStatus::shorter_period;
     } else if (!(orbit.distance <= options.maximum_distance)) {
         orbit.status = OrbitStatus::other_orbit;

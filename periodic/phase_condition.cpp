@@ -13,7 +13,7 @@ std::optional<PhaseCondition> phase_condition(const models::System& system, cons
                                               const std::optional<models::Section>& section, PhaseChoice choice) {
     if (system.kind() != models::Kind::autonomous) return std::nullopt;
     if (section) return PhaseCondition{section->normal, section->offset};
-    const Index used = choice == PhaseChoice::plane ? 1 : guess.cols();
+    const Index used = choice == PhaseChoice::integral ? guess.cols() : 1;
     PhaseCondition condition;
     condition.normals =
         system.rhs(guess.leftCols(used), std::vector<double>(static_cast<std::size_t>(used), 0.0), theta);

@@ -17,7 +17,7 @@ struct PhaseCondition {
 };
 
 /// The condition on an autonomous orbit near a guess; none for other models. On a section that was named: the first
-/// state stays there. Otherwise, by the choice,
+/// state stays there. Otherwise, by the choice (automatic: plane),
 ///
 ///     plane     f(g_0) . (x_0 - g_0) = 0: Poincare's, the plane across the flow through the first state;
 ///     integral  sum_j h_j f(g_j) . (x_j - g_j) = 0: of all shifts in time of an orbit the one nearest to the guess.

@@ -7,7 +7,11 @@
 namespace orbid::periodic {
 
 /// What fixes the phase of an autonomous orbit where no section is named, see phase_condition().
-enum class PhaseChoice { plane, integral };
+enum class PhaseChoice {
+    automatic,  ///< the plane, and by multiple shooting the integral condition where that ends without an orbit
+    plane,      ///< Poincare's condition on the first state
+    integral    ///< on all nodes
+};
 
 /// Knobs of Newton's method that all discretisations share.
 struct ShootingOptions {
@@ -29,7 +33,7 @@ struct ShootingOptions {
     /// Where Newton's first step does not contract, the orbit nearest to the guess is looked for. false: whichever
     /// orbit Newton's method leads to.
     bool nearest = true;
-    PhaseChoice phase = PhaseChoice::plane;
+    PhaseChoice phase = PhaseChoice::automatic;  ///< autonomous flows without a section
 };
 
 }  // namespace orbid::periodic

@@ -69,7 +69,7 @@ MatrixXd wrapped_angles(MatrixXd difference, const std::vector<Index>& angles) {
     return difference;
 }
 
-bool repeats_earlier(const MatrixXd& points, const std::vector<Index>& angles, const VectorXd& scale) {
+int repeats_of(const MatrixXd& points, const std::vector<Index>& angles, const VectorXd& scale) {
     const Index p = points.cols();
     for (Index d = 1; d < p; ++d) {
         if (p % d != 0) continue;
@@ -77,9 +77,10 @@ bool repeats_earlier(const MatrixXd& points, const std::vector<Index>& angles, c
         for (Index j = 0; j < p; ++j)
             difference.col(j) = points.col((j + d) % p) - points.col(j);
         difference = wrapped_angles(difference, angles);
-        if ((difference.array().colwise() / scale.array()).abs().maxCoeff() < same_point) return true;
+        if ((difference.array().colwise() / scale.array()).abs().maxCoeff() < same_point)
+            return static_cast<int>(p / d);
     }
-    return false;
+    return 1;
 }
 
 }  // namespace orbid::periodic

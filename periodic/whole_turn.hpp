@@ -25,9 +25,10 @@ namespace orbid::periodic {
 [[nodiscard]] Eigen::MatrixXd whole_turns(const Eigen::MatrixXd& error, const std::vector<Eigen::Index>& angles,
                                           std::span<const int> rotation);
 
-/// Points of a closed orbit that repeat after fewer than p of them, to 1e-7 of the scale: its prime period is shorter.
-[[nodiscard]] bool repeats_earlier(const Eigen::MatrixXd& points, const std::vector<Eigen::Index>& angles,
-                                   const Eigen::VectorXd& scale);
+/// How often the points of a closed orbit run through the same ones, to 1e-7 of the scale: 1 where the prime period is
+/// p.
+[[nodiscard]] int repeats_of(const Eigen::MatrixXd& points, const std::vector<Eigen::Index>& angles,
+                             const Eigen::VectorXd& scale);
 
 /// Differences of states, in (-pi, pi] for angles. Shape (n, m).
 [[nodiscard]] Eigen::MatrixXd wrapped_angles(Eigen::MatrixXd difference, const std::vector<Eigen::Index>& angles);

@@ -62,6 +62,30 @@ TEST_CASE("Hopf's cycle: period, multipliers and derivatives in closed form", "[
     }
 }
 
+TEST_CASE("Hopf's cycle with the integral phase condition", "[periodic]") {
+    const tests::HopfNormalForm system;
+    const VectorXd theta = system.default_parameters();
+    const std::vector<Index> free{1, 0};
+    ShootingOptions options;
+    options.maximum_distance = 1.0;
+    options.phase = periodic::PhaseChoice::integral;
+    const PeriodicOrbit orbit =
+        solve_multiple_shooting(system, theta, timed(Eigen::Vector2d(1.0, 0.0), 6.0), free, options);
+    REQUIRE(orbit.status == OrbitStatus::converged);
+    CHECK(orbit.points.cols() == 12);
+    CHECK_THAT(orbit.time, tests::WithinAbs(2.0 * pi, 1e-14));
+    CHECK_THAT(orbit.multipliers[0].real(), tests::WithinRel(std::exp(-4.0 * pi), 5e-14));
+    CHECK_THAT(orbit.time_sensitivities(0), tests::WithinAbs(-2.0 * pi, 3e-14));
+    // Points at equal shares of T whose mean shift along the orbit does not depend on mu: they move outwards only, by
+    // 1 / 2 each, and not at all with w.
+    for (Index j = 0; j < 12; ++j) {
+        CHECK_THAT(orbit.points.col(j).norm(), tests::WithinAbs(1.0, 1e-14));
+        // Up to the 3e-10 (measured, times ten) by which the nodes the condition refers to are off the circle.
+        CHECK((orbit.sensitivities.block<2, 1>(2 * j, 1) - 0.5 * orbit.points.col(j)).norm() < 3e-9);
+        CHECK(orbit.sensitivities.block<2, 1>(2 * j, 0).norm() < 1e-13);
+    }
+}
+
 TEST_CASE("orbits of Lorenz and Roessler: 12 digits of T, 9 of the multipliers", "[periodic][reference]") {
     int solved = 0;
     for (const char* name : {"lorenz", "rossler"}) {

@@ -74,7 +74,6 @@ struct Equations {
     static constexpr double settled = quad ? 1e-24 : 1e-9;
     Real pi = quad ? static_cast<Real>(M_PIq) : static_cast<Real>(3.14159265358979323846);
     Real gamma = Real(1) / Real(5), amplitude = Real(6) / Real(5), omega = Real(2) / Real(3);
-    Real period = Real(2) * pi / omega;
 
     Jet<Real> slope(const Jet<Real>& x, Real t) const {
         const Real stiffness = -cosine(x[0]);
@@ -118,10 +117,11 @@ struct Equations {
     Jet<Real> over_period(const Point<Real>& start) const {
         Jet<Real> x{start[0], start[1], 1, 0, 0, 1};
         for (int k = 0; k < steps; ++k)
-            x = step(x, period * Real(k) / Real(steps), period / Real(steps));
+            x = step(x, period() * Real(k) / Real(steps), period() / Real(steps));
         return x;
     }
 
+    Real period() const { return Real(2) * pi / omega; }
     Real wrapped(Real angle) const { return rest_of(angle, Real(2) * pi); }
 };
 
@@ -160,8 +160,7 @@ std::vector<Real> solved(std::vector<std::vector<Real>> a, std::vector<Real> b) 
 
 /// Newton's method on all points; empty when it leads far away or does not converge.
 template <class Real>
-Cycle<Real> closed(std::vector<Point<Real>> points) {
-    const Equations<Real> pendulum;
+Cycle<Real> closed(std::vector<Point<Real>> points, const Equations<Real>& pendulum = {}) {
     const std::size_t p = points.size();
     const std::vector<Point<Real>> guess = points;
     for (int iteration = 0; iteration < 12; ++iteration) {
@@ -199,7 +198,7 @@ Cycle<Real> closed(std::vector<Point<Real>> points) {
         }
         // The root of larger size of mu^2 - trace mu + exp(-gamma p T).
         const Real half = (product[0] + product[3]) / Real(2);
-        const Real both = exponential(-pendulum.gamma * Real(static_cast<int>(p)) * pendulum.period);
+        const Real both = exponential(-pendulum.gamma * Real(static_cast<int>(p)) * pendulum.period());
         const Real discriminant = root(half * half - both);
         const Real unstable = half > Real(0) ? half + discriminant : half - discriminant;
         return {points, static_cast<int>(std::lround(turns)), unstable, both / unstable};
@@ -214,6 +213,18 @@ bool prime(const Cycle<double>& cycle) {
             std::abs(cycle.points[d][1] - cycle.points[0][1]) < 1e-6)
             return false;
     return true;
+}
+
+/// d ln |unstable multiplier| / d parameter by central differences of solved cycles, of order four: truncation and
+/// rounding leave 1e-12 or less.
+Quad slope_of(const Cycle<Quad>& cycle, Quad Equations<Quad>::*parameter) {
+    const Quad h = 1e-7Q;
+    const auto ln_at = [&](int k) {
+        Equations<Quad> moved;
+        moved.*parameter += Quad(k) * h;
+        return logq(fabsq(closed<Quad>(cycle.points, moved).unstable));
+    };
+    return (Quad(8) * (ln_at(1) - ln_at(-1)) - (ln_at(2) - ln_at(-2))) / (Quad(12) * h);
 }
 
 std::string text(Quad x) {
@@ -262,10 +273,16 @@ int main() {
                 start.push_back({point[0], point[1]});
             const Cycle<Quad> cycle = closed<Quad>(start);
             if (cycle.points.empty()) return 1;
+            std::string slopes;
+            if (&rough == &found.front())
+                slopes = "\n   \"ln_unstable_by_gamma_A_omega\": [\"" + text(slope_of(cycle, &Equations<Quad>::gamma)) +
+                         "\", \"" + text(slope_of(cycle, &Equations<Quad>::amplitude)) + "\", \"" +
+                         text(slope_of(cycle, &Equations<Quad>::omega)) + "\"],";
             std::printf(
                 "%s\n  {\"period\": %zu, \"rotation\": %d,\n   \"unstable_multiplier\": \"%s\", "
-                "\"stable_multiplier\": \"%s\",\n   \"points\": [",
-                first ? "" : ",", p, cycle.rotation, text(cycle.unstable).c_str(), text(cycle.stable).c_str());
+                "\"stable_multiplier\": \"%s\",%s\n   \"points\": [",
+                first ? "" : ",", p, cycle.rotation, text(cycle.unstable).c_str(), text(cycle.stable).c_str(),
+                slopes.c_str());
             for (std::size_t j = 0; j < p; ++j)
                 std::printf("%s[\"%s\", \"%s\"]", j == 0 ? "" : (j % 2 == 0 ? ",\n              " : ", "),
                             text(cycle.points[j][0]).c_str(), text(cycle.points[j][1]).c_str());
