@@ -207,13 +207,21 @@ private:
         }
         PhaseOrigin origin{orbit.points.col(0), {}};
         origin.normal = system_.rhs(origin.point, std::vector<double>{0.0}, theta_);
-        auto place = scan_.place(orbit, origin);
-        if (!place) {
-            if (none) best_.status = OrbitStatus::not_simulated;
-            return;
+        // A phase that is known does not tell in which of the p periods of the orbit time 0 lies.
+        const Index turns = record_.phase.estimate ? 1 : orbit.points.cols();
+        for (Index turn = 0; turn < turns; ++turn) {
+            const auto place = scan_.place(orbit, origin);
+            if (!place) {
+                if (none) best_.status = OrbitStatus::not_simulated;
+                return;
+            }
+            if (best_.status != OrbitStatus::converged || place->misfit < best_.place.misfit)
+                best_ = {OrbitStatus::converged, orbit, origin, *place};
+            if (turns == 1) break;
+            const VectorXd first = orbit.points.col(0);
+            orbit.points.leftCols(turns - 1) = orbit.points.rightCols(turns - 1).eval();
+            orbit.points.col(turns - 1) = first;
         }
-        if (none || place->misfit < best_.place.misfit)
-            best_ = {OrbitStatus::converged, std::move(orbit), std::move(origin), std::move(*place)};
     }
 
     const models::System& system_;

@@ -112,6 +112,34 @@ TEST_CASE("of coexisting steady states the measured one is taken", "[periodic][w
     }
 }
 
+TEST_CASE("a known phase leaves open in which period of a longer orbit the record begins", "[periodic][waveform]") {
+    const std::shared_ptr<const models::System> system = models::make_system("duffing", "");
+    const VectorXd values = with_values(*system, {{"gamma", 0.28}});
+    const double forcing = system->period(values, models::Clock::time);
+    WaveformOptions options;
+    options.channels = channels_of(*system, {"x"});
+    const auto binding = estimated(*system, values, {"delta"});
+    options.start = picked(binding);
+    std::vector<WaveformRecord> records;
+    for (const int late : {0, 1}) {
+        // The same motion on a clock that began one period of the forcing later: the phase is the same.
+        const VectorXd times = VectorXd::LinSpaced(60, late * forcing, late * forcing + 30.0);
+        const MatrixXd y =
+            steady_readings(*system, values, Eigen::Vector2d(1.0, 0.0), {}, times, 0.0, 2000.0 + late * forcing);
+        records.push_back(record_of(binding, times.array() - late * forcing, y, options.channels));
+        records.back().period = 2;
+        records.back().phase = {false, 0.0};
+    }
+    REQUIRE((records[0].values - records[1].values).cwiseAbs().maxCoeff() > 0.1);
+    const WaveformResidual residual(system, records, options);
+    const auto value = residual.evaluate(options.start, residual.initial_latents(), false);
+    for (std::size_t b = 0; b < 2; ++b) {
+        CAPTURE(b);
+        REQUIRE(value[b].status == estimator::BlockStatus::ok);
+        CHECK(value[b].e.cwiseAbs().maxCoeff() < 1e-8);
+    }
+}
+
 TEST_CASE("a steady state that vanishes is a block that failed, and comes back", "[periodic][waveform]") {
     const std::shared_ptr<const models::System> system = models::make_system("duffing", "");
     // On the upper branch, which ends in a fold above omega = 2.
