@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include <tbb/global_control.h>
 #include <nlohmann/json.hpp>
 
 #include "models/registry.hpp"
@@ -199,6 +200,31 @@ TEST_CASE("indices of a complete list of orbits of the pendulum add up to the sa
     CHECK(counts(search, 4) == std::vector<int>{6, 9, 28, 98});
     orbits.pop_back();
     CHECK(index_sums(orbits, 4).back() != 0);
+}
+
+TEST_CASE("search gives the same bytes with any number of threads", "[periodic][search]") {
+    const auto pendulum = models::make_system("parametric_pendulum");
+    const auto table = tests::read_reference_orbits(*pendulum, "pendulum_orbits_g9.81.json");
+    OrbitSearchOptions options;
+    options.periods = {2, 3};
+    options.points = 1U << 13U;
+    std::vector<OrbitSearch> searches;
+    for (const std::size_t threads : {1, 4}) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+        searches.push_back(search_orbits(*pendulum, table.theta, options));
+    }
+    REQUIRE(searches[0].orbits.size() == searches[1].orbits.size());
+    CHECK_FALSE(searches[0].orbits.empty());
+    CHECK(searches[0].starts == searches[1].starts);
+    for (std::size_t k = 0; k < searches[0].orbits.size(); ++k) {
+        const FoundOrbit& one = searches[0].orbits[k];
+        const FoundOrbit& four = searches[1].orbits[k];
+        CHECK(one.orbit.points == four.orbit.points);
+        CHECK(one.orbit.multipliers == four.orbit.multipliers);
+        CHECK(one.origin == four.origin);
+        CHECK(one.hits == four.hits);
+        CHECK(one.mirror == four.mirror);
+    }
 }
 
 TEST_CASE("search for orbits refuses wrong options", "[periodic][search]") {
