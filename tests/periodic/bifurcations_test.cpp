@@ -62,8 +62,8 @@ TEST_CASE("the cascade of the pendulum from the locked rotation at 13 rad/s", "[
     const BifurcationDiagram diagram = follow_branches(*system, theta, start, options);
     REQUIRE(diagram.start_status == OrbitStatus::converged);
     REQUIRE(diagram.branches.size() == 5);
-    // AUTO-07p 0.9.2, bench/auto/cascade.sh: the digits it prints. Its collocation is good to about 1e-9 of them: 50
-    // intervals move the first one by 2.2e-9, 100 by 6e-11.
+    // AUTO-07p 0.9.2, bench/auto/cascade.sh: the digits it prints. Its 50 collocation intervals leave 2e-9 on the first
+    // one (200 intervals: 12.107821884), 1e-10 or so on the others, which get more of them.
     const std::array expected{12.107821882, 9.4647067819, 9.3204145005, 9.2998306142, 9.2959532790};
     std::vector<double> doublings;
     for (std::size_t b = 0; b < 5; ++b) {

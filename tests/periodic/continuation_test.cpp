@@ -202,12 +202,12 @@ TEST_CASE("an asymmetric branch between two losses of symmetry is followed once"
     REQUIRE(diagram.branches.size() == 2);
     const Branch& arch = diagram.branches[1];
     CHECK(arch.last == BranchEnd::other_branch);
-    // Measured 1e-16 at the beginning, 2e-10 at the end, see above.
-    CHECK_THAT(arch.points.front().parameter, tests::WithinAbs(-std::sqrt(0.2), 1e-14));
-    CHECK_THAT(arch.points.back().parameter, tests::WithinAbs(std::sqrt(0.2), 2e-9));
+    // Measured 2e-16 at both ends, 4e-16 for all points.
+    CHECK_THAT(arch.points.front().parameter, tests::WithinAbs(-std::sqrt(0.2), 3e-15));
+    CHECK_THAT(arch.points.back().parameter, tests::WithinAbs(std::sqrt(0.2), 3e-15));
     CHECK(arch.points.size() > 10);
     for (const BranchPoint& point : arch.points)
-        CHECK_THAT(std::hypot(point.parameter, point.orbit.points(0, 0)), tests::WithinRel(std::sqrt(0.2), 1e-8));
+        CHECK_THAT(std::hypot(point.parameter, point.orbit.points(0, 0)), tests::WithinRel(std::sqrt(0.2), 4e-15));
 }
 
 TEST_CASE("a diagram is the same with any number of threads", "[periodic]") {
