@@ -3,8 +3,8 @@
 #
 # START   file with an orbit at omega = 13 rad/s: t, phi + omega t, phi_dot, sin(omega t), cos(omega t) per line
 #
-# Prints per branch: period, points, shortest processor time of seven runs [s], omega of its first doubling. The Debian package auto-07p
-# holds AUTO's objects, which each problem is linked with by gfortran.
+# Prints per branch: period, points, shortest processor time of seven runs [s], omega of its first doubling. The Debian
+# package auto-07p holds AUTO's objects, which each problem is linked with by gfortran.
 library=/usr/lib/auto-07p/lib
 if [ ! -e $library/main.o ] || ! command -v gfortran > /dev/null; then
     echo "AUTO-07p is not installed (Debian: apt-get install auto-07p): no comparison"
