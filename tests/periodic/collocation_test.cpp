@@ -97,17 +97,18 @@ TEST_CASE("collocation reaches the accuracy it is asked for", "[periodic][refere
         solve_collocation(*system, theta, at_points((exact.array() + 1e-3).matrix()), std::vector<Index>{0, 1, 2});
     REQUIRE(orbit.status == OrbitStatus::converged);
     CHECK(orbit.discretisation_error < 1e-10);
-    CHECK((orbit.points - exact).cwiseAbs().maxCoeff() < 1e-9);
-    CHECK_THAT(orbit.multipliers[0].real(), tests::WithinRel(-9.43054755064114, 1e-8));
-    CHECK_THAT(orbit.multipliers[1].real(), tests::WithinRel(-1.610042271e-2, 1e-8));
+    // Measured 1.6e-13, 5e-14 and 6e-13, times ten. The product of the multipliers is exp(-gamma T).
+    CHECK((orbit.points - exact).cwiseAbs().maxCoeff() < 1.6e-12);
+    CHECK_THAT(orbit.multipliers[0].real(), tests::WithinRel(-9.43054755064114, 5e-13));
+    CHECK_THAT(orbit.multipliers[1].real(), tests::WithinRel(std::exp(-0.6 * pi) / -9.43054755064114, 6e-12));
     const PeriodicOrbit shot =
         periodic::solve_multiple_shooting(*system, theta, 0.0, exact, {}, std::vector<Index>{0, 1, 2});
     REQUIRE(shot.status == OrbitStatus::converged);
-    // Derivatives of the field are differences, good to about 1e-10, and the unstable direction multiplies by 9.
+    // Measured 3.4e-13 and 4e-13, times ten.
     CHECK((orbit.sensitivities - shot.sensitivities).cwiseAbs().maxCoeff() <
-          1e-8 * shot.sensitivities.cwiseAbs().maxCoeff());
+          3.4e-12 * shot.sensitivities.cwiseAbs().maxCoeff());
     CHECK(orbit.jacobians.size() == 1);
-    CHECK((orbit.jacobians[0] - shot.jacobians[0]).cwiseAbs().maxCoeff() < 1e-8 * shot.jacobians[0].norm());
+    CHECK((orbit.jacobians[0] - shot.jacobians[0]).cwiseAbs().maxCoeff() < 4e-12 * shot.jacobians[0].norm());
 }
 
 TEST_CASE("collocation: Hopf's cycle with unknown period", "[periodic]") {
@@ -120,15 +121,16 @@ TEST_CASE("collocation: Hopf's cycle with unknown period", "[periodic]") {
     const std::vector<Index> free{1, 0};
     const PeriodicOrbit orbit = solve_collocation(system, system.default_parameters(), start, free, options);
     REQUIRE(orbit.status == OrbitStatus::converged);
-    CHECK_THAT(orbit.time, tests::WithinAbs(2.0 * pi, 1e-11));
+    // Measured: T exact, 3.2e-13 of the multiplier, 2e-16 of the trivial one, 3e-15 of the rest; times ten.
+    CHECK_THAT(orbit.time, tests::WithinAbs(2.0 * pi, 1e-14));
     REQUIRE(orbit.multipliers.size() == 1);
-    CHECK_THAT(orbit.multipliers[0].real(), tests::WithinRel(std::exp(-4.0 * pi), 1e-8));
-    CHECK(std::abs(orbit.trivial_multiplier - 1.0) < 1e-9);
-    CHECK_THAT(orbit.points.col(0).norm(), tests::WithinAbs(1.0, 1e-11));
-    CHECK_THAT(orbit.time_sensitivities(0), tests::WithinAbs(-2.0 * pi, 1e-7));
-    CHECK_THAT(orbit.time_sensitivities(1), tests::WithinAbs(0.0, 1e-7));
+    CHECK_THAT(orbit.multipliers[0].real(), tests::WithinRel(std::exp(-4.0 * pi), 3.2e-12));
+    CHECK(std::abs(orbit.trivial_multiplier - 1.0) < 1e-14);
+    CHECK_THAT(orbit.points.col(0).norm(), tests::WithinAbs(1.0, 3e-14));
+    CHECK_THAT(orbit.time_sensitivities(0), tests::WithinAbs(-2.0 * pi, 3e-14));
+    CHECK_THAT(orbit.time_sensitivities(1), tests::WithinAbs(0.0, 3e-14));
     const Eigen::Vector2d out = orbit.points.col(0);
-    CHECK_THAT(out.dot(orbit.sensitivities.block<2, 1>(0, 1)), tests::WithinAbs(0.5, 1e-7));
+    CHECK_THAT(out.dot(orbit.sensitivities.block<2, 1>(0, 1)), tests::WithinAbs(0.5, 3e-14));
 }
 
 TEST_CASE("collocation: orbits of Roessler, whose spikes need an adaptive mesh", "[periodic][reference]") {
