@@ -1,5 +1,6 @@
 // Orbits of a model in a job: what is found instead of an orbit, searches, branches, and what a second run takes up.
 
+#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <thread>
@@ -251,6 +252,41 @@ TEST_CASE("the pendulum's cascade runs from its configuration", "[apps][run]") {
     CHECK(end["parameter"] == 9.09);
     CHECK_THAT(end["points"][0][0].get<double>(), WithinAbs(2.966784281971485, 1e-10));
     CHECK_THAT(end["points"][0][1].get<double>(), WithinAbs(6.406582448046664, 1e-9));
+}
+
+TEST_CASE("an interrupted run keeps the orbits it has and is not taken up again", "[apps][run]") {
+    const TemporaryFolder folder;
+    const Path out = folder.path() / "out";
+    json job = json::parse(R"({ "model": { "name": "parametric_pendulum" },
+      "periodic": { "method": "collocation", "orbits": [],
+                    "continuation": { "parameter": "omega", "to": 9.2 } } })");
+    // Some 20 ms each: the signal comes before the last of them.
+    for (int k = 0; k < 400; ++k)
+        job["periodic"]["orbits"].push_back({{"period", 1}, {"points", {{2.96, 6.40}}}});
+    const Path file = write_job(folder.path() / "job.json", job);
+    // Should the run have ended when the signal comes, the test shall fail, not the whole process end.
+    std::signal(SIGINT, SIG_IGN);
+    std::thread user([&] {
+        while (!std::filesystem::exists(out))
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        std::raise(SIGINT);
+    });
+    const Outcome interrupted = orbid_with({"periodic", file, "--out", out, "--quiet"});
+    user.join();
+    std::signal(SIGINT, SIG_DFL);
+    CHECK(interrupted.code == 130);
+    const json stored = read_json(out / "orbits.json");
+    CHECK_FALSE(stored.contains("fingerprint"));
+    REQUIRE(stored["cycles"].size() == 400);
+    int missing = 0;
+    for (const json& orbit : stored["cycles"]) {
+        if (orbit["status"] == "converged") continue;
+        CHECK(orbit["status"] == "interrupted");
+        CHECK(orbit["points"] == json::parse("[[2.96, 6.40]]"));
+        ++missing;
+    }
+    CHECK(missing > 0);
+    CHECK_FALSE(std::filesystem::exists(out / "branch.json"));
 }
 
 TEST_CASE("what a check says of periodic orbits", "[apps][command]") {
