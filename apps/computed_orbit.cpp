@@ -40,37 +40,6 @@ std::string still_open(double residual) {
     return std::isfinite(residual) ? fmt::format(", the closing error stays at {:.2g}", residual) : std::string();
 }
 
-std::string plain_message(const models::System& system, const periodic::PeriodicOrbit& orbit) {
-    switch (orbit.status) {
-        case OrbitStatus::converged:
-            return {};
-        case OrbitStatus::other_orbit:
-            return "farther than \"maximum_distance\": " + found_text(system, orbit);
-        case OrbitStatus::shorter_period:
-            // Without points of a section the fraction of T is not known here.
-            return orbit.points.cols() > 1 && prime_period(system, orbit.points) < orbit.period
-                       ? found_text(system, orbit)
-                       : fmt::format("an orbit through {} that closes in a fraction of the time {:.6g} s",
-                                     point_text(orbit.points), orbit.time);
-        case OrbitStatus::equilibrium:
-            return fmt::format("it does not move: an equilibrium at {}", point_text(orbit.points));
-        case OrbitStatus::period_vanished:
-            return "the time of the orbit went to zero: there is no orbit near the start, or it is too small";
-        case OrbitStatus::singular:
-            return fmt::format(
-                "the linear system is singular: a fold, where two orbits meet and vanish, a crossing of branches, or one of "
-                "a whole family of orbits (no damping){}; other parameters, or \"continuation\" from one of them, show it",
-                still_open(orbit.residual));
-        case OrbitStatus::no_progress:
-            return fmt::format("no orbit near the start{}", still_open(orbit.residual));
-        case OrbitStatus::iteration_limit:
-            return fmt::format("not closed within the steps allowed{}", still_open(orbit.residual));
-        case OrbitStatus::not_simulated:
-            return "the motion cannot be followed from there";
-    }
-    return {};
-}
-
 }  // namespace
 
 std::string_view ComputedOrbit::status() const {
@@ -104,13 +73,40 @@ int prime_period(const models::System& system, const Eigen::MatrixXd& points) {
 }
 
 std::string orbit_message(const models::System& system, const periodic::PeriodicOrbit& orbit,
-                          const std::optional<periodic::PeriodicOrbit>& own) {
-    std::string text = plain_message(system, orbit);
-    if (text.empty() || !own) return text;
-    const bool closed = own->status == OrbitStatus::converged || own->status == OrbitStatus::shorter_period ||
-                        own->status == OrbitStatus::other_orbit;
-    if (!closed || own->rotation == orbit.rotation) return text;
-    return text + "; without the rotation asked for the start leads to " + found_text(system, *own);
+                          const std::vector<int>& asked) {
+    switch (orbit.status) {
+        case OrbitStatus::converged:
+            return {};
+        case OrbitStatus::other_orbit:
+            if (!asked.empty() && asked != orbit.rotation)
+                return fmt::format("none with the rotation {} asked for: {}", rotation_text(asked),
+                                   found_text(system, orbit));
+            return "farther than \"maximum_distance\": " + found_text(system, orbit);
+        case OrbitStatus::shorter_period:
+            // Without points of a section the fraction of T is not known here.
+            return orbit.points.cols() > 1 && prime_period(system, orbit.points) < orbit.period
+                       ? found_text(system, orbit)
+                       : fmt::format("an orbit through {} that closes in a fraction of the time {:.6g} s",
+                                     point_text(orbit.points), orbit.time);
+        case OrbitStatus::equilibrium:
+            return fmt::format("it does not move: an equilibrium at {}", point_text(orbit.points));
+        case OrbitStatus::period_vanished:
+            return "the time of the orbit went to zero: there is no orbit near the start, or it is too small";
+        case OrbitStatus::singular:
+            return fmt::format(
+                "the linear system is singular: a fold, where two orbits meet and vanish, a crossing of branches, or "
+                "one of "
+                "a whole family of orbits (no damping){}; other parameters, or \"continuation\" from one of them, show "
+                "it",
+                still_open(orbit.residual));
+        case OrbitStatus::no_progress:
+            return fmt::format("no orbit near the start{}", still_open(orbit.residual));
+        case OrbitStatus::iteration_limit:
+            return fmt::format("not closed within the steps allowed{}", still_open(orbit.residual));
+        case OrbitStatus::not_simulated:
+            return "the motion cannot be followed from there";
+    }
+    return {};
 }
 
 void show_start(periodic::PeriodicOrbit& orbit, const Eigen::MatrixXd& start) {

@@ -49,9 +49,9 @@ struct ComputedOrbits {
 /// What came of a start that did not lead to an orbit of its own period and rotation, in a sentence: what was found
 /// instead, with period, rotation and distance, or how far from closed it stayed. Empty for a converged orbit.
 ///
-/// @param own  the orbit that the start leads to when no rotation is asked for, where one was; else nothing.
+/// @param asked  turns of each angle that were asked for; empty: any.
 [[nodiscard]] std::string orbit_message(const models::System& system, const periodic::PeriodicOrbit& orbit,
-                                        const std::optional<periodic::PeriodicOrbit>& own = std::nullopt);
+                                        const std::vector<int>& asked = {});
 
 /// An orbit that was not found shows where it was looked for: points `start`, residual undefined. Others stay as they
 /// are.

@@ -145,7 +145,7 @@ void read_rotation(const ValueReader& value, const std::vector<orbits::SeriesCoo
 }
 
 orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::SeriesCoordinate>& coordinates,
-                         std::size_t count) {
+                         std::size_t count, bool& converged) {
     orbits::Cycle cycle;
     ObjectReader object(value);
     const auto period = object.require("period", "the number of sections after which the cycle closes");
@@ -194,10 +194,11 @@ orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::Ser
     if (const auto time = given(object, "time")) cycle.time = number_or_nan(*time);
     if (const auto sd = given(object, "time_sd")) cycle.time_sd = number_or_nan(*sd);
     if (const auto code = given(object, "code")) cycle.code = code->text().value_or("");
-    // These belong to computed orbits.
-    for (const char* key : {"residual", "status", "message", "iterations", "distance", "sensitivities",
-                            "time_sensitivities", "times", "trivial_multiplier", "discretisation_error", "origin",
-                            "hits", "unstable", "bifurcation_near", "directions", "ln_multiplier_sensitivities"}) {
+    // These belong to computed orbits. One that did not converge is no cycle.
+    if (const auto status = given(object, "status")) converged = status->text().value_or("") == "converged";
+    for (const char* key : {"residual", "message", "iterations", "distance", "sensitivities", "time_sensitivities",
+                            "times", "trivial_multiplier", "discretisation_error", "origin", "hits", "unstable",
+                            "bifurcation_near", "directions", "ln_multiplier_sensitivities"}) {
         (void)object.find(key);
     }
     object.finish();
@@ -304,9 +305,16 @@ CycleReading parse_cycles(std::string_view text, std::string_view model,
     (void)object.find("search");
     if (const auto cycles = object.require("cycles", "a list of cycles, each with period and points")) {
         const auto items = cycles->items();
-        for (const ValueReader& item : items) {
-            file.search.cycles.push_back(read_cycle(item, coordinates, items.size()));
+        std::vector<std::optional<std::size_t>> place(items.size());  // of each entry among those that are kept
+        for (std::size_t i = 0; i < items.size(); ++i) {
+            bool converged = true;
+            orbits::Cycle cycle = read_cycle(items[i], coordinates, items.size(), converged);
+            if (!converged) continue;
+            place[i] = file.search.cycles.size();
+            file.search.cycles.push_back(std::move(cycle));
         }
+        for (orbits::Cycle& cycle : file.search.cycles)
+            if (cycle.mirror) cycle.mirror = place[*cycle.mirror];
     }
     object.finish();
     if (reading.problems.empty()) {

@@ -61,13 +61,7 @@ ComputedOrbit computed_from(const Job& job, const periodic::StartingSolution& st
         // Directions of the points that are listed.
         if (start.time > 0.0 && computed.stability->directions.size() > 1) computed.stability->directions.resize(1);
     }
-    std::optional<periodic::PeriodicOrbit> own;
-    if (!computed.converged() && !start.rotation.empty()) {
-        periodic::StartingSolution unbound = start;
-        unbound.rotation.clear();
-        own = periodic::solve_orbit(system, job.model.values, unbound, {}, periodic.method);
-    }
-    computed.message = orbit_message(system, computed.orbit, own);
+    computed.message = orbit_message(system, computed.orbit, start.rotation);
     show_in_list(computed.orbit, start);
     return computed;
 }

@@ -113,8 +113,9 @@ int run_stages(const Workspace& work) {
         if (orbits.converged() == 0) code = no_valid_answer;
         if (job.periodic->continuation && !work.interruption.asked()) {
             const FollowedBranches followed = follow_job_branches(work, orbits);
-            print(branches_summary(followed, job.model.system->parameters()[static_cast<std::size_t>(
-                                                 job.periodic->continuation->options.parameter)]));
+            print(branches_summary(
+                followed, job.model.system
+                              ->parameters()[static_cast<std::size_t>(job.periodic->continuation->options.parameter)]));
             if (followed.branches.empty()) code = no_valid_answer;
         }
     }

@@ -27,6 +27,9 @@ constexpr double noise_level = 1e-7;
 /// Newton's steps that shrink by less than this are not about to converge: Newton's theorem asks for 1/2.
 constexpr double largest_contraction = 0.7;
 
+/// Steps of this length move no multiplier in its first eleven digits.
+constexpr double rounding_step = 1e-12;
+
 /// A matrix that is singular to rounding, made regular to this share: see floquet_vectors().
 constexpr double offset = 1e-13;
 
@@ -208,6 +211,20 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
         last = length;
     }
     return result;
+}
+
+CurvePoint OrbitCurve::settled(CurvePoint point) const {
+    if (point.last_step <= rounding_step) return point;
+    const VectorXd theta = setting_->theta_at(point.parameter());
+    ClosingError closing = closing_error(FlowSteps(setting_->system, theta, course_, setting_->solver.flow),
+                                         nodes(point.y), time(point.y), turns_);
+    if (!closing.simulated) return point;
+    point.residual = closing.error.cwiseAbs().maxCoeff();
+    point.sticking = closing.sticking;
+    point.jacobians = std::move(closing.jacobians);
+    point.last_step = 0.0;
+    find_multipliers(point, autonomous());
+    return point;
 }
 
 VectorXd OrbitCurve::crossing_direction(const CurvePoint& point) const {

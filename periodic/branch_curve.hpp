@@ -113,6 +113,10 @@ public:
     [[nodiscard]] Correction corrected(const Eigen::VectorXd& guess, const Eigen::VectorXd& direction, double tolerance,
                                        int maximum_iterations, const Eigen::VectorXd* locked = nullptr) const;
 
+    /// Jacobians, residual and multipliers where the point is: those of Newton's last step belong to where that began.
+    /// Left as they are where the step was at rounding level, as on located points.
+    [[nodiscard]] CurvePoint settled(CurvePoint point) const;
+
     /// The direction across the tangent in which a second branch leaves a branch point, of norm one: null vector of the
     /// curve's equations bordered by the tangent.
     [[nodiscard]] Eigen::VectorXd crossing_direction(const CurvePoint& point) const;

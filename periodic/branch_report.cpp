@@ -196,7 +196,8 @@ bool comparable(const CurvePoint& a, const CurvePoint& b, double tolerance) {
 
 }  // namespace
 
-PeriodicOrbit reported(const CurvePoint& point) {
+PeriodicOrbit reported(const CurvePoint& walked) {
+    const CurvePoint point = walked.curve->settled(walked);
     const OrbitCurve& curve = *point.curve;
     const CurveSetting& setting = curve.setting();
     const std::vector<Index> angles = angle_coordinates(setting.system);

@@ -25,9 +25,9 @@ struct ModelSection {
 struct SectionPieces {
     std::vector<Eigen::MatrixXd> pieces;  ///< shape (n, m) each: successive sections, transients included
     Eigen::VectorXd lowest;               ///< shape (n): of the central 99.8 % of the points; angles: -pi
-    Eigen::VectorXd size;                 ///< shape (n), > 0: their extent; angles: 2 pi; a constant one: the largest value of all
-    std::size_t captured = 0;             ///< trajectories that ended in a stable orbit or at rest
-    std::size_t lost = 0;                 ///< that could not be continued
+    Eigen::VectorXd size;      ///< shape (n), > 0: their extent; angles: 2 pi; a constant one: the largest value of all
+    std::size_t captured = 0;  ///< trajectories that ended in a stable orbit or at rest
+    std::size_t lost = 0;      ///< that could not be continued
 };
 
 struct SectionPiecesOptions {

@@ -134,6 +134,13 @@ MatrixXd OrbitList::prime(const MatrixXd& points) const {
     return points;
 }
 
+bool OrbitList::crosses_forwards(const MatrixXd& points) const {
+    const std::vector<double> phases(static_cast<std::size_t>(points.cols()), 0.0);
+    const MatrixXd field = section_.system.rhs(points, phases, section_.theta);
+    const VectorXd speed = field.transpose() * section_.section->normal;
+    return (speed.array() * section_.section->direction > 0.0).all();
+}
+
 std::optional<std::size_t> OrbitList::insert(const MatrixXd& points, StartOrigin origin) {
     MatrixXd guess = wrapped_angles(prime(points), angles_);
     if (const auto known = find(guess, same_orbit)) {
@@ -154,7 +161,7 @@ std::optional<std::size_t> OrbitList::insert(const MatrixXd& points, StartOrigin
         const auto crossed = crossings_of(section_, orbit.points.col(0), orbit.time,
                                           4 * static_cast<std::size_t>(orbit.period) + 4, solver_.flow);
         if (!crossed) return std::nullopt;
-        if (crossed->cols() != orbit.points.cols()) {
+        if (crossed->cols() != orbit.points.cols() || !crosses_forwards(orbit.points)) {
             start.points = in_canonical_order(*crossed, size_);
             orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, options);
             if (orbit.status != OrbitStatus::converged) return std::nullopt;

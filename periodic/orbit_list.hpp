@@ -35,6 +35,8 @@ public:
 private:
     std::optional<std::size_t> insert(const Eigen::MatrixXd& points, StartOrigin origin);
     [[nodiscard]] Eigen::MatrixXd prime(const Eigen::MatrixXd& points) const;
+    /// All points pass the section in its direction.
+    [[nodiscard]] bool crosses_forwards(const Eigen::MatrixXd& points) const;
     void look_for_mirror(std::size_t index);
 
     const ModelSection& section_;

@@ -140,6 +140,21 @@ TEST_CASE("period and points are enough", "[apps]") {
     CHECK(reading.file->head.fingerprint.sha256.empty());
 }
 
+TEST_CASE("of computed orbits only those that converged are cycles", "[apps]") {
+    const auto reading = parsed(R"({ "cycles": [
+        { "period": 1, "points": [[0.1, 3.0]], "status": "no_progress", "message": "", "mirror": 2 },
+        { "period": 1, "points": [[0.2, 4.0]], "status": "converged", "mirror": 3 },
+        { "period": 1, "points": [[-0.1, -3.0]], "status": "converged", "mirror": 0 },
+        { "period": 1, "points": [[-0.2, -4.0]], "status": "converged", "mirror": 1 } ] })");
+    REQUIRE(reading.file);
+    const auto& cycles = reading.file->search.cycles;
+    REQUIRE(cycles.size() == 3);
+    CHECK(cycles[0].mirror == 2);
+    CHECK(cycles[2].mirror == 0);
+    CHECK_FALSE(cycles[1].mirror);
+    CHECK(cycles[1].points(0, 0) == -0.1);
+}
+
 TEST_CASE("what is wrong with a list of cycles is told by place and rule", "[apps]") {
     struct Case {
         std::string text;

@@ -158,10 +158,11 @@ TEST_CASE("periodic orbits are computed from starts, the failed one is named", "
     REQUIRE(orbits.size() == 2);
     CHECK(orbits[0]["status"] == "converged");
     CHECK(orbits[0]["rotation"] == json({1}));
-    // Nine turns in one period: not found. The start stands there, and no residual that could pass for an answer.
-    CHECK(orbits[1]["status"] != "converged");
-    CHECK(orbits[1]["points"] == json::parse("[[2.96, 6.40]]"));
-    CHECK(orbits[1]["residual"].is_null());
+    // Nine turns in one period: not found. What is there instead stands there, and says so.
+    CHECK(orbits[1]["status"] == "other_orbit");
+    CHECK(orbits[1]["rotation"] == json({1}));
+    CHECK_THAT(orbits[1]["message"].get<std::string>(), ContainsSubstring("none with the rotation +9 asked for"));
+    CHECK(orbits[1]["points"] == orbits[0]["points"]);
 
     // The other commands have nothing to do here.
     for (const char* command : {"simulate", "orbits", "estimate"}) {

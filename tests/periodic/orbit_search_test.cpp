@@ -184,6 +184,25 @@ TEST_CASE("search finds the orbits of Lorenz' and Roessler's flows", "[periodic]
     check("rossler", {{{1, {4.95}}}, "01"}, 7, {1, 1, 2, 1, 2, 3, 4});
 }
 
+TEST_CASE("points of orbits found pass the section in its direction", "[periodic][search]") {
+    // Scattered starts lie on both sides of the plane, and an orbit passes it as often one way as the other.
+    const auto system = models::make_system("rossler");
+    const Eigen::VectorXd theta = system->default_parameters();
+    OrbitSearchOptions options;
+    options.periods = {1, 2, 3};
+    options.section = models::Section{Eigen::Vector3d::UnitY(), 0.0, 1};
+    options.points = 1U << 12U;
+    options.stabilised = false;
+    const OrbitSearch search = search_orbits(*system, theta, options);
+    CHECK(counts(search, 3) == std::vector<int>{1, 1, 2});
+    for (const FoundOrbit& found : search.orbits) {
+        const Eigen::MatrixXd& points = found.orbit.points;
+        const std::vector<double> phases(static_cast<std::size_t>(points.cols()), 0.0);
+        CAPTURE(found.orbit.period, points);
+        CHECK(system->rhs(points, phases, theta).row(1).minCoeff() > 0.0);
+    }
+}
+
 TEST_CASE("indices of a complete list of orbits of the pendulum add up to the same number", "[periodic][search]") {
     const auto pendulum = models::make_system("parametric_pendulum");
     const auto table = tests::read_reference_orbits(*pendulum, "pendulum_orbits_g9.81.json");

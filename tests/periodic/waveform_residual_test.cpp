@@ -25,7 +25,6 @@ using periodic::WaveformResidual;
 
 namespace {
 
-constexpr double pi = std::numbers::pi;
 constexpr double missing = std::numeric_limits<double>::quiet_NaN();
 
 /// A hardening spring: x'' + 0.1 x' + x + x^3 = 0.5 cos(omega t). Near omega = 1.6 a large and a small steady state.
