@@ -3,11 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include <fmt/format.h>
-
-#include "models/parameter.hpp"
 
 namespace orbid::apps {
 
@@ -22,14 +19,17 @@ std::string point_text(const Eigen::MatrixXd& points) {
     return fmt::format("({})", text);
 }
 
-/// "an orbit of period 2 with rotation +1 through (2.97, 6.41), 0.3 (relative) from the start"
-std::string found_text(const models::System& system, const periodic::PeriodicOrbit& orbit) {
-    const int period = prime_period(system, orbit.points);
-    std::string text = fmt::format("an orbit of period {}", period);
+/// "an orbit of period 2 with rotation +1 through (2.97, 6.41), 0.3 of the scale from the start": the prime one.
+std::string found_text(const periodic::PeriodicOrbit& orbit) {
+    const int times = orbit.repeats;
+    // Without points of a section only T is known.
+    std::string text = orbit.period % times == 0
+                           ? fmt::format("an orbit of period {}", orbit.period / times)
+                           : fmt::format("an orbit that closes after {:.6g} s", orbit.time / times);
     if (!orbit.rotation.empty()) {
         std::vector<int> rotation = orbit.rotation;
         for (int& turns : rotation)
-            turns = turns * period / std::max(orbit.period, 1);
+            turns /= times;
         text += fmt::format(" with rotation {}", rotation_text(rotation));
     }
     return text +
@@ -51,43 +51,16 @@ std::size_t ComputedOrbits::converged() const {
         std::count_if(list.begin(), list.end(), [](const ComputedOrbit& orbit) { return orbit.converged(); }));
 }
 
-int prime_period(const models::System& system, const Eigen::MatrixXd& points) {
-    const Eigen::Index p = points.cols();
-    // The points of a repeated orbit agree to the error of the flow; different ones of a prime orbit differ visibly.
-    constexpr double same = 1e-6;
-    const auto repeats = [&](Eigen::Index d) {
-        for (Eigen::Index i = 0; i < points.rows(); ++i) {
-            const bool angle = system.coordinates()[static_cast<std::size_t>(i)].angle;
-            const double scale = angle ? 2.0 * std::numbers::pi : std::max(points.row(i).cwiseAbs().maxCoeff(), 1e-300);
-            for (Eigen::Index j = 0; j < p; ++j) {
-                double difference = points(i, (j + d) % p) - points(i, j);
-                if (angle) difference = models::wrapped(difference);
-                if (!(std::abs(difference) <= same * scale)) return false;
-            }
-        }
-        return true;
-    };
-    for (Eigen::Index d = 1; d < p; ++d)
-        if (p % d == 0 && repeats(d)) return static_cast<int>(d);
-    return static_cast<int>(p);
-}
-
-std::string orbit_message(const models::System& system, const periodic::PeriodicOrbit& orbit,
-                          const std::vector<int>& asked) {
+std::string orbit_message(const periodic::PeriodicOrbit& orbit, const std::vector<int>& asked) {
     switch (orbit.status) {
         case OrbitStatus::converged:
             return {};
         case OrbitStatus::other_orbit:
             if (!asked.empty() && asked != orbit.rotation)
-                return fmt::format("none with the rotation {} asked for: {}", rotation_text(asked),
-                                   found_text(system, orbit));
-            return "farther than \"maximum_distance\": " + found_text(system, orbit);
+                return fmt::format("none with the rotation {} asked for: {}", rotation_text(asked), found_text(orbit));
+            return "farther than \"maximum_distance\": " + found_text(orbit);
         case OrbitStatus::shorter_period:
-            // Without points of a section the fraction of T is not known here.
-            return orbit.points.cols() > 1 && prime_period(system, orbit.points) < orbit.period
-                       ? found_text(system, orbit)
-                       : fmt::format("an orbit through {} that closes in a fraction of the time {:.6g} s",
-                                     point_text(orbit.points), orbit.time);
+            return found_text(orbit);
         case OrbitStatus::equilibrium:
             return fmt::format("it does not move: an equilibrium at {}", point_text(orbit.points));
         case OrbitStatus::period_vanished:

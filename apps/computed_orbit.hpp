@@ -42,16 +42,11 @@ struct ComputedOrbits {
     [[nodiscard]] std::size_t converged() const;
 };
 
-/// The prime period of a closed sequence of points: the smallest divisor d of their number with x_{j+d} = x_j, to 1e-6
-/// of the largest coordinate (angles: of a turn). That many points make up the orbit.
-[[nodiscard]] int prime_period(const models::System& system, const Eigen::MatrixXd& points);
-
 /// What came of a start that did not lead to an orbit of its own period and rotation, in a sentence: what was found
 /// instead, with period, rotation and distance, or how far from closed it stayed. Empty for a converged orbit.
 ///
 /// @param asked  turns of each angle that were asked for; empty: any.
-[[nodiscard]] std::string orbit_message(const models::System& system, const periodic::PeriodicOrbit& orbit,
-                                        const std::vector<int>& asked = {});
+[[nodiscard]] std::string orbit_message(const periodic::PeriodicOrbit& orbit, const std::vector<int>& asked = {});
 
 /// An orbit that was not found shows where it was looked for: points `start`, residual undefined. Others stay as they
 /// are.

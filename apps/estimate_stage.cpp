@@ -53,7 +53,7 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
         ComputedOrbit& computed = orbits.list.emplace_back();
         computed.orbit = found[b];
         computed.origin = "cycle";
-        computed.message = orbit_message(work.system(), found[b]);
+        computed.message = orbit_message(found[b]);
         show_start(computed.orbit, search.cycles[residual.cycle_of(b)].points);
     }
     // The stage "periodic" of the same job has orbits of its own.

@@ -61,7 +61,7 @@ ComputedOrbit computed_from(const Job& job, const periodic::StartingSolution& st
         // Directions of the points that are listed.
         if (start.time > 0.0 && computed.stability->directions.size() > 1) computed.stability->directions.resize(1);
     }
-    computed.message = orbit_message(system, computed.orbit, start.rotation);
+    computed.message = orbit_message(computed.orbit, start.rotation);
     show_in_list(computed.orbit, start);
     return computed;
 }

@@ -122,16 +122,7 @@ std::optional<std::size_t> OrbitList::find(const MatrixXd& points, double radius
 }
 
 MatrixXd OrbitList::prime(const MatrixXd& points) const {
-    const Index p = points.cols();
-    for (Index d = 1; d < p; ++d) {
-        if (p % d != 0) continue;
-        MatrixXd difference(points.rows(), p);
-        for (Index j = 0; j < p; ++j)
-            difference.col(j) = points.col((j + d) % p) - points.col(j);
-        difference = wrapped_angles(difference, angles_);
-        if ((difference.array().colwise() / size_.array()).abs().maxCoeff() < same_orbit) return points.leftCols(d);
-    }
-    return points;
+    return points.leftCols(points.cols() / repeats_of(points, angles_, size_, same_orbit));
 }
 
 bool OrbitList::crosses_forwards(const MatrixXd& points) const {

@@ -14,10 +14,6 @@ namespace {
 
 constexpr double full_turn = 2.0 * std::numbers::pi;
 
-/// Points closer than this share of the scale are the same point of an orbit. Two distinct points of a converged orbit
-/// are closer only next to a period doubling, where the orbits cannot be told apart to this accuracy either.
-constexpr double same_point = 1e-7;
-
 /// A coordinate smaller than this share of the others is a zero that was rounded: its size says nothing.
 constexpr double rounded_zero = 1e-12;
 
@@ -69,7 +65,7 @@ MatrixXd wrapped_angles(MatrixXd difference, const std::vector<Index>& angles) {
     return difference;
 }
 
-int repeats_of(const MatrixXd& points, const std::vector<Index>& angles, const VectorXd& scale) {
+int repeats_of(const MatrixXd& points, const std::vector<Index>& angles, const VectorXd& scale, double same) {
     const Index p = points.cols();
     for (Index d = 1; d < p; ++d) {
         if (p % d != 0) continue;
@@ -77,8 +73,7 @@ int repeats_of(const MatrixXd& points, const std::vector<Index>& angles, const V
         for (Index j = 0; j < p; ++j)
             difference.col(j) = points.col((j + d) % p) - points.col(j);
         difference = wrapped_angles(difference, angles);
-        if ((difference.array().colwise() / scale.array()).abs().maxCoeff() < same_point)
-            return static_cast<int>(p / d);
+        if ((difference.array().colwise() / scale.array()).abs().maxCoeff() < same) return static_cast<int>(p / d);
     }
     return 1;
 }

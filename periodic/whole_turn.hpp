@@ -25,10 +25,11 @@ namespace orbid::periodic {
 [[nodiscard]] Eigen::MatrixXd whole_turns(const Eigen::MatrixXd& error, const std::vector<Eigen::Index>& angles,
                                           std::span<const int> rotation);
 
-/// How often the points of a closed orbit run through the same ones, to 1e-7 of the scale: 1 where the prime period is
-/// p.
+/// How often the points of a closed orbit run through the same ones, to a share `same` of the scale: 1 where the prime
+/// period is p. Two different points of a converged orbit are closer only next to a period doubling, where the orbits
+/// cannot be told apart either.
 [[nodiscard]] int repeats_of(const Eigen::MatrixXd& points, const std::vector<Eigen::Index>& angles,
-                             const Eigen::VectorXd& scale);
+                             const Eigen::VectorXd& scale, double same = 1e-7);
 
 /// Differences of states, in (-pi, pi] for angles. Shape (n, m).
 [[nodiscard]] Eigen::MatrixXd wrapped_angles(Eigen::MatrixXd difference, const std::vector<Eigen::Index>& angles);

@@ -125,15 +125,6 @@ TEST_CASE("orbits of a wrong shape are not written", "[apps]") {
     CHECK_THROWS_WITH(apps::orbits_text(head(), {{wrong}}, {"l"}), ContainsSubstring("(2, 3)"));
 }
 
-TEST_CASE("the prime period of points counts turns of angles as nothing", "[apps]") {
-    Eigen::MatrixXd points(2, 4);
-    points << 3.1415926, 1.0, -3.1415926, 1.0, 2.0, -5.0, 2.0, -5.0;  // the angle differs by 1e-7 across the cut
-    CHECK(apps::prime_period(*pendulum, points) == 2);
-    points(1, 2) = 2.1;
-    CHECK(apps::prime_period(*pendulum, points) == 4);
-    CHECK(apps::prime_period(*pendulum, Eigen::MatrixXd::Ones(2, 3)) == 1);
-}
-
 TEST_CASE("computed orbits are listed one by one, with what was found instead", "[apps]") {
     apps::ComputedOrbit computed;
     periodic::PeriodicOrbit& orbit = computed.orbit;
@@ -145,7 +136,7 @@ TEST_CASE("computed orbits are listed one by one, with what was found instead", 
     orbit.residual = 3e-14;
     apps::ComputedOrbit other = orbit_of_two();
     other.orbit.status = periodic::OrbitStatus::other_orbit;
-    other.message = apps::orbit_message(*pendulum, other.orbit);
+    other.message = apps::orbit_message(other.orbit);
     const std::string text = apps::orbits_summary({{computed, other}});
     for (const char* words :
          {"converged", "+1", "2.96678428, 6.40658245", "-1.70923, -0.426625+0.25i", "3e-14",

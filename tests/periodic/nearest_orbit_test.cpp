@@ -13,6 +13,7 @@
 #include "periodic/guess_correction.hpp"
 #include "periodic/multiple_shooting.hpp"
 #include "periodic/turn_choice.hpp"
+#include "periodic/whole_turn.hpp"
 #include "tests/catch.hpp"
 #include "tests/periodic/closed_form_system.hpp"
 #include "tests/periodic/reference_orbits.hpp"
@@ -203,4 +204,16 @@ TEST_CASE("other methods begin at the nearest orbit, too", "[periodic]") {
         CHECK(orbit.rotation == std::vector<int>{cycle.rotation});
         CHECK(distance(orbit.points, cycle.points) < 1e-4);
     }
+}
+
+TEST_CASE("points that repeat are counted, turns of angles as nothing", "[periodic]") {
+    Eigen::MatrixXd points(2, 4);
+    points << 3.14159263, 1.0, -3.14159263, 1.0, 2.0, -5.0, 2.0, -5.0;  // the angle differs by 5e-8 across the cut
+    const Eigen::Vector2d scale(6.3, 5.0);
+    CHECK(periodic::repeats_of(points, {0}, scale) == 2);
+    CHECK(periodic::repeats_of(points, {}, scale) == 1);
+    points(1, 2) = 2.1;
+    CHECK(periodic::repeats_of(points, {0}, scale) == 1);
+    CHECK(periodic::repeats_of(points, {0}, scale, 0.03) == 2);
+    CHECK(periodic::repeats_of(Eigen::MatrixXd::Ones(2, 3), {0}, scale) == 3);
 }
