@@ -24,7 +24,7 @@ constexpr std::array bifurcations{Bifurcation::none, Bifurcation::fold, Bifurcat
 constexpr std::array ends{BranchEnd::bound,        BranchEnd::closed,        BranchEnd::domain,
                           BranchEnd::point_limit,  BranchEnd::smallest_step, BranchEnd::equilibrium,
                           BranchEnd::period_limit, BranchEnd::other_branch,  BranchEnd::not_simulated,
-                          BranchEnd::start};
+                          BranchEnd::start,        BranchEnd::interrupted};
 
 /// A text that is no name of this version.
 class UnknownName : public std::runtime_error {

@@ -61,6 +61,7 @@ FollowedBranches followed_from(const Workspace& work, const ComputedOrbits& orbi
     if (const auto* shooting = std::get_if<periodic::ShootingOptions>(&job.periodic->method))
         options.solver = *shooting;
     options.solver.maximum_distance = std::numeric_limits<double>::infinity();
+    options.interrupted = [&work] { return work.interruption.asked(); };
     auto diagram =
         periodic::follow_branches(work.system(), job.model.values, starting_solution(job, start.orbit), options);
     if (diagram.branches.empty()) {
@@ -92,7 +93,7 @@ FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits
     if (!followed.message.empty()) work.progress.say(followed.message);
 
     const auto& parameter = work.system().parameters()[static_cast<std::size_t>(continuation.options.parameter)];
-    CycleFileHead head = cycle_file_head(job, wanted);
+    CycleFileHead head = cycle_file_head(job, work.interruption.asked() ? Fingerprint{} : wanted);
     head.coordinates = series_coordinates(work.system());
     work.folder.store("branch.json",
                       branches_text(head, parameter, continuation.options.lower, continuation.options.upper, followed));

@@ -39,6 +39,8 @@ std::string_view end_text(BranchEnd end) {
             return "motion cannot be followed";
         case BranchEnd::start:
             return "start";
+        case BranchEnd::interrupted:
+            return "interrupted";
     }
     return "";
 }

@@ -38,6 +38,10 @@ struct ComputedOrbits {
     std::size_t captured = 0;  ///< trajectories of the search that ended in a stable orbit or at rest
     bool interrupted = false;
     bool own_time = false;  ///< autonomous models: T of an orbit is a result
+    /// Periods whose last round of starts still brought something new, or was not reached.
+    std::vector<int> unsettled{};
+    /// Forced models, periods 1, 2, ...: sums of indices, the same for all of them where no orbit is missing.
+    std::vector<int> index_sums{};
 
     [[nodiscard]] std::size_t converged() const;
 };

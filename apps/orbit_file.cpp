@@ -151,7 +151,11 @@ std::string orbits_text(const CycleFileHead& head, const ComputedOrbits& orbits,
                         const std::vector<std::string>& parameters) {
     Json out = detail::head_document(head);
     out["parameters"] = parameters;
-    if (orbits.searched) out["search"] = {{"starts", orbits.starts}, {"captured", orbits.captured}};
+    if (orbits.searched)
+        out["search"] = {{"starts", orbits.starts},
+                         {"captured", orbits.captured},
+                         {"unsettled", orbits.unsettled},
+                         {"index_sums", orbits.index_sums}};
     out["cycles"] = Json::array();
     for (std::size_t i = 0; i < orbits.list.size(); ++i)
         out["cycles"].push_back(orbit_json(head, orbits.list[i], parameters.size(), i));
@@ -169,6 +173,8 @@ std::optional<StoredOrbits> stored_orbits(std::string_view text) {
             stored.orbits.searched = true;
             stored.orbits.starts = json["search"].at("starts").get<std::size_t>();
             stored.orbits.captured = json["search"].at("captured").get<std::size_t>();
+            stored.orbits.unsettled = json["search"].at("unsettled").get<std::vector<int>>();
+            stored.orbits.index_sums = json["search"].at("index_sums").get<std::vector<int>>();
         }
         return stored;
     } catch (const nlohmann::json::exception&) {

@@ -15,7 +15,7 @@ namespace orbid::apps {
 /// named by the top-level key `parameters`), `origin` and `hits` of a search; of flows without forcing `times` (of the
 /// points), `time_sensitivities` and `trivial_multiplier`; with stability `unstable`, `bifurcation_near`, `directions`
 /// (per point, per multiplier, per coordinate [re, im]) and `ln_multiplier_sensitivities` (per multiplier, columns as
-/// above). A search adds `search`: starts solved, trajectories captured.
+/// above). A search adds `search`: starts solved, trajectories captured, periods not settled, index sums.
 ///
 /// @param parameters  names of the f free parameters of the sensitivities.
 /// @throws std::invalid_argument when an orbit's shapes do not fit its period, the coordinates and the parameters.

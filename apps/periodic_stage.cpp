@@ -13,6 +13,7 @@
 #include "apps/orbit_file.hpp"
 #include "apps/orbits_stage.hpp"
 #include "apps/stage_fingerprint.hpp"
+#include "periodic/index_sum.hpp"
 #include "periodic/solve_orbit.hpp"
 
 namespace orbid::apps {
@@ -74,6 +75,21 @@ ComputedOrbit not_computed(const periodic::StartingSolution& start) {
     return computed;
 }
 
+/// Index sums of the periods 1, 2, ... as far as all of them were asked for. Of forced models only: the section of
+/// another one need not be mapped into itself without tearing.
+std::vector<int> index_sums_of(const models::System& system, const std::vector<int>& sorted_periods,
+                               const std::vector<periodic::FoundOrbit>& found) {
+    if (system.kind() != models::Kind::forced) return {};
+    int longest = 0;
+    while (static_cast<std::size_t>(longest) < sorted_periods.size() &&
+           sorted_periods[static_cast<std::size_t>(longest)] == longest + 1)
+        ++longest;
+    std::vector<periodic::PeriodicOrbit> orbits;
+    for (const periodic::FoundOrbit& orbit : found)
+        orbits.push_back(orbit.orbit);
+    return longest > 0 ? periodic::index_sums(orbits, longest) : std::vector<int>{};
+}
+
 /// What a search finds, computed like the starts of the job, from the found points. Mirror images are counted from
 /// `first`, the place of the first one in the list.
 void add_found(const Workspace& work, ComputedOrbits& orbits) {
@@ -86,12 +102,18 @@ void add_found(const Workspace& work, ComputedOrbits& orbits) {
         // What is far from its start is another orbit, which the search finds from a start of its own.
         options.solver.maximum_distance = periodic::ShootingOptions{}.maximum_distance;
     }
+    options.interrupted = [&work] { return work.interruption.asked(); };
     work.progress.begin("search");
     const periodic::OrbitSearch search = periodic::search_orbits(work.system(), job.model.values, options);
     work.progress.end(fmt::format("{} orbits from {} starts", search.orbits.size(), search.starts));
     orbits.searched = true;
     orbits.starts = search.starts;
     orbits.captured = search.captured;
+    std::vector<int> periods = options.periods;
+    std::sort(periods.begin(), periods.end());
+    for (std::size_t i = 0; i < periods.size(); ++i)
+        if (!search.settled[i]) orbits.unsettled.push_back(periods[i]);
+    orbits.index_sums = index_sums_of(work.system(), periods, search.orbits);
     const std::size_t first = orbits.list.size();
     work.progress.begin("found orbits", static_cast<double>(search.orbits.size()), "orbits");
     orbits.list.resize(first + search.orbits.size());
@@ -99,7 +121,11 @@ void add_found(const Workspace& work, ComputedOrbits& orbits) {
         const periodic::FoundOrbit& found = search.orbits[i];
         const periodic::StartingSolution start = starting_solution(job, found.orbit);
         ComputedOrbit& computed = orbits.list[first + i];
-        computed = work.interruption.asked() ? not_computed(start) : computed_from(job, start);
+        // After an interruption what the search itself knows has to do: no sensitivities, no stability.
+        if (work.interruption.asked())
+            computed.orbit = found.orbit;
+        else
+            computed = computed_from(job, start);
         computed.origin = std::string(periodic::name(found.origin));
         computed.hits = found.hits;
         if (found.mirror >= 0) computed.mirror = static_cast<int>(first) + found.mirror;

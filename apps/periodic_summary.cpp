@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 
@@ -60,7 +61,11 @@ std::string starts_table(const ComputedOrbits& orbits) {
 std::string instead_text(const ComputedOrbits& orbits) {
     std::string text;
     for (std::size_t i = 0; i < orbits.list.size(); ++i)
-        if (!orbits.list[i].message.empty()) text += fmt::format("  orbit {}: {}\n", i, orbits.list[i].message);
+        if (orbits.list[i].computed && !orbits.list[i].message.empty())
+            text += fmt::format("  orbit {}: {}\n", i, orbits.list[i].message);
+    const auto left = std::count_if(orbits.list.begin(), orbits.list.end(),
+                                    [](const ComputedOrbit& computed) { return !computed.computed; });
+    if (left > 0) text += fmt::format("  {} starts: interrupted before their turn\n", left);
     return text;
 }
 
@@ -115,6 +120,15 @@ std::string orbits_summary(const ComputedOrbits& orbits) {
     std::string text = titled("Periodic orbits of the model", starts_table(orbits));
     text += titled("Found instead", instead_text(orbits));
     text += titled("Periodic orbits found by the search", search_table(orbits));
+    if (orbits.searched && orbits.interrupted) text += "  the search was interrupted\n";
+    if (!orbits.unsettled.empty())
+        text += fmt::format("  periods {}: the last starts still led to new orbits; more \"points\" may find more\n",
+                            fmt::join(orbits.unsettled, ", "));
+    const std::vector<int>& sums = orbits.index_sums;
+    if (std::adjacent_find(sums.begin(), sums.end(), std::not_equal_to<>()) != sums.end())
+        text += fmt::format(
+            "  orbits are missing: indices of the periods 1 to {} add up to {}, equal numbers in a complete list\n",
+            sums.size(), fmt::join(sums, ", "));
     if (orbits.captured > 0)
         text += fmt::format("  {} trajectories of the search ended in a stable orbit or at rest\n", orbits.captured);
     return text;

@@ -24,6 +24,8 @@ std::string_view name(BranchEnd end) {
             return "not_simulated";
         case BranchEnd::start:
             return "start";
+        case BranchEnd::interrupted:
+            return "interrupted";
     }
     return "unknown";
 }

@@ -34,7 +34,8 @@ enum class BranchEnd {
     period_limit,   ///< autonomous flows: T exceeds `longest`
     other_branch,   ///< met a branch that is known: shrank to half the period (a reverse doubling) or gained symmetry
     not_simulated,  ///< the flow could not be followed
-    start           ///< the start, from which only one direction was asked for
+    start,          ///< the start, from which only one direction was asked for
+    interrupted     ///< asked to stop
 };
 
 [[nodiscard]] std::string_view name(BranchEnd end);

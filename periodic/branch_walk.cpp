@@ -70,6 +70,11 @@ public:
             return std::move(result_);
         }
         while (result_.points.size() < most_) {
+            // A branch has two points or more.
+            if (!result_.points.empty() && options_.interrupted && options_.interrupted()) {
+                result_.end = BranchEnd::interrupted;
+                return std::move(result_);
+            }
             step_ = std::min(step_, options_.largest_step);
             if (!(step_ >= options_.smallest_step)) {
                 result_.end = simulated_ ? BranchEnd::smallest_step : BranchEnd::not_simulated;

@@ -159,7 +159,7 @@ public:
     void follow(const CurvePoint& start) {
         followed_.push_back(through(start));
         for (std::size_t b = 0; b < followed_.size(); ++b)
-            for (std::size_t k = 0; k < followed_[b].points.size(); ++k)
+            for (std::size_t k = 0; k < followed_[b].points.size() && !stopped(); ++k)
                 switch_at(b, k);
     }
 
@@ -187,6 +187,8 @@ public:
     }
 
 private:
+    [[nodiscard]] bool stopped() const { return options_.interrupted && options_.interrupted(); }
+
     /// The branch through the start of the diagram, one way or both.
     [[nodiscard]] Followed through(const CurvePoint& start) const {
         Followed result;
@@ -196,7 +198,7 @@ private:
         Walk forwards = walked(from, range_, options_, options_.first_step, options_.maximum_points - 1);
         Walk backwards;
         backwards.end = BranchEnd::start;
-        if (options_.direction == 0 && forwards.end != BranchEnd::closed &&
+        if (options_.direction == 0 && forwards.end != BranchEnd::closed && forwards.end != BranchEnd::interrupted &&
             forwards.points.size() + 1 < options_.maximum_points) {
             from.tangent = -from.tangent;
             backwards = walked(from, range_, options_, options_.first_step,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -30,7 +31,8 @@ struct ContinuationOptions {
     bool switch_symmetry = true;        ///< and the asymmetric ones where an orbit loses its symmetry
     int maximum_period = 16;  ///< no branch of a longer period is followed; periods of the forcing, or returns
     std::size_t maximum_branches = 32;
-    double longest = 1e6;  ///< T [s] beyond which a branch of an autonomous flow ends
+    double longest = 1e6;                 ///< T [s] beyond which a branch of an autonomous flow ends
+    std::function<bool()> interrupted{};  ///< asked before every step; empty: never
     ShootingOptions solver{};
 };
 

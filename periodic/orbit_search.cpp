@@ -118,13 +118,17 @@ OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, c
     search.from_codes();
     OrbitSearch result;
     for (const int period : periods) {
+        if (search.stopped()) {
+            result.settled.push_back(false);
+            continue;
+        }
         search.from_recurrences(period);
         search.from_scattered(period);
         result.settled.push_back(search.from_joined(period));
     }
     // Orbits that are found for one period serve as starts for the others, until a whole round is in vain.
     std::vector<std::size_t> used(periods.size(), 0);
-    for (std::size_t before = 0; options.stabilised && before < search.list().orbits().size();) {
+    for (std::size_t before = 0; options.stabilised && before < search.list().orbits().size() && !search.stopped();) {
         before = search.list().orbits().size();
         for (std::size_t i = 0; i < periods.size(); ++i)
             search.from_orbits(periods[i], used[i],
@@ -136,6 +140,7 @@ OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, c
             found.code = symbolic_code(*options.partition, found.orbit.points);
     result.starts = search.starts();
     result.captured = pieces.captured;
+    result.interrupted = search.stopped();
     return result;
 }
 

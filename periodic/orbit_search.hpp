@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -50,7 +51,8 @@ struct OrbitSearchOptions {
     /// Names the parts of the section: orbits get codes. Orbits of different code differ; whether those of one code are
     /// the same depends on the partition.
     std::optional<SymbolPartition> partition{};
-    std::vector<std::string> codes{};  ///< words that are looked for besides (their lengths join `periods`)
+    std::vector<std::string> codes{};     ///< words that are looked for besides (their lengths join `periods`)
+    std::function<bool()> interrupted{};  ///< asked between batches of starts; empty: never
     ShootingOptions solver{};
 };
 
@@ -70,6 +72,7 @@ struct OrbitSearch {
     std::vector<FoundOrbit> orbits;  ///< by period, rotation, points; the same with any number of threads
     std::size_t starts = 0;          ///< that were solved
     std::size_t captured = 0;        ///< trajectories that ended in a stable orbit or at rest
+    bool interrupted = false;        ///< asked to stop: what was found until then
 };
 
 /// All prime periodic orbits of a model of the periods asked for that can be reached without data: starts from

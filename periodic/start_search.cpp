@@ -82,7 +82,7 @@ StartSearch::StartSearch(const ModelSection& section, const OrbitSearchOptions& 
 
 void StartSearch::solve(std::size_t count, StartOrigin origin, const std::function<MatrixXd(std::size_t)>& start_at) {
     std::size_t idle = 0;
-    for (std::size_t done = 0; done < count; done += batch) {
+    for (std::size_t done = 0; done < count && !stopped(); done += batch) {
         const std::size_t size = std::min(batch, count - done);
         std::vector<MatrixXd> closed(size);
         tbb::parallel_for(std::size_t{0}, size, [&](std::size_t k) {
@@ -136,7 +136,7 @@ bool StartSearch::from_joined(int period) {
         loops = loops_of(period, edge);
     }
     bool in_vain = false;
-    for (bool first = true; loops && edge <= coarsest_edge; first = false) {
+    for (bool first = true; loops && edge <= coarsest_edge && !stopped(); first = false) {
         const std::size_t before = list_.orbits().size();
         solve(loops->size(), StartOrigin::joined, [&](std::size_t k) { return (*loops)[k]; });
         in_vain = list_.orbits().size() == before;
@@ -145,7 +145,7 @@ bool StartSearch::from_joined(int period) {
         edge *= edge_ratio;
         loops = loops_of(period, edge);
     }
-    return in_vain;
+    return in_vain && !stopped();
 }
 
 void StartSearch::from_orbits(int period, std::size_t& used, std::size_t most) {

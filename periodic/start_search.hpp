@@ -42,6 +42,8 @@ public:
     /// @param most  iterations, a mixed sample of all.
     void from_orbits(int period, std::size_t& used, std::size_t most);
 
+    /// Somebody asked to stop.
+    [[nodiscard]] bool stopped() const { return options_.interrupted && options_.interrupted(); }
     [[nodiscard]] const OrbitList& list() const { return list_; }
     [[nodiscard]] std::size_t starts() const { return starts_; }
 

@@ -68,6 +68,8 @@ TEST_CASE("what a search and stability add to orbits.json is written, and skippe
     orbits.list[0].mirror = 1;
     orbits.list[1].mirror = 0;
     orbits.list[1].hits = 5;
+    orbits.unsettled = {2};
+    orbits.index_sums = {0, 4};
     periodic::Stability stability;
     stability.unstable = 1;
     stability.nearest = periodic::Bifurcation::period_doubling;
@@ -76,7 +78,12 @@ TEST_CASE("what a search and stability add to orbits.json is written, and skippe
     orbits.list[0].stability = stability;
     const std::string text = apps::orbits_text(head(), orbits, {"l"});
     const auto json = nlohmann::json::parse(text);
-    CHECK(json["search"] == nlohmann::json({{"starts", 12}, {"captured", 3}}));
+    CHECK(json["search"] ==
+          nlohmann::json::parse(R"({ "starts": 12, "captured": 3, "unsettled": [2], "index_sums": [0, 4] })"));
+    const auto stored = apps::stored_orbits(text);
+    REQUIRE(stored);
+    CHECK(stored->orbits.unsettled == orbits.unsettled);
+    CHECK(stored->orbits.index_sums == orbits.index_sums);
     const auto& first = json["cycles"][0];
     CHECK(first["unstable"] == 1);
     CHECK(first["bifurcation_near"] == std::string(periodic::name(periodic::Bifurcation::period_doubling)));
@@ -156,6 +163,16 @@ TEST_CASE("found orbits are counted by period", "[apps]") {
     const std::string text = apps::orbits_summary(orbits);
     CHECK_THAT(text, ContainsSubstring("     2       3             1          1  2 ... 2               recurrence 3"));
     CHECK_THAT(apps::orbits_summary({{}, true, 12, 0, false}), ContainsSubstring("none found"));
+    CHECK_THAT(text, !ContainsSubstring("missing") && !ContainsSubstring("more \"points\""));
+    orbits.index_sums = {0, 0};
+    CHECK_THAT(apps::orbits_summary(orbits), !ContainsSubstring("missing"));
+    orbits.index_sums = {0, 4, 15};
+    orbits.unsettled = {2, 3};
+    orbits.interrupted = true;
+    CHECK_THAT(apps::orbits_summary(orbits),
+               ContainsSubstring("indices of the periods 1 to 3 add up to 0, 4, 15") &&
+                   ContainsSubstring("periods 2, 3: the last starts still led to new orbits") &&
+                   ContainsSubstring("the search was interrupted"));
 }
 
 }  // namespace

@@ -312,3 +312,23 @@ TEST_CASE("continuation says why there is no branch", "[periodic]") {
     CHECK(diagram.start_status != OrbitStatus::converged);
     CHECK(diagram.branches.empty());
 }
+
+TEST_CASE("a diagram that is asked to stop has the branches until then", "[periodic]") {
+    const auto map = models::make_system("logistic");
+    VectorXd theta = map->default_parameters();
+    theta(0) = 2.8;
+    ContinuationOptions options;
+    options.lower = 2.8;
+    options.upper = 3.56;
+    StartingSolution start;
+    start.points = MatrixXd::Constant(1, 1, 1.0 - 1.0 / 2.8);
+    const BifurcationDiagram whole = follow_branches(*map, theta, start, options);
+    REQUIRE(whole.branches.size() > 2);
+    int asked = 0;
+    options.interrupted = [&] { return ++asked > 3; };
+    const BifurcationDiagram part = follow_branches(*map, theta, start, options);
+    REQUIRE(part.branches.size() == 1);
+    CHECK(part.branches[0].last == BranchEnd::interrupted);
+    CHECK(part.branches[0].points.size() >= 2);
+    CHECK(part.branches[0].points.size() < whole.branches[0].points.size());
+}

@@ -184,6 +184,23 @@ TEST_CASE("search finds the orbits of Lorenz' and Roessler's flows", "[periodic]
     check("rossler", {{{1, {4.95}}}, "01"}, 7, {1, 1, 2, 1, 2, 3, 4});
 }
 
+TEST_CASE("a search that is asked to stop returns what it has", "[periodic][search]") {
+    const auto henon = models::make_system("henon");
+    OrbitSearchOptions options;
+    options.periods = up_to(8);
+    options.points = 1U << 12U;
+    const OrbitSearch whole = search_orbits(*henon, henon->default_parameters(), options);
+    CHECK_FALSE(whole.interrupted);
+    int asked = 0;
+    options.interrupted = [&] { return ++asked > 6; };
+    const OrbitSearch part = search_orbits(*henon, henon->default_parameters(), options);
+    CHECK(part.interrupted);
+    CHECK_FALSE(part.orbits.empty());
+    CHECK(part.orbits.size() < whole.orbits.size());
+    REQUIRE(part.settled.size() == 8);
+    CHECK_FALSE(part.settled.back());
+}
+
 TEST_CASE("points of orbits found pass the section in its direction", "[periodic][search]") {
     // Scattered starts lie on both sides of the plane, and an orbit passes it as often one way as the other.
     const auto system = models::make_system("rossler");
