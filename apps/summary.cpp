@@ -140,6 +140,12 @@ std::string remarks(const estimator::Estimate& estimate) {
     if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), sandwich)) {
         out += "  Intervals are from a sandwich over blocks longer than the correlation time.\n";
     }
+    const auto widened = [](const auto& x) { return x.interval_method == "effective_count"; };
+    if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), widened)) {
+        out +=
+            "  The residuals repeat each other over most of a record: intervals are widened to what the independent\n"
+            "  records among them are worth, and only as good as that guess. The model misses something.\n";
+    }
     if (!estimate.trust_normal) {
         out += fmt::format(
             "  The normal approximation of the posterior is doubtful{}{}:\n"

@@ -88,9 +88,10 @@ struct Estimated {
     double sd = 0.0;  ///< nan when undetermined (singular direction, at a bound)
     double lower95 = 0.0;
     double upper95 = 0.0;
-    std::string interval_method;  ///< "t", "normal", "satterthwaite", "sandwich", "none"
+    std::string interval_method;  ///< "t", "normal", "satterthwaite", "sandwich", "effective_count", "none"
     std::string at_bound;         ///< "", "lower" or "upper"
-    double laplace_sd = 0.0;  ///< sd if the errors were independent; equal to sd unless interval_method is "sandwich"
+    /// sd if the errors were independent; equal to sd unless interval_method is "sandwich" or "effective_count"
+    double laplace_sd = 0.0;
     /// Share of the posterior information on this parameter that the data bring, in [0, 1]; 0 = the prior alone
     /// decides.
     double data_share = 1.0;

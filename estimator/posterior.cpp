@@ -218,16 +218,27 @@ void Posterior::make_sandwich() {
             clusters.emplace_back(block.channel.size(), 0);
             if (!block.channel.empty()) ++count;
         }
-        if (set_.constraints > 0 || count < 2) {
-            sandwich_note_ =
-                (set_.constraints > 0 ? "constraints link the blocks" : "there are fewer than two blocks") +
-                std::string(": no clusters, intervals as if errors were independent");
+        const auto least = static_cast<std::size_t>(point_.triangle.rows()) + 1;
+        if (set_.constraints > 0 || count < least) {
+            sandwich_note_ = (set_.constraints > 0 ? std::string("constraints link the blocks")
+                                                   : "blocks are too few (" + std::to_string(count) + ", at least " +
+                                                         std::to_string(least) + " are needed)") +
+                             ": no clusters, intervals as if errors were independent";
             return;
         }
         sandwich_note_ = "intervals from " + std::to_string(count) + " blocks as clusters";
     } else {
         inflation = correlated_clusters(clusters);
         if (clusters.empty()) return;
+        std::size_t count = 0;
+        for (const std::vector<int>& cluster : clusters)
+            if (!cluster.empty())
+                count += 1 + static_cast<std::size_t>(*std::max_element(cluster.begin(), cluster.end()));
+        // Scores of all clusters add up to zero: of so few some direction would have no scatter, and so no uncertainty.
+        if (count <= static_cast<std::size_t>(point_.triangle.rows())) {
+            widen(count);
+            return;
+        }
     }
     const auto rows =
         linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false);
@@ -237,6 +248,20 @@ void Posterior::make_sandwich() {
     if (choice == Clusters::automatic)
         sandwich_note_ = "residuals are autocorrelated: intervals from " + std::to_string(sandwich_->clusters()) +
                          " clusters of consecutive records";
+}
+
+/// Laplace's covariance as if each of the records that are worth an independent one stood for all that repeat it.
+void Posterior::widen(std::size_t clusters) {
+    const auto n = static_cast<double>(set_.records);
+    double longest = 1.0;
+    for (const Autocorrelation& correlation : unexplained_)
+        if (correlation.significant) longest = std::max(longest, std::min(correlation.records, n));
+    widening_ = longest;
+    covariance_ *= widening_;
+    widened_degrees_of_freedom_ = std::max(1.0, n / longest - static_cast<double>(point_.triangle.rows()));
+    sandwich_note_ = "residuals repeat each other over most of a record, which makes " + std::to_string(clusters) +
+                     (clusters == 1 ? " cluster" : " clusters") +
+                     ", too few for a scatter: intervals from the number of independent records";
 }
 
 /// Clusters of consecutive records where residuals are autocorrelated beyond what their law says; none otherwise.
@@ -346,6 +371,12 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
         result.sd = std::sqrt(y.dot(sandwich_->covariance() * y));
         result.quantile = quantile_975(sandwich_->degrees_of_freedom(y));
         result.method = "sandwich";
+        return result;
+    }
+    if (widening_ > 1.0) {
+        result.sd = result.laplace_sd * std::sqrt(widening_);
+        result.quantile = quantile_975(widened_degrees_of_freedom_);
+        result.method = "effective_count";
         return result;
     }
     result.sd = result.laplace_sd;

@@ -60,6 +60,7 @@ private:
     void look_for_autocorrelation();
     [[nodiscard]] std::vector<Eigen::VectorXd> innovations(int channel) const;
     void make_sandwich();
+    void widen(std::size_t clusters);
     double correlated_clusters(std::vector<std::vector<int>>& clusters) const;
     [[nodiscard]] Eigen::VectorXd variance_slopes(const Eigen::VectorXd& y) const;
 
@@ -85,6 +86,8 @@ private:
     std::vector<Autocorrelation> unexplained_;       ///< per channel: of innovations where errors are autoregressive
     std::unique_ptr<Sandwich> sandwich_;
     std::string sandwich_note_;
+    double widening_ = 1.0;  ///< on variances, where autocorrelation leaves too few clusters for a sandwich
+    double widened_degrees_of_freedom_ = 0.0;
     std::vector<Eigen::VectorXd> latent_sds_;
 };
 

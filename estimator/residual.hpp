@@ -92,7 +92,10 @@ struct BlockLayout {
     Eigen::Index latents = 0;
     /// Equality constraints c(theta, z, z_next) = 0 of this block (matching conditions): they hold at the estimate.
     Eigen::Index constraints = 0;
-    std::ptrdiff_t next = -1;         ///< block whose latent states are z_next; -1: c depends on theta and z alone
+    /// Records [linked_from, group.size()) depend on z_next as well; -1: none does. A group has either only linked or
+    /// only other records. Not with a shape.
+    std::ptrdiff_t linked_from = -1;
+    std::ptrdiff_t next = -1;  ///< block whose latent states are z_next; -1: everything depends on theta and z alone
     Eigen::VectorXd constraint_size;  ///< a typical size of each component of z_next - z, > 0; empty = 1
     bool active = true;               ///< false: lost, suspended or rejected; takes no part, is counted
 };
@@ -105,6 +108,9 @@ struct BlockValue {
     Eigen::VectorXd e;
     Eigen::MatrixXd e_theta;  ///< shape (records, parameters); empty when derivatives were not asked for
     Eigen::MatrixXd e_z;      ///< shape (records, latents)
+    /// Records that also depend on the latent states of the next block (matching with an error of its own): shape
+    /// (records, latents of the next block); empty when none does. Chains only.
+    Eigen::MatrixXd e_next;
     Eigen::VectorXd c;        ///< constraints, shape (constraints)
     Eigen::MatrixXd c_theta;  ///< shape (constraints, parameters)
     Eigen::MatrixXd c_z;      ///< shape (constraints, latents)

@@ -5,6 +5,8 @@
 #include <cassert>
 #include <stdexcept>
 
+#include <oneapi/tbb/parallel_for.h>
+
 namespace orbid::models {
 
 std::string_view description(FlowStatus status) {
@@ -43,6 +45,22 @@ Eigen::MatrixXd System::rhs_derivatives(const Eigen::MatrixXd& /*states*/, std::
 
 std::shared_ptr<const System> System::with_input(std::shared_ptr<const InputSignal> /*signal*/) const {
     not_offered(*this, "measured inputs");
+}
+
+std::vector<FlowResult> System::flows(const Eigen::MatrixXd& starts, std::span<const double> phases,
+                                      std::span<const double> durations, const Eigen::VectorXd& theta,
+                                      std::optional<std::span<const Eigen::Index>> free, Clock clock,
+                                      const FlowOptions& options) const {
+    if (std::ssize(phases) != starts.cols())
+        throw std::invalid_argument(
+            fmt::format("{} phases for {} starts: one per column is needed", phases.size(), starts.cols()));
+    std::vector<FlowResult> results(phases.size());
+    oneapi::tbb::parallel_for(std::size_t{0}, phases.size(), [&](std::size_t k) {
+        const Eigen::VectorXd start = starts.col(static_cast<Eigen::Index>(k));
+        results[k] = free ? flow_with_sensitivities(start, phases[k], durations, theta, *free, clock, options)
+                          : flow(start, phases[k], durations, theta, clock, options);
+    });
+    return results;
 }
 
 SecondOrderResult System::flow_with_second_derivatives(const Eigen::VectorXd& /*x0*/, double /*phase*/,

@@ -139,8 +139,16 @@ public:
                                                              std::span<const Eigen::Index> free, Clock clock,
                                                              const FlowOptions& options = {}) const = 0;
 
-    /// The same with second derivatives as well, at d + 1 times the cost of flow_with_sensitivities(). The steps, and
-    /// so the last digits of the values, are its own.
+    /// Many short flows at once, column k from starts.col(k) at phases[k] (one per column, also of models that ignore
+    /// it), all over the same durations; with sensitivities when `free` is given. The values of flow() and
+    /// flow_with_sensitivities() to the tolerance. Parallel over columns, the same bytes with any number of threads.
+    [[nodiscard]] virtual std::vector<FlowResult> flows(const Eigen::MatrixXd& starts, std::span<const double> phases,
+                                                        std::span<const double> durations, const Eigen::VectorXd& theta,
+                                                        std::optional<std::span<const Eigen::Index>> free, Clock clock,
+                                                        const FlowOptions& options = {}) const;
+
+    /// flow_with_sensitivities() with second derivatives as well, at d + 1 times its cost. The steps, and so the last
+    /// digits of the values, are its own.
     [[nodiscard]] virtual SecondOrderResult flow_with_second_derivatives(
         const Eigen::VectorXd& x0, double phase, std::span<const double> durations, const Eigen::VectorXd& theta,
         std::span<const Eigen::Index> free, Clock clock, const FlowOptions& options = {}) const;

@@ -24,6 +24,12 @@ enum class CycleWeights { covariance, equal };
 struct CycleTargetOptions {
     std::vector<int> periods;  ///< prime periods that take part; empty: all
     CycleWeights weights = CycleWeights::covariance;
+    bool positions = true;     ///< the points take part
+    bool multipliers = false;  ///< ln|multiplier| takes part, group "cycles.ln_multiplier"
+    /// Error of ln|multiplier|: a factor on the analysis' covariance, or with weights "equal" its sd.
+    estimator::ErrorScale multiplier_error;
+    /// How the series was read that the points come from: they are readings of the model's states.
+    models::Sensor sensor;
     std::vector<estimator::ErrorScale> errors;  ///< one per coordinate; empty: estimated, started from the residuals
     /// One per coordinate; empty: normal. With weights "covariance" normal only, for the analysis' covariance links the
     /// coordinates; normal, Student's t and Laplace with "equal".

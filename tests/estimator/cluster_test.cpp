@@ -96,7 +96,40 @@ TEST_CASE("a single block cannot be clustered: Laplace, and the message says so"
     const auto result = estimate_of(Panel(1, 12, 4), estimator::Clusters::blocks);
     CHECK(result.status == estimator::EstimateStatus::converged);
     CHECK(result.parameters[1].interval_method == "t");
-    CHECK_THAT(result.message, ContainsSubstring("fewer than two blocks"));
+    CHECK_THAT(result.message, ContainsSubstring("blocks are too few (1, at least 3 are needed)"));
+}
+
+TEST_CASE("residuals that repeat each other all along: too few clusters, wide intervals instead of none",
+          "[estimator]") {
+    // A slope alone through a line with an offset: residuals of one sign for two thirds of the record.
+    constexpr Eigen::Index n = 200;
+    Eigen::MatrixXd x(n, 1);
+    Eigen::VectorXd y(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const double t = static_cast<double>(i + 1) / n;
+        x(i, 0) = t;
+        y(i) = 2.0 * t + 1.0;
+    }
+    FunctionResidual residual;
+    estimator::Group ordered = group("y");
+    ordered.ordered = true;
+    ordered.interval = 1.0;
+    residual.add_group(ordered);
+    residual.add_block(layout("record", n), linear(y, x));
+    estimator::EstimateOptions options;
+    options.verdict = false;
+    const auto result = estimator::estimate({free_parameter("slope", 0.0)}, {&residual}, {}, options);
+    CAPTURE(result.message);
+    REQUIRE(result.status == estimator::EstimateStatus::converged);
+    CHECK_THAT(result.message, ContainsSubstring("too few for a scatter"));
+    const auto& slope = result.parameters[0];
+    CHECK(slope.interval_method == "effective_count");
+    CHECK(slope.sd > slope.laplace_sd);
+    // The offset moves the slope by 1.5, far beyond what independent errors would allow.
+    CHECK(slope.value - 5.0 * slope.laplace_sd > 2.0);
+    CHECK(slope.lower95 < 2.0);
+    CHECK(slope.upper95 > 2.0);
+    CHECK(slope.sd <= std::sqrt(static_cast<double>(n)) * slope.laplace_sd * (1.0 + 1e-12));
 }
 
 // 200 replicates with effects of whole clusters: 190 expected, binomial sd 3.1, four of them below are 177.6:
