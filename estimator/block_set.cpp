@@ -112,6 +112,7 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
         const auto& layout = residuals[r]->layout();
         const auto groups = static_cast<int>(residuals[r]->groups().size());
         const LatentStructure structure = residuals[r]->structure();
+        set.provisional = set.provisional || residuals[r]->provisional();
         const std::size_t first_block = set.blocks.size();
         std::vector<std::ptrdiff_t> place(layout.size(), -1);
         for (std::size_t b = 0; b < layout.size(); ++b) {

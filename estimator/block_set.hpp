@@ -49,6 +49,7 @@ struct BlockSet {
     Eigen::Index records = 0;
     Eigen::Index latents = 0;
     Eigen::Index constraints = 0;
+    bool provisional = false;  ///< a stage on the way, see Residual::provisional()
 };
 
 /// All groups of all residuals, in order.

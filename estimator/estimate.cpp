@@ -23,6 +23,9 @@ std::string label(const Problem& problem, const ActiveBlock& block) {
     return std::string(residual.type()) + " \"" + residual.layout()[block.block].label + "\"";
 }
 
+/// Stages lower a matching error by a factor of two at least: sixty cover more than the digits of a double.
+constexpr int provisional_limit = 60;
+
 EstimateStatus status_of(Outcome outcome) {
     switch (outcome) {
         case Outcome::converged:
@@ -63,6 +66,7 @@ public:
 private:
     bool suspend_stopped();
     bool refresh();
+    void read_scales();
     void adopt_latents(std::size_t residual, const std::vector<bool>& was_active);
 
     const Problem& problem_;
@@ -120,17 +124,32 @@ bool Rounds::refresh() {
     return changed;
 }
 
+/// Fixed scales as the residuals have them now; in a provisional round the starts of the others as well.
+void Rounds::read_scales() {
+    for (const ErrorLaw& law : problem_.laws) {
+        if (law.joint()) continue;
+        const Channel& channel = problem_.channels[static_cast<std::size_t>(law.channels.front())];
+        const double value =
+            problem_.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)].scale.value;
+        const ErrorCoordinate& scale = law.coordinates.front();
+        if (value > 0.0 && (!scale.estimate || set.provisional)) state_.psi[law.first] = scale.at(value);
+    }
+}
+
 void Rounds::run() {
     const int limit = problem_.options.maximum_rounds;
+    int provisional = 0;
     for (ledger.round = 1;; ++ledger.round) {
         set = freeze(problem_.residuals, problem_.channels, problem_.laws);
+        if (set.provisional) ++provisional;
+        if (ledger.round > 1) read_scales();
         minimum = Minimum{};
         if (set.records == 0) {
             minimum.message = "no residual record takes part";
             return;
         }
         minimum = minimise(problem_, set, state_, ledger);
-        const bool last = ledger.round >= limit;
+        const bool last = set.provisional ? provisional >= provisional_limit : ledger.round - provisional >= limit;
         if (minimum.outcome == Outcome::start_failed || minimum.outcome == Outcome::blocks_stopped) {
             const bool at_start = minimum.outcome == Outcome::start_failed;
             minimum.message =
@@ -145,7 +164,10 @@ void Rounds::run() {
             return;
         }
         if (last) {
-            if (limit > 1 && minimum.outcome == Outcome::converged) {
+            if (set.provisional) {
+                minimum.outcome = Outcome::iteration_limit;
+                minimum.message = "still provisional after " + std::to_string(provisional_limit) + " rounds";
+            } else if (limit > 1 && minimum.outcome == Outcome::converged) {
                 minimum.outcome = Outcome::iteration_limit;
                 minimum.message = "the limit of " + std::to_string(limit) +
                                   " rounds is reached while the set of blocks still changes";
@@ -153,7 +175,7 @@ void Rounds::run() {
             return;
         }
         const bool stopped = minimum.outcome == Outcome::blocks_stopped;
-        if (!refresh() && !stopped) return;
+        if (!refresh() && !stopped && !set.provisional) return;
     }
 }
 

@@ -64,7 +64,7 @@ struct EstimateOptions {
     /// says so.
     Clusters clusters = Clusters::automatic;
     int maximum_iterations = 200;  ///< theta steps, over all rounds, > 0
-    int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, > 0
+    int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, provisional ones not counted, > 0
     double step_tolerance = 1e-6;  ///< converged when every step is below this many posterior sds (see Minimum), > 0
     /// Below this share of the largest (columns at unit length) a direction carries no information: the geometric
     /// middle between the noise of integrated derivatives (1e-10) and the weakest directions that are still determined
@@ -134,14 +134,15 @@ struct ResidualCount {
 
 /// One accepted or rejected step, for the history.
 struct StepRecord {
-    int round = 0;
+    int round = 0;           ///< provisional ones counted
     std::string_view block;  ///< "theta" or "scales"
     bool accepted = false;
     double before =
         0.0;  ///< objective of this step's own block before and after: Phi at fixed psi, Phi_psi at fixed theta
     double after = 0.0;
     double damping = 0.0;
-    std::string_view reason;  ///< "", "no decrease", "block failed", "bound"
+    std::string_view reason;   ///< "", "no decrease", "block failed", "bound"
+    bool provisional = false;  ///< in a provisional round
 };
 
 struct NullDirection {
@@ -184,7 +185,7 @@ struct Estimate {
     double degrees_of_freedom = 0;
     int iterations = 0;
     int evaluations = 0;
-    int rounds = 0;
+    int rounds = 0;  ///< provisional ones included
     std::vector<StepRecord> history;
 };
 

@@ -117,7 +117,12 @@ std::vector<BlockValue> MappedResidual::evaluate(const Eigen::VectorXd& theta,
 RefreshReport MappedResidual::refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
                                       const Eigen::VectorXd& scales) {
     if (options_.frozen) return {};
-    return inner_->refresh(map_.expand(theta), latents, scales);
+    const RefreshReport report = inner_->refresh(map_.expand(theta), latents, scales);
+    groups_ = inner_->groups();
+    const std::vector<JointCovariance> covariances = inner_->covariances();
+    for (const ErrorOverride& change : options_.errors)
+        apply(change, groups_, covariances);
+    return report;
 }
 
 void MappedResidual::suspend(std::size_t block) {

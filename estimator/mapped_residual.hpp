@@ -63,6 +63,7 @@ public:
     RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
                           const Eigen::VectorXd& scales) override;
     void suspend(std::size_t block) override;
+    [[nodiscard]] bool provisional() const override { return !options_.frozen && inner_->provisional(); }
 
     [[nodiscard]] const ParameterMap& map() const { return map_; }
 

@@ -422,8 +422,8 @@ Evaluation LeastSquares::run() {
 }  // namespace
 
 bool is_plain_least_squares(const Problem& problem, const BlockSet& set) {
-    if (problem.laws.size() != 1 || !std::holds_alternative<NormalErrors>(problem.laws.front().distribution) ||
-        problem.laws.front().joint())
+    if (set.provisional || problem.laws.size() != 1 ||
+        !std::holds_alternative<NormalErrors>(problem.laws.front().distribution) || problem.laws.front().joint())
         return false;
     if (set.latents > 0 || set.constraints > 0 || set.records < static_cast<Eigen::Index>(problem.parameters.size()) ||
         problem.parameters.empty() || !problem.joint_priors.empty())

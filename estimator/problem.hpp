@@ -46,7 +46,7 @@ struct State {
 /// Size of each parameter in its coordinate: what a change by max(|value|, typical size) is there.
 [[nodiscard]] Eigen::VectorXd sizes(const Problem& problem, const Eigen::VectorXd& theta);
 
-/// Which error parameters are estimated and have data, shape (error parameters).
+/// Which error parameters are estimated and have data (none in a provisional round), shape (error parameters).
 [[nodiscard]] std::vector<bool> free_errors(const Problem& problem, const BlockSet& set);
 
 }  // namespace orbid::estimator

@@ -144,11 +144,16 @@ public:
     [[nodiscard]] virtual std::vector<BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                            const std::vector<Eigen::VectorXd>& latents,
                                                            bool derivatives) const = 0;
-    /// Between two minimisations: gating, new starting solutions, matching. scales = current s_g of groups().
+    /// Between two minimisations: gating, new starting solutions, matching. scales = current s_g of groups(). Sds that
+    /// layout() knows and the values of fixed scales in groups() may change with it; nothing else of groups() does.
     virtual RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
                                   const Eigen::VectorXd& scales) = 0;
     /// Takes a block out (it stopped too many steps). Counted as lost.
     virtual void suspend(std::size_t block) = 0;
+    /// The present residual is a stage on the way (a matching sd that refresh() will lower): it is minimised only
+    /// roughly, error scales stay as they are (at the values of groups(), read anew for each such round), and
+    /// refresh() is asked again until this is false.
+    [[nodiscard]] virtual bool provisional() const { return false; }
 
 protected:
     Residual() = default;
