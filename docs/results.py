@@ -2,7 +2,7 @@
 """Runs the jobs behind docs/results.md and writes it; or shows finished runs beside the paper's numbers.
 
     results.py compare TABLE3_DIR SWING_DIR
-    results.py write BIN_DIR RESULTS.md
+    results.py write BIN_DIR RESULTS.md [SECTION...]     the sections named anew, the others as they stand; none: all
 
 Only the standard library. Everything in results.md comes from this script; nothing is typed in by hand.
 """
@@ -38,13 +38,13 @@ def read_job(name):
     return json.loads(text)
 
 
-def run(binary, job, folder, *options, expect=(0,)):
+def run(bin_dir, job, folder, *options, expect=(0,)):
     """Runs a job given as dictionary; returns exit code, seconds, standard output and standard error."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "job_in.json"
     path.write_text(json.dumps(job, indent=1))
     start = time.perf_counter()
-    done = subprocess.run([str(binary), "run", str(path), "--out", str(folder / "out"), "--quiet", *options],
+    done = subprocess.run([str(bin_dir / "orbid"), "run", str(path), "--out", str(folder / "out"), "--quiet", *options],
                           capture_output=True, text=True)
     seconds = time.perf_counter() - start
     if done.returncode not in expect:
@@ -91,7 +91,7 @@ def swing_rms(answer):
     return answer["errors"]["series.phi"]["rms"]
 
 
-def tables(binary, work, lines):
+def tables(bin_dir, work, lines):
     lines += ["## The paper's tables", "",
               "2^20 simulated sections, orbits to period 5, seed 1. Deviations from the exact values in percent.", "",
               "| table | | start | the paper | must | orbid | reported sd | seconds |", "|---|---|---|---|---|---|---|---|"]
@@ -101,7 +101,7 @@ def tables(binary, work, lines):
             job = read_job(config)
             job["seed"] = seed
             folder = work / f"table{name}_{seed}"
-            _, seconds, _, _ = run(binary, job, folder)
+            _, seconds, _, _ = run(bin_dir, job, folder)
             answer = result(folder)
             rows = table_rows(name, answer)
             if seed == SEEDS[0]:
@@ -126,7 +126,7 @@ def tables(binary, work, lines):
               f"All converged: {'yes' if all(row[7] == 'converged' for row in worst) else 'no'}.", ""]
 
 
-def paper_method(binary, work, lines):
+def paper_method(bin_dir, work, lines):
     """The three tables with the paper's own periodic orbit analysis and with equal weights."""
     lines += ["## The paper's tables by the paper's own analysis", "",
               "The same jobs with `\"method\": \"closest_return\"` (the closest return as reference, linear maps without "
@@ -145,7 +145,7 @@ def paper_method(binary, work, lines):
             job["estimate"]["residuals"][0]["weights"] = "equal"
             job["output"] = {"series": "none"}
             folder = work / f"paper{name}_{seed}_{neighbours}"
-            run(binary, job, folder)
+            run(bin_dir, job, folder)
             answer = result(folder)
             status.add(answer["status"])
             if name == "III" and neighbours == 32:
@@ -167,7 +167,7 @@ def paper_method(binary, work, lines):
               "times the usual error).", ""]
 
 
-def identifiability(binary, work, lines):
+def identifiability(bin_dir, work, lines):
     lines += ["## What the data do not determine", "",
               "| free | exit | status | null direction (relative changes) |", "|---|---|---|---|"]
     cases = (("l", "m", "k2", "k3"), ("k1", "k2", "k3", "m"), ("l", "g", "A", "k2", "k3"))
@@ -177,7 +177,7 @@ def identifiability(binary, work, lines):
         job["estimate"]["derived"] = {}
         job["reference"] = {}
         folder = work / ("null_" + "_".join(free))
-        code, _, _, _ = run(binary, job, folder, expect=(0, 1))
+        code, _, _, _ = run(bin_dir, job, folder, expect=(0, 1))
         answer = result(folder)
         directions = "; ".join(", ".join(f"{name} {value:+.4g}" for name, value in direction.items())
                                for direction in answer["identifiability"]["null_directions"])
@@ -188,7 +188,7 @@ def identifiability(binary, work, lines):
     job["estimate"]["parameters"]["m"] = {"prior": {"normal": {"mean": 0.0858, "sd": 0.001}}}
     job["reference"] = {}
     folder = work / "prior_m"
-    code, _, _, _ = run(binary, job, folder, expect=(0, 1))
+    code, _, _, _ = run(bin_dir, job, folder, expect=(0, 1))
     answer = result(folder)
     m = answer["parameters"]["m"]
     lines += ["", f"With a prior m = 0.0858 +- 0.001 kg the first set has exit {code}, status {answer['status']}: "
@@ -197,11 +197,11 @@ def identifiability(binary, work, lines):
     shutil.rmtree(folder)
 
 
-def swing(binary, work, lines):
+def swing(bin_dir, work, lines):
     job = read_job("pendulum_swing.json")
     job["data"]["file"] = str(CONFIGS / job["data"]["file"])
     folder = work / "swing"
-    _, seconds, _, _ = run(binary, job, folder)
+    _, seconds, _, _ = run(bin_dir, job, folder)
     answer = result(folder)
     error = answer["errors"]["series.phi"]
     lines += ["## A real pendulum swinging down", "",
@@ -218,14 +218,14 @@ def swing(binary, work, lines):
               f"{error['effective_count']:.0f} independent ones.", ""]
 
 
-def periodic(binary, work, lines):
+def periodic(bin_dir, work, lines):
     """Computed orbits against the reference table, which names one of each mirror pair."""
     table = json.loads((ROOT / "tests/reference/pendulum_orbits_g9.81.json").read_text())
     job = {"model": {"name": "parametric_pendulum", "variant": "crank", "parameters": table["parameters"]},
            "periodic": {"method": "multiple_shooting",
                         "orbits": [{"period": cycle["period"], "points": cycle["points"]} for cycle in table["cycles"]]}}
     folder = work / "periodic"
-    run(binary, job, folder)
+    run(bin_dir, job, folder)
     orbits = json.loads((folder / "out/orbits.json").read_text())
     names = orbits["parameters"]
     value = table["parameters"]
@@ -254,10 +254,10 @@ def periodic(binary, work, lines):
               f"| unstable multipliers, relative | 8 digits | {unstable:.1e} |",
               f"| stable multipliers, relative (the table gives 6 or 7 digits) | the digits given | {stable:.1e} |",
               f"| identities (M3) of the sensitivities, omega among them, relative | 1e-9 | {identity:.1e} |",
-              f"| sensitivities d/d ln a at g = 9.8348933, relative to the largest of their point | 5 digits | {sensitivities(binary, work):.1e} |", ""]
+              f"| sensitivities d/d ln a at g = 9.8348933, relative to the largest of their point | 5 digits | {sensitivities(bin_dir, work):.1e} |", ""]
 
 
-def sensitivities(binary, work):
+def sensitivities(bin_dir, work):
     """Largest difference from the table of sensitivities, relative to the largest entry of the same coordinate."""
     table = json.loads((ROOT / "tests/reference/pendulum_sensitivities_g9.8348933.json").read_text())
     orbits = json.loads((ROOT / "tests/reference/pendulum_orbits_g9.8348933.json").read_text())
@@ -273,7 +273,7 @@ def sensitivities(binary, work):
     job = {"model": {"name": "parametric_pendulum", "variant": "crank", "parameters": value},
            "periodic": {"orbits": [{"period": len(points), "points": points} for points in starts]}}
     folder = work / "sensitivities"
-    run(binary, job, folder)
+    run(bin_dir, job, folder)
     found = json.loads((folder / "out/orbits.json").read_text())
     assert len(found["cycles"]) == len(table["orbits"])
     worst = 0.0
@@ -286,14 +286,14 @@ def sensitivities(binary, work):
     return worst
 
 
-def threads(binary, work, lines):
+def threads(bin_dir, work, lines):
     names = ("series.h5", "cycles.json", "orbits.json", "result.json", "job.json")
     sums = {}
     for count in (1, 2, 4):
         folder = work / "threads"
         if folder.exists():
             shutil.rmtree(folder)
-        run(binary, read_job("pendulum_table3.json"), folder, "--threads", str(count))
+        run(bin_dir, read_job("pendulum_table3.json"), folder, "--threads", str(count))
         sums[count] = [hashlib.sha256((folder / "out" / name).read_bytes()).hexdigest() for name in names]
     same = all(value == sums[1] for value in sums.values())
     lines += ["## Same bytes", "",
@@ -307,7 +307,7 @@ def speed(bin_dir, work, lines):
         folder = work / "speed"
         if folder.exists():
             shutil.rmtree(folder)
-        _, whole, _, _ = run(bin_dir / "orbid", read_job("pendulum_table3.json"), folder)
+        _, whole, _, _ = run(bin_dir, read_job("pendulum_table3.json"), folder)
         start = time.perf_counter()
         subprocess.run([str(bin_dir / "ensemble_bench"), "--peer-only", "1048576", "4"], check=True, capture_output=True)
         ratios.append((whole, time.perf_counter() - start))
@@ -318,28 +318,53 @@ def speed(bin_dir, work, lines):
               f"Boost.Odeint rkf78 at equal error, in turn on the same cores: {shown}; median {median:.2f} (must: at most 2).", ""]
 
 
-def write(bin_dir, target):
+# In the order of the document; each function appends its part, which begins with its heading.
+SECTIONS = {
+    "tables": tables,
+    "paper_method": paper_method,
+    "identifiability": identifiability,
+    "swing": swing,
+    "periodic": periodic,
+    "threads": threads,
+    "speed": speed,
+}
+
+
+def parts_of(text):
+    """The document cut at its headings of the second level: {name written behind the heading: text}."""
+    parts = {}
+    for part in re.split(r"^(?=## )", text, flags=re.M)[1:]:
+        mark = re.search(r"<!-- (\w+) -->", part)
+        if mark:
+            parts[mark.group(1)] = part
+    return parts
+
+
+def write(bin_dir, target, wanted):
     bin_dir = Path(bin_dir).resolve()
-    binary = bin_dir / "orbid"
-    version = subprocess.run([str(binary), "--version"], capture_output=True, text=True, check=True).stdout.strip()
-    lines = ["# Results", "", f"Made by `./dev results` with {version} on {len(os.sched_getaffinity(0))} cores. Times are those of that machine.", ""]
-    with tempfile.TemporaryDirectory() as temporary:
-        work = Path(temporary)
-        tables(binary, work, lines)
-        paper_method(binary, work, lines)
-        identifiability(binary, work, lines)
-        swing(binary, work, lines)
-        periodic(binary, work, lines)
-        threads(binary, work, lines)
-        speed(bin_dir, work, lines)
-    Path(target).write_text("\n".join(lines))
-    print(f"wrote {target}")
+    target = Path(target)
+    unknown = [name for name in wanted if name not in SECTIONS]
+    if unknown:
+        sys.exit(f"no section {', '.join(unknown)}; there are {', '.join(SECTIONS)}")
+    version = subprocess.run([str(bin_dir / "orbid"), "--version"], capture_output=True, text=True, check=True).stdout.strip()
+    parts = parts_of(target.read_text()) if target.exists() and wanted else {}
+    for name in wanted or SECTIONS:
+        lines = []
+        with tempfile.TemporaryDirectory() as temporary:
+            SECTIONS[name](bin_dir, Path(temporary), lines)
+        # The mark tells a later run which part this is.
+        parts[name] = "\n".join([lines[0], f"<!-- {name} -->", *lines[1:]]).rstrip("\n") + "\n\n"
+        # After every section: what has run is kept when a later one fails.
+        head = (f"# Results\n\nMade by `./dev results` with {version} on {len(os.sched_getaffinity(0))} cores. "
+                "Times are those of that machine.\n\n")
+        target.write_text((head + "".join(parts[part] for part in SECTIONS if part in parts)).rstrip("\n") + "\n")
+        print(f"{target}: {name}", flush=True)
 
 
 if __name__ == "__main__":
     if len(sys.argv) == 4 and sys.argv[1] == "compare":
         compare(sys.argv[2], sys.argv[3])
-    elif len(sys.argv) == 4 and sys.argv[1] == "write":
-        write(sys.argv[2], sys.argv[3])
+    elif len(sys.argv) >= 4 and sys.argv[1] == "write":
+        write(sys.argv[2], sys.argv[3], sys.argv[4:])
     else:
         sys.exit(__doc__)
