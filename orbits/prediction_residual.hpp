@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -8,57 +7,75 @@
 
 #include "estimator/residual.hpp"
 #include "models/system.hpp"
-#include "orbits/series.hpp"
+#include "orbits/transition.hpp"
 
 namespace orbid::orbits {
 
-/// A state that the data say (the sensor inverted), and the one they say follows.
-struct Transition {
-    Eigen::VectorXd from;   ///< shape (n)
-    Eigen::VectorXd to;     ///< shape (n)
-    double phase = 0.0;     ///< [rad] at `from`
-    double duration = 0.0;  ///< of the clock of the residual: [rad] between sections, [s] between samples
+struct PredictionOptions {
+    /// Sizes of the errors of the states relative to each other, shape (n), see error_sizes(); empty: 1 each.
+    Eigen::VectorXd sizes;
+    models::FlowOptions flow{1e-9, 1e-9, 20000};
 };
 
-/// At most `count` transitions of a series over one interval, spread over the whole record at random (`seed`); nodes
-/// from the readings by inverting the sensor at theta, unread coordinates from slopes. Readings that are missing make
-/// no transition.
-/// @param interval  sampling intervals per transition, > 0.
-[[nodiscard]] std::vector<Transition> transitions(const models::System& system, const Eigen::VectorXd& theta,
-                                                  const Series& series, const models::Sensor& sensor,
-                                                  const std::vector<std::size_t>& segments, Eigen::Index interval,
-                                                  std::size_t count, std::uint64_t seed);
-
 /// Prediction over one interval with the nodes pinned to the data: parameters alone, no latent states, no trajectory
-/// longer than an interval. The first stage, for starts far from the truth (stage 0).
+/// longer than an interval. The first stage, for starts far from the truth.
 ///
-///     e = to - Phi(from; theta),  divided by sqrt(0.01 + amplification^2) of the coordinate, Cauchy errors
+///     e = to - Phi(from; theta),  Cauchy errors of scale s d_i sqrt(0.01 + sum_j (X_ij d_j / d_i)^2),  d = sizes
 ///
-/// whose scale is estimated: what a transition is worth falls with how strongly errors of its start are amplified at
-/// the parameters of the last refresh(), and gross errors hardly count.
+/// The scale s is estimated, one per coordinate: what a transition is worth falls with how strongly errors of its start
+/// are amplified, X at the parameters of the last refresh(), and gross errors hardly count. A block per transition,
+/// groups "prediction.<coordinate>".
+///
+/// The estimate is biased by the errors of the states (a frozen start instead of an estimated one): a good start, no
+/// answer.
 class PredictionResidual final : public estimator::Residual {
 public:
+    /// @param systems  one; of models with measured inputs one per segment of the series.
+    /// @param start    the estimator's vector at the start, where amplifications are taken first.
+    /// @throws std::invalid_argument without transitions, or on wrong shapes.
+    PredictionResidual(std::vector<std::shared_ptr<const models::System>> systems, models::ParameterBinding binding,
+                       std::vector<Transition> transitions, models::Clock clock, const Eigen::VectorXd& start,
+                       PredictionOptions options = {});
+
     PredictionResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
                        std::vector<Transition> transitions, models::Clock clock, const Eigen::VectorXd& start,
-                       const models::FlowOptions& flow = {1e-9, 1e-9, 20000});
+                       PredictionOptions options = {})
+        : PredictionResidual(std::vector<std::shared_ptr<const models::System>>{std::move(system)}, std::move(binding),
+                             std::move(transitions), clock, start, std::move(options)) {}
 
     [[nodiscard]] std::string_view type() const override { return "prediction"; }
     [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
     [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
     [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
-    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override {
+        return std::vector<Eigen::VectorXd>(layout_.size());
+    }
     [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    /// Amplifications at theta.
+    /// Amplifications at theta, until they settle.
     estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
                                      const Eigen::VectorXd& scales) override;
     void suspend(std::size_t block) override { layout_.at(block).active = false; }
+    [[nodiscard]] bool provisional() const override { return rounds_ < rough_rounds; }
 
-    /// How badly theta predicts, robustly, as OnePeriodResidual::misfit: what a scan over the bounds compares.
+    /// How badly theta predicts, robustly: mean over all records of ln(1 + (e / (0.02 sizes sqrt(..)))^2) with the
+    /// present amplifications. A prediction that is far off counts little more than one that is just off, so that the
+    /// minimum is broad and few transitions decide nothing; one that cannot be made counts as off by all of its range.
     [[nodiscard]] double misfit(const Eigen::VectorXd& theta) const;
 
 private:
+    static constexpr int rough_rounds = 3;
+
+    /// @return the largest relative change of a weight in the median
+    double amplify(const Eigen::VectorXd& theta);
+
+    std::vector<std::shared_ptr<const models::System>> systems_;
+    models::ParameterBinding binding_;
+    std::vector<Transition> transitions_;
+    models::Clock clock_;
+    PredictionOptions options_;
+    int rounds_ = 0;
     std::vector<estimator::Group> groups_;
     std::vector<estimator::BlockLayout> layout_;
 };

@@ -26,10 +26,17 @@ std::vector<double> ladder(double start, double size) {
 
 Eigen::VectorXd scanned_start(const OnePeriodResidual& residual, const Eigen::VectorXd& start,
                               const Eigen::VectorXd& lower, const Eigen::VectorXd& upper, const Eigen::VectorXd& size) {
+    return scanned_start([&](const Eigen::VectorXd& theta) { return residual.misfit(theta); }, start, lower, upper,
+                         size);
+}
+
+Eigen::VectorXd scanned_start(const std::function<double(const Eigen::VectorXd&)>& misfit_at,
+                              const Eigen::VectorXd& start, const Eigen::VectorXd& lower, const Eigen::VectorXd& upper,
+                              const Eigen::VectorXd& size) {
     if (lower.size() != start.size() || upper.size() != start.size() || size.size() != start.size())
         throw std::invalid_argument("scanned_start: start, lower, upper and size must have one value per parameter");
     Eigen::VectorXd best = start;
-    double best_misfit = residual.misfit(best);
+    double best_misfit = misfit_at(best);
     for (int sweep = 0; sweep < sweeps; ++sweep)
         for (Eigen::Index i = 0; i < start.size(); ++i) {
             // Both sweeps climb the ladder about the start, so that nothing runs away.
@@ -37,7 +44,7 @@ Eigen::VectorXd scanned_start(const OnePeriodResidual& residual, const Eigen::Ve
                 if (!(value >= lower(i) && value <= upper(i))) continue;
                 Eigen::VectorXd trial = best;
                 trial(i) = value;
-                const double misfit = residual.misfit(trial);
+                const double misfit = misfit_at(trial);
                 if (!(misfit < best_misfit)) continue;
                 best_misfit = misfit;
                 best = trial;

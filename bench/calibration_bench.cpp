@@ -1,0 +1,227 @@
+// How good are estimates from recorded series, and how right are their intervals?
+//
+//   calibration_bench pendulum SECTIONS NOISE REPLICATES [FIRST_SEED]   virtual experiments, one line each, then
+//   coverage calibration_bench lorenz DURATION REPLICATES                        all states read with noise 0.5
+//   calibration_bench length                                            cost against the number of sections
+//
+// NOISE: of a reading, as a share of the range (angle and velocity, state sensor); 0: the encoder's rounding alone.
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "estimator/estimate.hpp"
+#include "estimator/random_stream.hpp"
+#include "models/registry.hpp"
+#include "orbits/prediction_residual.hpp"
+#include "orbits/shooting_residual.hpp"
+#include "orbits/virtual_experiment.hpp"
+
+using namespace orbid;
+
+namespace {
+
+double now() {
+    using clock = std::chrono::steady_clock;
+    return std::chrono::duration<double>(clock::now().time_since_epoch()).count();
+}
+
+/// A recorded series and what made it.
+struct Experiment {
+    std::shared_ptr<const models::System> system;
+    models::ParameterBinding binding;
+    std::vector<estimator::FreeParameter> parameters;
+    Eigen::VectorXd truth;  // of the estimated parameters
+    orbits::Series series;
+    models::Sensor sensor;
+};
+
+void free_parameter(Experiment& e, const std::string& name, double start, estimator::Scale scale, double lower) {
+    const Eigen::Index index = e.system->parameter_index(name);
+    estimator::FreeParameter p;
+    p.name = name;
+    p.start = start;
+    p.scale = scale;
+    p.lower = lower;
+    p.typical_size = e.system->parameters()[static_cast<std::size_t>(index)].typical_size;
+    e.binding.parameter.push_back(index);
+    e.binding.estimated.push_back(e.binding.estimated_count++);
+    e.parameters.push_back(p);
+    e.truth.conservativeResize(e.binding.estimated_count);
+    e.truth[e.binding.estimated_count - 1] = e.binding.base[index];
+}
+
+Experiment pendulum(std::size_t sections, double noise, std::uint64_t seed) {
+    Experiment e;
+    e.system = models::make_system("parametric_pendulum");
+    e.binding.base = e.system->default_parameters();
+    e.binding.base[e.system->parameter_index("k1")] = 1e-3;
+    orbits::VirtualExperimentOptions options;
+    options.plan = orbits::SectionPlan{sections, 20, {}, 0.0};
+    options.seed = seed;
+    options.flow = {1e-11, 1e-11, 100000};
+    if (noise > 0.0) {
+        options.noise = Eigen::Vector2d(noise * 2.0 * std::numbers::pi, noise * 29.3);
+    } else {
+        options.sensor.type = models::Sensor::Type::angle_difference;
+        options.sensor.delay = 0.01508;
+        options.sensor.step = 2.0 * std::numbers::pi / 4096.0;
+        options.sensor.rounding = models::Sensor::Rounding::nearest;
+    }
+    e.sensor = options.sensor;
+    const auto made = orbits::simulate(*e.system, e.binding.base, options);
+    if (!made.complete) std::printf("# %s\n", made.message.c_str());
+    e.series = made.series;
+    estimator::RandomStream random(seed, estimator::RandomPurpose::multi_start, 0);
+    free_parameter(e, "l", 0.317 * (1.1 + 0.39 * random.uniform()), estimator::Scale::log, 0.1);
+    e.parameters.back().upper = 2.0;
+    for (const auto& [name, value] : {std::pair{"k1", 1e-3}, {"k2", 4.85e-4}, {"k3", 1.9e-4}})
+        free_parameter(e, name, value * (0.1 + 3.9 * random.uniform()), estimator::Scale::linear, 0.0);
+    return e;
+}
+
+Experiment lorenz(double duration, std::uint64_t seed) {
+    Experiment e;
+    e.system = models::make_system("lorenz");
+    e.binding.base = e.system->default_parameters();
+    orbits::VirtualExperimentOptions options;
+    options.plan = orbits::SamplePlan{0.01, static_cast<std::size_t>(std::lround(duration / 0.01)) + 1, 0};
+    options.initial = Eigen::Vector3d(1.0, 0.0, 0.0);
+    options.noise = Eigen::Vector3d::Constant(0.5);
+    options.seed = seed;
+    const std::array<const char*, 3> names{"sigma", "rho", "beta"};
+    const std::array<double, 3> truth{10.0, 28.0, 2.66};
+    const std::array<double, 3> start{1.0, 2.2, 0.2};
+    for (std::size_t i = 0; i < 3; ++i)
+        e.binding.base[e.system->parameter_index(names[i])] = truth[i];
+    e.series = orbits::simulate(*e.system, e.binding.base, options).series;
+    for (std::size_t i = 0; i < 3; ++i)
+        free_parameter(e, names[i], start[i], estimator::Scale::linear, 0.0);
+    return e;
+}
+
+struct Outcome {
+    estimator::Estimate stage0;
+    estimator::Estimate estimate;
+    double seconds0 = 0.0, seconds = 0.0;
+    std::unique_ptr<orbits::ShootingResidual> residual;
+};
+
+Eigen::VectorXd values(const estimator::Estimate& estimate) {
+    Eigen::VectorXd theta(static_cast<Eigen::Index>(estimate.parameters.size()));
+    for (std::size_t i = 0; i < estimate.parameters.size(); ++i)
+        theta[static_cast<Eigen::Index>(i)] = estimate.parameters[i].value;
+    return theta;
+}
+
+Outcome identify(const Experiment& e, bool verbose) {
+    Outcome result;
+    auto parameters = e.parameters;
+    const double t0 = now();
+    Eigen::VectorXd theta(e.binding.estimated_count);
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        theta[static_cast<Eigen::Index>(i)] = parameters[i].start;
+    {
+        const auto starts = orbits::transitions(*e.system, e.binding.values(theta), e.series, e.sensor, {}, 1, 2000, 1);
+        Eigen::MatrixXd states(e.system->dimension(), std::ssize(starts));
+        for (std::size_t k = 0; k < starts.size(); ++k)
+            states.col(static_cast<Eigen::Index>(k)) = starts[k].from;
+        orbits::PredictionOptions options;
+        options.sizes = orbits::error_sizes(e.sensor, orbits::coordinate_range(*e.system, e.series, states));
+        orbits::PredictionResidual prediction(e.system, e.binding, starts,
+                                              orbits::transition_clock(*e.system, e.series), theta, options);
+        estimator::EstimateOptions rough;
+        rough.verdict = false;
+        rough.clusters = estimator::Clusters::none;
+        rough.step_tolerance = 1e-2;
+        result.stage0 = estimator::estimate(parameters, {&prediction}, {}, rough);
+    }
+    result.seconds0 = now() - t0;
+    if (result.stage0.status != estimator::EstimateStatus::failed) theta = values(result.stage0);
+    if (verbose) {
+        std::printf("# stage 0: %s, %s, %d iterations, %d evaluations, %.2f s:",
+                    std::string(name(result.stage0.status)).c_str(), result.stage0.message.c_str(),
+                    result.stage0.iterations, result.stage0.evaluations, result.seconds0);
+        for (Eigen::Index i = 0; i < theta.size(); ++i)
+            std::printf(" %+.2f %%", 100.0 * (theta[i] / e.truth[i] - 1.0));
+        std::printf("\n");
+    }
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        parameters[i].start = theta[static_cast<Eigen::Index>(i)];
+    const double t1 = now();
+    orbits::ShootingOptions options;
+    options.sensor = e.sensor;
+    options.start = theta;
+    if (const char* kind = std::getenv("MATCHING")) {
+        const std::string text = kind;
+        options.matching.constraints = text == "constraints";
+        if (text == "normal") options.matching.kind = orbits::Matching::Kind::normal;
+    }
+    result.residual = std::make_unique<orbits::ShootingResidual>(e.system, e.binding, e.series, options);
+    estimator::EstimateOptions full;
+    full.verdict = false;
+    full.clusters = estimator::Clusters::none;
+    full.step_tolerance = 1e-2;
+    if (verbose) {
+        std::printf("# %zu nodes, interval %td, first matching sd %.3g\n", result.residual->plan().nodes.size(),
+                    result.residual->interval(), result.residual->matching_sd()[0]);
+        full.progress = [&](int iteration, double objective) {
+            const auto& groups = result.residual->groups();
+            std::printf("#   %d: %.6g, q %.2g, s %.3g, %.2f s\n", iteration, objective,
+                        result.residual->matching_sd()[0], groups[0].scale.value, now() - t1);
+            std::fflush(stdout);
+        };
+    }
+    result.estimate = estimator::estimate(parameters, {result.residual.get()}, {}, full);
+    result.seconds = now() - t1;
+    return result;
+}
+
+void show(const Experiment& e, const Outcome& o, std::uint64_t seed) {
+    std::printf("seed %llu: %s (%s), %d iterations, %d evaluations, %.2f s\n", static_cast<unsigned long long>(seed),
+                std::string(name(o.estimate.status)).c_str(), o.estimate.message.c_str(), o.estimate.iterations,
+                o.estimate.evaluations, o.seconds0 + o.seconds);
+    for (std::size_t i = 0; i < o.estimate.parameters.size(); ++i) {
+        const auto& p = o.estimate.parameters[i];
+        const double truth = e.truth[static_cast<Eigen::Index>(i)];
+        std::printf("  %-6s %+.2e relative, sd %.2e, z %+.2f\n", p.name.c_str(), p.value / truth - 1.0, p.sd / truth,
+                    (p.value - truth) / p.sd);
+    }
+    for (const auto& s : o.estimate.scales)
+        std::printf("  %-20s sd %.4g +- %.2g, rms %.4g, %zu records\n", s.group.c_str(), s.value, s.uncertainty, s.rms,
+                    s.count);
+    std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    const std::string task = argc > 1 ? argv[1] : "pendulum";
+    if (task == "pendulum") {
+        const auto sections = static_cast<std::size_t>(argc > 2 ? std::atol(argv[2]) : 5000);
+        const double noise = argc > 3 ? std::atof(argv[3]) : 0.0;
+        const int replicates = argc > 4 ? std::atoi(argv[4]) : 1;
+        const auto first = static_cast<std::uint64_t>(argc > 5 ? std::atol(argv[5]) : 1);
+        for (int r = 0; r < replicates; ++r) {
+            const std::uint64_t seed = first + static_cast<std::uint64_t>(r);
+            const Experiment e = pendulum(sections, noise, seed);
+            if (replicates == 1)
+                std::printf("# %zu segments, %zu sections\n", e.series.segments.size(), e.series.size());
+            show(e, identify(e, replicates == 1), seed);
+        }
+    } else if (task == "lorenz") {
+        const double duration = argc > 2 ? std::atof(argv[2]) : 30.0;
+        const int replicates = argc > 3 ? std::atoi(argv[3]) : 1;
+        for (int r = 0; r < replicates; ++r) {
+            const Experiment e = lorenz(duration, static_cast<std::uint64_t>(r + 1));
+            show(e, identify(e, replicates == 1), static_cast<std::uint64_t>(r + 1));
+        }
+    }
+}

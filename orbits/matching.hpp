@@ -1,0 +1,39 @@
+#pragma once
+
+#include <Eigen/Core>
+
+namespace orbid::orbits {
+
+/// How well the end of one interval has to meet the beginning of the next: s_{i+1} = Phi(s_i; theta) + error.
+///
+/// Always begun loose and tightened in stages, for exact matching at once leads to a false minimum from nearly every
+/// start, that at the true parameters included.
+struct Matching {
+    enum class Kind {
+        exact,     ///< the model is right: an error far below what readings can tell, see exact_tightness
+        normal,    ///< normal errors
+        student_t  ///< Student's t with `dof`: an interval on the wrong branch of a fold does not hold the others
+    };
+    Kind kind = Kind::exact;
+    Eigen::VectorXd sd;     ///< shape (n), in the coordinates' units, > 0; not read for exact matching
+    bool estimate = false;  ///< sds are starts of estimated scales; empty `sd`: from the defects
+    double dof = 4.0;       ///< student_t
+    /// Matching as equality constraints, which the estimator tightens by itself; exact only.
+    bool constraints = false;
+};
+
+/// Exact matching: its sd over that of the readings, both relative to the ranges. Information on parameters grows
+/// until the ratio is about this small and no further (10 000 sections: sd of l 1.9e-7 at 2e-4, 1.72e-7 at 2e-5 and
+/// below); ten times tighter costs a stage more, a thousand times tighter digits.
+inline constexpr double exact_tightness = 2e-5;
+
+/// The same where the matching sd is to be estimated: from here on the estimator decides.
+inline constexpr double estimated_tightness = 0.1;
+
+/// Share of the matching sd that the next stage keeps. Noise beyond 2e-3 of the range leaves single intervals on the
+/// wrong branch of a fold if it falls tenfold at once.
+[[nodiscard]] inline double next_share(double noise) {
+    return noise > 2e-3 ? 0.4 : 0.1;
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,74 @@
+#include "orbits/shooting_interval.hpp"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <cmath>
+
+#include "orbits/transition.hpp"
+
+namespace orbid::orbits {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr double largest_growth = 2.7182818284590452;
+constexpr double largest_error = 0.1;  // of the range
+
+double median(std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+}  // namespace
+
+Index shooting_interval(const models::System& system,
+                        std::span<const std::shared_ptr<const models::System>> with_inputs, const VectorXd& theta,
+                        const Series& series, const models::Sensor& sensor, const std::vector<std::size_t>& segments) {
+    if (series.sampling == Series::Sampling::section || !with_inputs.empty()) return 1;
+    constexpr std::size_t looks = 100;
+    const std::vector<std::shared_ptr<const models::System>> systems{
+        std::shared_ptr<const models::System>(std::shared_ptr<const void>(), &system)};
+    Index longest = 1;
+    for (const std::size_t s : segments)
+        longest = std::max(longest, series.segments[s].values.cols() - 1);
+    const auto fits = [&](Index interval) {
+        const auto starts = transitions(system, theta, series, sensor, segments, interval, looks, 0);
+        if (starts.empty()) return false;
+        MatrixXd states(system.dimension(), std::ssize(starts));
+        for (std::size_t k = 0; k < starts.size(); ++k)
+            states.col(static_cast<Index>(k)) = starts[k].from;
+        const VectorXd range = coordinate_range(system, series, states);
+        std::vector<double> growth, error;
+        const std::span<const Index> none;
+        for (const Prediction& p :
+             predictions(systems, theta, starts, none, transition_clock(system, series), {1e-8, 1e-8, 20000})) {
+            if (!p.ok) continue;
+            const MatrixXd x = range.cwiseInverse().asDiagonal() * p.by_x * range.asDiagonal();
+            growth.push_back(x.jacobiSvd().singularValues()[0]);
+            error.push_back(p.error.cwiseQuotient(range).cwiseAbs().maxCoeff());
+        }
+        return 2 * growth.size() > starts.size() && median(growth) <= largest_growth && median(error) <= largest_error;
+    };
+    // Doubling, then bisection to within an eighth.
+    Index good = 1;
+    Index bad = longest + 1;
+    while (2 * good < bad) {
+        if (!fits(2 * good)) {
+            bad = 2 * good;
+            break;
+        }
+        good *= 2;
+    }
+    while (bad - good > std::max<Index>(1, good / 8)) {
+        const Index middle = (good + bad) / 2;
+        (fits(middle) ? good : bad) = middle;
+    }
+    return good;
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system.hpp"
+#include "orbits/series.hpp"
+
+namespace orbid::orbits {
+
+/// Sampling intervals from node to node such that errors of a node grow by no more than a factor e (median over the
+/// record of the spectral norm of X, coordinates in units of their ranges), and predictions from the states that the
+/// data say stay within a tenth of the range (median); both at the given parameters. 1 for sections.
+///
+/// Longer intervals need fewer nodes, but bend: exp(growth) is what a Newton step has to linearise.
+///
+/// @param with_inputs  systems by segment, of models with measured inputs; empty otherwise.
+/// @param theta        shape (q), all parameters of the system.
+[[nodiscard]] Eigen::Index shooting_interval(const models::System& system,
+                                             std::span<const std::shared_ptr<const models::System>> with_inputs,
+                                             const Eigen::VectorXd& theta, const Series& series,
+                                             const models::Sensor& sensor, const std::vector<std::size_t>& segments);
+
+}  // namespace orbid::orbits
