@@ -19,6 +19,7 @@ void check_value(const BlockValue& value, const ActiveBlock& block, const std::s
     const bool fits = value.e.size() == records && (block.constraints == 0 || value.c.size() == block.constraints) &&
                       (!derivatives || (value.e_theta.rows() == records && value.e_theta.cols() == parameters &&
                                         shaped(value.e_z, records, block.latents) &&
+                                        (block.linked_parts.empty() || shaped(value.e_next, records, next_latents)) &&
                                         shaped(value.c_theta, block.constraints, parameters) &&
                                         shaped(value.c_z, block.constraints, block.latents) &&
                                         shaped(value.c_next, block.constraints, next_latents)));
@@ -33,22 +34,28 @@ bool finite(const BlockValue& value, const ActiveBlock& block, bool derivatives)
     if (!value.e.allFinite() || (block.constraints > 0 && !value.c.allFinite())) return false;
     if (!derivatives) return true;
     if (!value.e_theta.allFinite() || !value.e_z.allFinite()) return false;
+    if (!block.linked_parts.empty() && !value.e_next.allFinite()) return false;
     return block.constraints == 0 || (value.c_theta.allFinite() && value.c_z.allFinite() && value.c_next.allFinite());
 }
 
 /// Log-normal errors need a positive prediction.
 bool predicted(const BlockValue& value, const ActiveBlock& block, const std::vector<ErrorLaw>& laws) {
-    for (const LawPart& part : block.parts) {
-        if (!std::holds_alternative<LogNormalErrors>(laws[part.law].distribution)) continue;
+    const auto positive = [&](const LawPart& part) {
+        if (!std::holds_alternative<LogNormalErrors>(laws[part.law].distribution)) return true;
         for (std::size_t i = 0; i < part.records.size(); ++i)
             if (!(part.observed[static_cast<Eigen::Index>(i)] - value.e[part.records[i]] > 0.0)) return false;
-    }
-    return true;
+        return true;
+    };
+    return std::all_of(block.parts.begin(), block.parts.end(), positive) &&
+           std::all_of(block.linked_parts.begin(), block.linked_parts.end(), positive);
 }
 
-/// Sorts the records of a block by law.
+/// Sorts the records [begin, end) of a block by law.
 std::vector<LawPart> parts_of(const ActiveBlock& block, const BlockLayout& from, const std::vector<ErrorLaw>& laws,
-                              const std::string& who) {
+                              std::size_t begin, std::size_t end) {
+    const auto refuse = [&from](const std::string& what) {
+        throw std::invalid_argument("residual block \"" + from.label + "\": " + what);
+    };
     std::vector<LawPart> parts;
     for (std::size_t l = 0; l < laws.size(); ++l) {
         const ErrorLaw& law = laws[l];
@@ -56,37 +63,78 @@ std::vector<LawPart> parts_of(const ActiveBlock& block, const BlockLayout& from,
         std::size_t first = 0;
         for (const int channel : law.channels) {
             const std::size_t before = part.records.size();
-            for (std::size_t i = 0; i < block.channel.size(); ++i)
+            for (std::size_t i = begin; i < end; ++i)
                 if (block.channel[i] == channel) part.records.push_back(static_cast<Eigen::Index>(i));
             const std::size_t own = part.records.size() - before;
             if (channel == law.channels.front()) first = own;
             if (own != first)
-                throw std::invalid_argument(who +
-                                            "the responses of a full covariance must have the same number of "
-                                            "records, not " +
-                                            std::to_string(first) + " and " + std::to_string(own));
+                refuse("the responses of a full covariance must have the same number of records, not " +
+                       std::to_string(first) + " and " + std::to_string(own));
         }
         if (part.records.empty()) continue;
         if (law.needs_observed()) {
             if (from.observed.size() != static_cast<Eigen::Index>(block.channel.size()))
-                throw std::invalid_argument(who +
-                                            "log-normal and relative errors need the observed value of every "
-                                            "record");
-            if (block.deviation.size() > 0)
-                throw std::invalid_argument(who + "known sds do not go with log-normal or relative errors");
+                refuse("log-normal and relative errors need the observed value of every record");
+            if (block.deviation.size() > 0) refuse("known sds do not go with log-normal or relative errors");
             part.observed.resize(static_cast<Eigen::Index>(part.records.size()));
             for (std::size_t i = 0; i < part.records.size(); ++i) {
                 const double y = from.observed[part.records[i]];
                 if (!std::isfinite(y) || (std::holds_alternative<LogNormalErrors>(law.distribution) && !(y > 0.0)))
-                    throw std::invalid_argument(who + "observed value " + std::to_string(y) + " of record " +
-                                                std::to_string(part.records[i]) +
-                                                " must be finite, and positive for log-normal errors");
+                    refuse("observed value " + std::to_string(y) + " of record " + std::to_string(part.records[i]) +
+                           " must be finite, and positive for log-normal errors");
                 part.observed[static_cast<Eigen::Index>(i)] = y;
             }
         }
         parts.push_back(std::move(part));
     }
     return parts;
+}
+
+/// Whether a block takes part: inactive ones, and those without records and states, do not.
+bool takes_part(const BlockLayout& block) {
+    return block.active && !(block.group.empty() && block.latents == 0);
+}
+
+/// The first linked record of a block; its number of records when there is none.
+std::size_t first_linked(const BlockLayout& from) {
+    return from.linked_from < 0 ? from.group.size() : static_cast<std::size_t>(from.linked_from);
+}
+
+void check_links(const BlockLayout& from, LatentStructure structure, std::size_t blocks) {
+    const auto refuse = [&from](const std::string& what) {
+        throw std::invalid_argument("residual block \"" + from.label + "\": " + what);
+    };
+    const bool links = first_linked(from) < from.group.size();
+    if (structure == LatentStructure::none && (from.latents > 0 || from.constraints > 0))
+        refuse("has latent states, but its residual says it has none");
+    if (from.linked_from > static_cast<std::ptrdiff_t>(from.group.size()))
+        refuse("linked_from = " + std::to_string(from.linked_from) + " is beyond its " +
+               std::to_string(from.group.size()) + " records");
+    if (links && structure != LatentStructure::chain && structure != LatentStructure::cyclic_chain)
+        refuse("has records linked to the next block, but its residual is no chain");
+    if (links && from.next < 0) refuse("has records linked to the next block, but `next` names none");
+    if (links && from.shape.size() > 0) refuse("has both linked records and a covariance shape: give one of them");
+    if ((links || from.constraints > 0) && from.next >= static_cast<std::ptrdiff_t>(blocks))
+        refuse("its next block " + std::to_string(from.next) + " does not exist, there are " + std::to_string(blocks));
+}
+
+/// How the records of a law may depend on latent states: all of them alike, for their scale is one.
+enum class Place : char { nowhere, own, linked };
+
+void check_places(const ActiveBlock& block, const std::string& label, const std::vector<ErrorLaw>& laws,
+                  std::vector<Place>& place) {
+    const auto check = [&](const LawPart& part, Place here) {
+        if (place[part.law] != Place::nowhere && place[part.law] != here)
+            throw std::invalid_argument("residual block \"" + label +
+                                        "\": records linked to the next block share a group, or a full covariance, "
+                                        "with records that are not");
+        place[part.law] = here;
+    };
+    if (laws.empty()) return;
+    for (const LawPart& part : block.parts)
+        check(part, Place::own);
+    for (const LawPart& part : block.linked_parts)
+        check(part, Place::linked);
 }
 
 }  // namespace
@@ -107,6 +155,7 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
     for (const ErrorLaw& law : laws)
         for (const int channel : law.channels)
             law_of[static_cast<std::size_t>(channel)] = &law;
+    std::vector<Place> places(laws.size(), Place::nowhere);
     int first_channel = 0;
     for (std::size_t r = 0; r < residuals.size(); ++r) {
         const auto& layout = residuals[r]->layout();
@@ -117,75 +166,80 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
         std::vector<std::ptrdiff_t> place(layout.size(), -1);
         for (std::size_t b = 0; b < layout.size(); ++b) {
             const BlockLayout& from = layout[b];
-            if (!from.active || (from.group.empty() && from.latents == 0)) continue;
-            const std::string who = "residual block \"" + from.label + "\": ";
+            if (!takes_part(from)) continue;
+            const auto refuse = [&from](const std::string& what) {
+                throw std::invalid_argument("residual block \"" + from.label + "\": " + what);
+            };
+            check_links(from, structure, layout.size());
             ActiveBlock block;
             block.residual = r;
             block.block = b;
             block.latents = from.latents;
             const auto records = static_cast<Eigen::Index>(from.group.size());
+            const std::size_t linked = first_linked(from);
+            const bool joined = from.next >= 0 && takes_part(layout[static_cast<std::size_t>(from.next)]);
+            block.channel.reserve(from.group.size());
             for (const int g : from.group) {
                 if (g < 0 || g >= groups)
-                    throw std::invalid_argument(who + "group " + std::to_string(g) + " does not exist, there are " +
-                                                std::to_string(groups));
-                block.channel.push_back(first_channel + g);
+                    refuse("group " + std::to_string(g) + " does not exist, there are " + std::to_string(groups));
+                const bool counts = block.channel.size() < linked || joined;
+                block.channel.push_back(counts ? first_channel + g : -1);
+                if (!counts) continue;
                 set.count[first_channel + g] += 1.0;
+                ++set.records;
             }
-            if (structure == LatentStructure::none && (from.latents > 0 || from.constraints > 0))
-                throw std::invalid_argument(who + "has latent states, but its residual says it has none");
             if (from.deviation.size() > 0) {
                 if (from.deviation.size() != records || !(from.deviation.array() > 0.0).all() ||
                     !from.deviation.allFinite())
-                    throw std::invalid_argument(who + "known sds must be positive and finite, one for each of the " +
-                                                std::to_string(records) + " records");
-                if (from.shape.size() > 0)
-                    throw std::invalid_argument(who + "has both known sds and a covariance shape: give one of them");
+                    refuse("known sds must be positive and finite, one for each of the " + std::to_string(records) +
+                           " records");
+                if (from.shape.size() > 0) refuse("has both known sds and a covariance shape: give one of them");
                 block.deviation = from.deviation;
-                set.ln_det_shapes += 2.0 * from.deviation.array().log().sum();
+                for (Eigen::Index i = 0; i < records; ++i)
+                    if (block.channel[static_cast<std::size_t>(i)] >= 0)
+                        set.ln_det_shapes += 2.0 * std::log(from.deviation[i]);
             }
             if (from.shape.size() == 0) {
-                block.parts = parts_of(block, from, laws, who);
+                block.parts = parts_of(block, from, laws, 0, linked);
+                if (joined) block.linked_parts = parts_of(block, from, laws, linked, from.group.size());
+                check_places(block, from.label, laws, places);
+                if (!block.linked_parts.empty()) {
+                    block.next = from.next;
+                    set.linked = true;
+                }
             } else {
                 if (from.shape.rows() != records || from.shape.cols() != records)
-                    throw std::invalid_argument(who + "covariance shape must be " + std::to_string(records) + " x " +
-                                                std::to_string(records));
+                    refuse("covariance shape must be " + std::to_string(records) + " x " + std::to_string(records));
                 const Eigen::LLT<Eigen::MatrixXd> factor(from.shape);
                 // A computed covariance is symmetric up to rounding.
                 const double largest = from.shape.diagonal().cwiseAbs().maxCoeff();
                 const bool symmetric = (from.shape - from.shape.transpose()).cwiseAbs().maxCoeff() <= 1e-12 * largest;
                 if (factor.info() != Eigen::Success || !symmetric || !from.shape.allFinite())
-                    throw std::invalid_argument(who + "covariance shape must be symmetric and positive definite");
+                    refuse("covariance shape must be symmetric and positive definite");
                 block.cholesky = factor.matrixL();
                 set.ln_det_shapes += 2.0 * block.cholesky.diagonal().array().log().sum();
                 for (const int c : block.channel) {
                     const ErrorLaw* law = law_of[static_cast<std::size_t>(c)];
                     if (law->joint() || !std::holds_alternative<NormalErrors>(law->distribution))
-                        throw std::invalid_argument(who + "a covariance shape needs normal errors in all its groups");
+                        refuse("a covariance shape needs normal errors in all its groups");
                 }
             }
-            if (from.constraints > 0) {
+            if (from.constraints > 0 && (from.next < 0 || joined)) {
                 block.constraints = from.constraints;
                 block.next = from.next;
                 block.constraint_size = from.constraint_size;
                 if (block.constraint_size.size() == 0) block.constraint_size = Eigen::VectorXd::Ones(from.constraints);
                 if (block.constraint_size.size() != from.constraints || !(block.constraint_size.array() > 0.0).all())
-                    throw std::invalid_argument(who + "constraint sizes must be positive, one for each of the " +
-                                                std::to_string(from.constraints) + " constraints");
-                if (from.next >= static_cast<std::ptrdiff_t>(layout.size()))
-                    throw std::invalid_argument(who + "its next block " + std::to_string(from.next) +
-                                                " does not exist, there are " + std::to_string(layout.size()));
+                    refuse("constraint sizes must be positive, one for each of the " +
+                           std::to_string(from.constraints) + " constraints");
             }
-            set.records += records;
             set.latents += from.latents;
             place[b] = static_cast<std::ptrdiff_t>(set.blocks.size());
             set.blocks.push_back(std::move(block));
         }
         for (std::size_t a = first_block; a < set.blocks.size(); ++a) {
             ActiveBlock& block = set.blocks[a];
-            if (block.next >= 0) {
-                block.next = place[static_cast<std::size_t>(block.next)];
-                if (block.next < 0) block.constraints = 0;
-            }
+            if (block.next >= 0) block.next = place[static_cast<std::size_t>(block.next)];
             set.constraints += block.constraints;
         }
         first_channel += groups;
@@ -243,12 +297,13 @@ double value_change(const BlockSet& set, const std::vector<ErrorLaw>& laws, cons
     Eigen::VectorXd scale;
     for (std::size_t b = 0; b < set.blocks.size(); ++b) {
         const ActiveBlock& block = set.blocks[b];
-        for (const LawPart& part : block.parts) {
-            const ErrorLaw& law = laws[part.law];
-            change +=
-                value_change(law, law_errors(block, part, law, from[b].e), law_errors(block, part, law, to[b].e),
-                             part.observed, psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size())));
-        }
+        for (const std::vector<LawPart>* parts : {&block.parts, &block.linked_parts})
+            for (const LawPart& part : *parts) {
+                const ErrorLaw& law = laws[part.law];
+                change += value_change(law, law_errors(block, part, law, from[b].e),
+                                       law_errors(block, part, law, to[b].e), part.observed,
+                                       psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size())));
+            }
         if (block.cholesky.size() == 0) continue;
         if (scale.size() == 0) scale = scales_of(laws, psi);
         Eigen::MatrixXd pair(from[b].e.size(), 2);

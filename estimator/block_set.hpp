@@ -31,11 +31,12 @@ struct LawPart {
 struct ActiveBlock {
     std::size_t residual = 0;
     std::size_t block = 0;
-    std::vector<int> channel;  ///< of each record, index into the channels of the estimate
+    std::vector<int> channel;  ///< of each record, index into the channels of the estimate; -1: takes no part
     Eigen::Index latents = 0;
-    Eigen::MatrixXd cholesky;    ///< lower L, Sigma_b = L L^T; empty = identity
-    Eigen::VectorXd deviation;   ///< known sd of each record; empty = 1
-    std::vector<LawPart> parts;  ///< the records by law; empty with a covariance shape
+    Eigen::MatrixXd cholesky;           ///< lower L, Sigma_b = L L^T; empty = identity
+    Eigen::VectorXd deviation;          ///< known sd of each record; empty = 1
+    std::vector<LawPart> parts;         ///< the records by law; empty with a covariance shape
+    std::vector<LawPart> linked_parts;  ///< those that depend on the latent states of `next` as well
     Eigen::Index constraints = 0;
     std::ptrdiff_t next = -1;         ///< index into BlockSet::blocks
     Eigen::VectorXd constraint_size;  ///< shape (constraints)
@@ -49,17 +50,21 @@ struct BlockSet {
     Eigen::Index records = 0;
     Eigen::Index latents = 0;
     Eigen::Index constraints = 0;
+    bool linked = false;       ///< some records depend on the states of the next block
     bool provisional = false;  ///< a stage on the way, see Residual::provisional()
 };
 
 /// All groups of all residuals, in order.
 [[nodiscard]] std::vector<Channel> channels_of(const std::vector<Residual*>& residuals);
 
-/// The active blocks of all residuals as they are now. Constraints whose next block takes no part are left out.
+/// The active blocks of all residuals as they are now. Constraints and linked records whose next block takes no part
+/// are left out.
 ///
 /// @throws std::invalid_argument naming the block when a shape has the wrong size or is not positive definite, known
 ///         sds or observed values are missing or out of range, a record names a group that does not exist, a block
-///         without structure has latent states or constraints, or a covariance shape meets errors that are not normal.
+///         without structure has latent states or constraints, a covariance shape meets errors that are not normal;
+///         records are linked outside chains, without a next block, with a shape, or are of a group (or of responses
+///         with one full covariance) that has other records as well.
 [[nodiscard]] BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
                               const std::vector<ErrorLaw>& laws);
 

@@ -29,15 +29,23 @@ ChannelSums channel_sums(const Problem& problem, const BlockSet& set, const Stat
         const Eigen::VectorXd& z = state.latents[set.blocks[b].residual][set.blocks[b].block];
         const auto add = [&](const auto& row, Eigen::Index c) {
             sums.square[c] += row[row.size() - 1] * row[row.size() - 1];
+            const Eigen::Index before = row.size() - 1 - size.size();
             sums.rounding[c] += row.head(block.latents).transpose().cwiseProduct(z).squaredNorm() +
-                                row.segment(block.latents, size.size()).transpose().cwiseProduct(size).squaredNorm();
+                                row.segment(before, size.size()).transpose().cwiseProduct(size).squaredNorm();
+            if (before == block.latents) return;
+            const ActiveBlock& next = set.blocks[static_cast<std::size_t>(block.next)];
+            sums.rounding[c] += row.segment(block.latents, block.next_latents)
+                                    .transpose()
+                                    .cwiseProduct(state.latents[next.residual][next.block])
+                                    .squaredNorm();
         };
-        for (const PartRows& part : block.parts) {
-            const std::vector<int>& own = problem.laws[part.law].channels;
-            const Eigen::Index each = part.records.rows.rows() / static_cast<Eigen::Index>(own.size());
-            for (Eigen::Index i = 0; i < part.records.rows.rows(); ++i)
-                add(part.records.rows.row(i), own[static_cast<std::size_t>(i / std::max<Eigen::Index>(each, 1))]);
-        }
+        for (const std::vector<PartRows>* parts : {&block.parts, &block.linked_parts})
+            for (const PartRows& part : *parts) {
+                const std::vector<int>& own = problem.laws[part.law].channels;
+                const Eigen::Index each = part.records.rows.rows() / static_cast<Eigen::Index>(own.size());
+                for (Eigen::Index i = 0; i < part.records.rows.rows(); ++i)
+                    add(part.records.rows.row(i), own[static_cast<std::size_t>(i / std::max<Eigen::Index>(each, 1))]);
+            }
         if (block.rows.size() == 0) continue;
         Eigen::MatrixXd whitened = block.rows;
         whiten(block.channel, *block.cholesky, Eigen::VectorXd::Ones(channels), whitened);
@@ -93,18 +101,26 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
         latent_steps(standard.arrow, condense(standard.arrow, 0.0), Eigen::VectorXd::Zero(state.u.size()));
     Eigen::VectorXd square = Eigen::VectorXd::Zero(state.psi.size());
     Eigen::VectorXd count = square;
-    for (std::size_t b = 0; b < rows.size(); ++b) {
-        const Eigen::MatrixXd& own = standard.rows[b].rows;
-        if (own.rows() == 0) continue;
-        const Eigen::VectorXd left = own.rightCols(1) + own.leftCols(d_z[b].size()) * d_z[b];
+    const auto add = [&](const std::vector<PartRows>& parts, const Eigen::VectorXd& left) {
         Eigen::Index row = 0;
-        for (const PartRows& part : rows[b].parts) {
+        for (const PartRows& part : parts) {
             const ErrorLaw& law = problem.laws[part.law];
             const Eigen::Index count_of_part = part.records.rows.rows() * rows_per_record(law);
             square[law.first] += left.segment(row, count_of_part).squaredNorm();
             count[law.first] += static_cast<double>(part.records.count);
             row += count_of_part;
         }
+    };
+    for (std::size_t b = 0; b < rows.size(); ++b) {
+        const Eigen::MatrixXd& linked = standard.linked_rows[b].rows;
+        if (linked.rows() > 0)
+            add(rows[b].linked_parts, linked.rightCols(1) + linked.leftCols(d_z[b].size()) * d_z[b] +
+                                          linked.middleCols(d_z[b].size(), rows[b].next_latents) *
+                                              d_z[static_cast<std::size_t>(rows[b].next)]);
+        const Eigen::MatrixXd& own = standard.rows[b].rows;
+        if (own.rows() == 0) continue;
+        const Eigen::VectorXd left = own.rightCols(1) + own.leftCols(d_z[b].size()) * d_z[b];
+        add(rows[b].parts, left);
         // Under a covariance shape each row holds a share of the channels before it; the size is good enough.
         for (std::size_t i = 0; i < rows[b].channel.size(); ++i)
             for (const ErrorLaw& law : problem.laws) {

@@ -14,17 +14,28 @@ namespace orbid::estimator {
 
 namespace {
 
-/// [S_z S] P of every block, with the columns of latent states that nothing determines left out.
-std::vector<Eigen::MatrixXd> spread(const ErrorProblem& problem, const ErrorPoint& point) {
-    const std::vector<Eigen::MatrixXd> covariance =
-        selected_covariance(point.standard.arrow, point.condensed,
-                            problem.restricted ? point.triangle : Eigen::MatrixXd())
-            .block;
-    std::vector<Eigen::MatrixXd> result(problem.rows.size());
+/// [S_z S] P of every block, with the columns of latent states that nothing determines left out; and the same of the
+/// rows that link it to the next one.
+struct Spread {
+    std::vector<Eigen::MatrixXd> own;
+    std::vector<Eigen::MatrixXd> linked;
+};
+
+Spread spread(const ErrorProblem& problem, const ErrorPoint& point) {
+    const SelectedCovariance covariance = selected_covariance(point.standard.arrow, point.condensed,
+                                                              problem.restricted ? point.triangle : Eigen::MatrixXd());
+    const auto through = [](const StandardRows<double>& at, const Eigen::MatrixXd& p) {
+        Eigen::MatrixXd result;
+        if (at.rows.rows() > 0 && p.cols() > 0) result.noalias() = at.rows.leftCols(p.cols()) * p;
+        return result;
+    };
+    Spread result;
+    result.own.resize(problem.rows.size());
+    result.linked.resize(problem.rows.size());
     for (std::size_t b = 0; b < problem.rows.size(); ++b) {
-        const Eigen::MatrixXd& rows = point.standard.rows[b].rows;
-        if (rows.rows() == 0 || covariance[b].cols() == 0) continue;
-        result[b].noalias() = rows.leftCols(covariance[b].cols()) * covariance[b];
+        result.own[b] = through(point.standard.rows[b], covariance.block[b]);
+        if (point.standard.linked_rows[b].rows.rows() > 0)
+            result.linked[b] = through(point.standard.linked_rows[b], covariance.link[b]);
     }
     return result;
 }
@@ -34,6 +45,75 @@ const ErrorLaw* plain_law(const std::vector<ErrorLaw>& laws, Eigen::Index k) {
     for (const ErrorLaw& law : laws)
         if (law.first == k && law.compressible()) return &law;
     return nullptr;
+}
+
+/// (z, z_next, y) under each other.
+Eigen::VectorXd stacked_step(const Eigen::VectorXd& z, const Eigen::VectorXd& z_next, const Eigen::VectorXd& y) {
+    Eigen::VectorXd all(z.size() + z_next.size() + y.size());
+    all << z, z_next, y;
+    return all;
+}
+
+/// Adds the part of the gradient that some rows of a block bring: `parts` with their standard rows `at`, `through` the
+/// covariance, and the errors after the step `moved` of everything the rows depend on (empty: they stay).
+void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const BlockRows& block,
+              const std::vector<PartRows>& parts, const StandardRows<double>& at, const Eigen::MatrixXd& through,
+              const Eigen::VectorXd& moved, ErrorPoint& point) {
+    if (at.rows.rows() == 0) return;
+    const std::vector<ErrorLaw>& laws = *problem.laws;
+    const bool shaped = block.rows.size() > 0;
+    const Eigen::Index last = at.rows.cols() - 1;
+    Eigen::VectorXd w;
+    if (moved.size() > 0) w = at.rows.col(last) + at.rows.leftCols(last) * moved;
+    const auto add_derivative = [&](Eigen::Index k) {
+        const StandardRows<double> derivative =
+            shaped ? standard_rows_derivative(block, laws, psi, k, Curvature::expected, at)
+                   : standard_rows_derivative(parts, laws, psi, k, Curvature::expected, at);
+        const double trace =
+            through.size() > 0 ? derivative.rows.leftCols(through.cols()).cwiseProduct(through).sum() : 0.0;
+        double fit = derivative.value;
+        if (moved.size() > 0)
+            fit += w.dot(derivative.rows.col(last) + derivative.rows.leftCols(last) * moved) -
+                   at.rows.col(last).dot(derivative.rows.col(last));
+        point.gradient[k] += fit + trace;
+        if (!shaped || plain_law(laws, k) == nullptr) return;
+        double count = 0.0;
+        for (const int channel : block.channel)
+            for (const ErrorLaw& law : laws)
+                if (law.first == k && law.channels.front() == channel) count += 1.0;
+        point.fit[k] += count - fit;
+        point.left[k] += count + trace;
+    };
+    if (shaped) {
+        for (Eigen::Index k = 0; k < psi.size(); ++k)
+            if (problem.free[static_cast<std::size_t>(k)]) add_derivative(k);
+        return;
+    }
+    Eigen::Index row = 0;
+    for (const PartRows& part : parts) {
+        const ErrorLaw& law = laws[part.law];
+        const Eigen::Index rows = part.records.rows.rows() * rows_per_record(law);
+        const Eigen::Index from = std::exchange(row, row + rows);
+        for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
+            const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
+            if (!problem.free[static_cast<std::size_t>(k)]) continue;
+            if (!law.compressible()) {
+                add_derivative(k);
+                continue;
+            }
+            // S = A / s: d(-ln p) = n - sum of squares, and (M10)'s trace is that of the rows' own covariance.
+            const auto count = static_cast<double>(part.records.count);
+            const double fit = moved.size() > 0 ? w.segment(from, rows).squaredNorm()
+                                                : at.rows.col(last).segment(from, rows).squaredNorm();
+            const double trace =
+                through.size() > 0
+                    ? at.rows.block(from, 0, rows, through.cols()).cwiseProduct(through.middleRows(from, rows)).sum()
+                    : 0.0;
+            point.gradient[k] += count - fit - trace;
+            point.fit[k] += fit;
+            point.left[k] += count - trace;
+        }
+    }
 }
 
 }  // namespace
@@ -77,41 +157,15 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
     point.gradient = Eigen::VectorXd::Zero(psi.size());
     point.fit = Eigen::VectorXd::Zero(psi.size());
     point.left = Eigen::VectorXd::Zero(psi.size());
-    const std::vector<Eigen::MatrixXd> through = spread(problem, point);
-    for (Eigen::Index k = 0; k < psi.size(); ++k) {
-        if (!problem.free[static_cast<std::size_t>(k)]) continue;
-        const bool plain = plain_law(laws, k) != nullptr;
-        for (std::size_t b = 0; b < problem.rows.size(); ++b) {
-            const BlockRows& block = problem.rows[b];
-            const StandardRows<double>& at = point.standard.rows[b];
-            if (at.rows.rows() == 0) continue;
-            const StandardRows<double> derivative =
-                standard_rows_derivative(block, laws, psi, k, Curvature::expected, at);
-            double trace = 0.0;
-            if (through[b].size() > 0)
-                trace = derivative.rows.leftCols(through[b].cols()).cwiseProduct(through[b]).sum();
-            double fit = derivative.value;
-            if (moving) {
-                const Eigen::Index last = at.rows.cols() - 1;
-                const Eigen::VectorXd w = at.rows.col(last) + at.rows.leftCols(block.latents) * d_z[b] +
-                                          at.rows.middleCols(block.latents, rank) * y;
-                const Eigen::VectorXd d_w = derivative.rows.col(last) +
-                                            derivative.rows.leftCols(block.latents) * d_z[b] +
-                                            derivative.rows.middleCols(block.latents, rank) * y;
-                fit += w.dot(d_w) - at.rows.col(last).dot(derivative.rows.col(last));
-            }
-            point.gradient[k] += fit + trace;
-            if (!plain) continue;
-            // d(-ln p) = n - fit for the scale of such a law.
-            double count = 0.0;
-            for (const PartRows& part : block.parts)
-                if (laws[part.law].first == k) count += static_cast<double>(part.records.count);
-            for (const int channel : block.channel)
-                for (const ErrorLaw& law : laws)
-                    if (law.first == k && law.channels.front() == channel) count += 1.0;
-            point.fit[k] += count - fit;
-            point.left[k] += count + trace;
-        }
+    const Spread through = spread(problem, point);
+    for (std::size_t b = 0; b < problem.rows.size(); ++b) {
+        const BlockRows& block = problem.rows[b];
+        add_rows(problem, psi, block, block.parts, point.standard.rows[b], through.own[b],
+                 moving ? stacked_step(d_z[b], {}, y) : Eigen::VectorXd(), point);
+        if (block.linked_parts.empty()) continue;
+        add_rows(problem, psi, block, block.linked_parts, point.standard.linked_rows[b], through.linked[b],
+                 moving ? stacked_step(d_z[b], d_z[static_cast<std::size_t>(block.next)], y) : Eigen::VectorXd(),
+                 point);
     }
     for (const ErrorLaw& law : laws) {
         const auto size = static_cast<Eigen::Index>(law.coordinates.size());
@@ -156,31 +210,35 @@ namespace {
 
 /// (M10) for a full covariance: V = [sum_i (e_i e_i^T + J_i C J_i^T) + Psi] / (n + nu + m + 1), as a step of psi.
 void joint_step(const ErrorProblem& problem, const ErrorPoint& point, const ErrorLaw& law, std::size_t index,
-                const Eigen::VectorXd& psi, const std::vector<Eigen::MatrixXd>& through, Eigen::VectorXd& step) {
+                const Eigen::VectorXd& psi, const Spread& spread, Eigen::VectorXd& step) {
     const auto m = static_cast<Eigen::Index>(law.channels.size());
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(m, m);
     double records = 0.0;
-    for (std::size_t b = 0; b < problem.rows.size(); ++b) {
+    const auto add = [&](const std::vector<PartRows>& parts, const Eigen::MatrixXd& standard,
+                         const Eigen::MatrixXd& through) {
         Eigen::Index row = 0;
-        for (const PartRows& part : problem.rows[b].parts) {
+        for (const PartRows& part : parts) {
             const Eigen::Index rows = part.records.rows.rows() * rows_per_record((*problem.laws)[part.law]);
             if (part.law == index) {
                 const Eigen::Index n = part.records.count / m;
-                const Eigen::MatrixXd& standard = point.standard.rows[b].rows;
                 for (Eigen::Index i = 0; i < m; ++i)
                     for (Eigen::Index j = 0; j < m; ++j) {
                         sum(i, j) += standard.block(row + i * n, standard.cols() - 1, n, 1)
                                          .cwiseProduct(standard.block(row + j * n, standard.cols() - 1, n, 1))
                                          .sum();
-                        if (through[b].size() > 0)
-                            sum(i, j) += standard.block(row + i * n, 0, n, through[b].cols())
-                                             .cwiseProduct(through[b].middleRows(row + j * n, n))
+                        if (through.size() > 0)
+                            sum(i, j) += standard.block(row + i * n, 0, n, through.cols())
+                                             .cwiseProduct(through.middleRows(row + j * n, n))
                                              .sum();
                     }
                 records += static_cast<double>(n);
             }
             row += rows;
         }
+    };
+    for (std::size_t b = 0; b < problem.rows.size(); ++b) {
+        add(problem.rows[b].parts, point.standard.rows[b].rows, spread.own[b]);
+        add(problem.rows[b].linked_parts, point.standard.linked_rows[b].rows, spread.linked[b]);
     }
     const Eigen::MatrixXd lower = covariance_root(law, psi);
     Eigen::MatrixXd v = lower * sum * lower.transpose();
@@ -214,11 +272,11 @@ std::vector<Eigen::VectorXd> far_steps(const ErrorProblem& problem, const ErrorP
         fit += point.fit[k];
         left += point.left[k];
     }
-    std::vector<Eigen::MatrixXd> through;
+    Spread through;
     for (std::size_t l = 0; l < problem.laws->size(); ++l) {
         const ErrorLaw& law = (*problem.laws)[l];
         if (!law.joint() || !problem.free[static_cast<std::size_t>(law.first)]) continue;
-        if (through.empty()) through = spread(problem, point);
+        if (through.own.empty()) through = spread(problem, point);
         joint_step(problem, point, law, l, psi, through, own);
     }
     std::vector<Eigen::VectorXd> steps;

@@ -57,23 +57,33 @@ Eigen::MatrixXd rows_of(const std::vector<BlockRows>& rows, const Problem& probl
     const auto q = static_cast<Eigen::Index>(problem.parameters.size());
     Eigen::MatrixXd all(static_cast<Eigen::Index>(set.count[channel]), set.latents + q);
     all.setZero();
-    Eigen::Index row = 0;
-    Eigen::Index latent = 0;
+    std::vector<Eigen::Index> latent;
+    Eigen::Index latents = 0;
     for (const BlockRows& block : rows) {
+        latent.push_back(latents);
+        latents += block.latents;
+    }
+    Eigen::Index row = 0;
+    for (std::size_t b = 0; b < rows.size(); ++b) {
+        const BlockRows& block = rows[b];
         const auto take = [&](const Eigen::MatrixXd& from, Eigen::Index i) {
-            all.row(row).segment(latent, block.latents) = from.row(i).head(block.latents);
-            all.row(row).tail(q) = from.row(i).segment(block.latents, q);
+            all.row(row).segment(latent[b], block.latents) = from.row(i).head(block.latents);
+            const Eigen::Index before = from.cols() - 1 - q;
+            if (before > block.latents)
+                all.row(row).segment(latent[static_cast<std::size_t>(block.next)], block.next_latents) =
+                    from.row(i).segment(block.latents, block.next_latents);
+            all.row(row).tail(q) = from.row(i).segment(before, q);
             ++row;
         };
         for (Eigen::Index i = 0; i < block.rows.rows(); ++i)
             if (block.channel[static_cast<std::size_t>(i)] == channel) take(block.rows, i);
-        for (const PartRows& part : block.parts) {
-            const ErrorLaw& law = problem.laws[part.law];
-            if (law.joint() || law.channels.front() != channel) continue;
-            for (Eigen::Index i = 0; i < part.records.rows.rows(); ++i)
-                take(part.records.rows, i);
-        }
-        latent += block.latents;
+        for (const std::vector<PartRows>* parts : {&block.parts, &block.linked_parts})
+            for (const PartRows& part : *parts) {
+                const ErrorLaw& law = problem.laws[part.law];
+                if (law.joint() || law.channels.front() != channel) continue;
+                for (Eigen::Index i = 0; i < part.records.rows.rows(); ++i)
+                    take(part.records.rows, i);
+            }
     }
     // Columns at unit length, for a rank that does not depend on units.
     for (Eigen::Index k = 0; k < all.cols(); ++k)

@@ -8,22 +8,25 @@ namespace orbid::estimator {
 
 namespace {
 
-/// Records [de/dz | de/du | e] of one part in the unit of its law.
+/// Records [de/dz | de/dz_next | de/du | e] of one part in the unit of its law; `after` latent states of the next
+/// block, 0 where the records do not depend on them.
 LawRecords part_records(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law, const BlockValue& value,
-                        const Eigen::VectorXd& slope) {
+                        const Eigen::VectorXd& slope, Eigen::Index after) {
     const auto count = static_cast<Eigen::Index>(part.records.size());
+    const Eigen::Index before = block.latents + after;
     LawRecords records{{}, part.observed, count};
-    records.rows.resize(count, block.latents + slope.size() + 1);
+    records.rows.resize(count, before + slope.size() + 1);
     const bool all = count == value.e.size();  // then the records are in order
     if (all) {
         if (block.latents > 0) records.rows.leftCols(block.latents) = value.e_z;
-        records.rows.middleCols(block.latents, slope.size()).noalias() = value.e_theta * slope.asDiagonal();
+        if (after > 0) records.rows.middleCols(block.latents, after) = value.e_next;
+        records.rows.middleCols(before, slope.size()).noalias() = value.e_theta * slope.asDiagonal();
     } else {
         for (Eigen::Index i = 0; i < count; ++i) {
             const Eigen::Index from = part.records[static_cast<std::size_t>(i)];
             if (block.latents > 0) records.rows.row(i).head(block.latents) = value.e_z.row(from);
-            records.rows.row(i).segment(block.latents, slope.size()) =
-                value.e_theta.row(from).cwiseProduct(slope.transpose());
+            if (after > 0) records.rows.row(i).segment(block.latents, after) = value.e_next.row(from);
+            records.rows.row(i).segment(before, slope.size()) = value.e_theta.row(from).cwiseProduct(slope.transpose());
         }
     }
     records.rows.rightCols(1) = law_errors(block, part, law, value.e);
@@ -73,10 +76,17 @@ std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<ErrorLaw
         BlockRows& rows = result[b];
         rows.latents = block.latents;
         rows.cholesky = &block.cholesky;
-        for (const LawPart& part : block.parts) {
-            rows.parts.push_back({part.law, part_records(block, part, laws[part.law], value, slope)});
-            if (compressed && laws[part.law].compressible()) compress(rows.parts.back().records);
-        }
+        rows.next = block.next;
+        rows.next_latents = block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
+        const auto take = [&](const std::vector<LawPart>& from, Eigen::Index after, std::vector<PartRows>& to) {
+            to.reserve(from.size());
+            for (const LawPart& part : from) {
+                to.push_back({part.law, part_records(block, part, laws[part.law], value, slope, after)});
+                if (compressed && laws[part.law].compressible()) compress(to.back().records);
+            }
+        };
+        take(block.parts, 0, rows.parts);
+        take(block.linked_parts, rows.next_latents, rows.linked_parts);
         if (block.cholesky.size() > 0) {
             rows.channel = block.channel;
             rows.rows.resize(value.e.size(), block.latents + theta.size() + 1);
@@ -85,8 +95,7 @@ std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<ErrorLaw
             rows.rows.rightCols(1) = value.e;
         }
         if (block.constraints > 0) {
-            const Eigen::Index after = block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
-            rows.next = block.next;
+            const Eigen::Index after = rows.next_latents;
             rows.link.resize(block.constraints, block.latents + after + theta.size() + 1);
             if (block.latents > 0) rows.link.leftCols(block.latents) = value.c_z;
             if (after > 0) rows.link.middleCols(block.latents, after) = value.c_next;
@@ -103,6 +112,8 @@ std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen:
     for (BlockRows& block : result) {
         for (PartRows& part : block.parts)
             part.records.rows = in_basis(part.records.rows, block.latents, basis);
+        for (PartRows& part : block.linked_parts)
+            part.records.rows = in_basis(part.records.rows, block.latents + block.next_latents, basis);
         if (block.rows.size() > 0) block.rows = in_basis(block.rows, block.latents, basis);
         if (block.link.size() > 0) block.link = in_basis(block.link, block.link.cols() - basis.rows() - 1, basis);
     }
@@ -126,13 +137,19 @@ StandardRows<double> standard_rows(const BlockRows& block, const std::vector<Err
             result.value += std::log(scale[c]);
         return result;
     }
-    if (block.parts.size() == 1) {
-        const PartRows& part = block.parts.front();
+    return standard_rows(block.parts, laws, psi, curvature);
+}
+
+StandardRows<double> standard_rows(const std::vector<PartRows>& from, const std::vector<ErrorLaw>& laws,
+                                   const Eigen::VectorXd& psi, Curvature curvature) {
+    StandardRows<double> result;
+    if (from.size() == 1) {
+        const PartRows& part = from.front();
         return standardise<double>(laws[part.law], part.records, own(laws[part.law], psi), curvature);
     }
     std::vector<StandardRows<double>> parts;
     Eigen::Index count = 0;
-    for (const PartRows& part : block.parts) {
+    for (const PartRows& part : from) {
         parts.push_back(standardise<double>(laws[part.law], part.records, own(laws[part.law], psi), curvature));
         count += parts.back().rows.rows();
         result.value += parts.back().value;
@@ -175,8 +192,16 @@ StandardRows<double> standard_rows_derivative(const BlockRows& block, const std:
         result.value += result.rows.rightCols(1).col(0).dot(at.rows.rightCols(1).col(0));
         return result;
     }
+    return standard_rows_derivative(block.parts, laws, psi, k, curvature, at);
+}
+
+StandardRows<double> standard_rows_derivative(const std::vector<PartRows>& parts, const std::vector<ErrorLaw>& laws,
+                                              const Eigen::VectorXd& psi, Eigen::Index k, Curvature curvature,
+                                              const StandardRows<double>& at) {
+    StandardRows<double> result;
+    result.rows = Eigen::MatrixXd::Zero(at.rows.rows(), at.rows.cols());
     Eigen::Index row = 0;
-    for (const PartRows& part : block.parts) {
+    for (const PartRows& part : parts) {
         const ErrorLaw& law = laws[part.law];
         const auto size = static_cast<Eigen::Index>(law.coordinates.size());
         if (k < law.first || k >= law.first + size) {
@@ -212,17 +237,25 @@ StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
         for (const PartRows& part : block.parts)
             parameters = part.records.rows.cols() - block.latents - 1;
     for (const BlockRows& block : rows)
+        for (const PartRows& part : block.linked_parts)
+            parameters = part.records.rows.cols() - block.latents - block.next_latents - 1;
+    for (const BlockRows& block : rows)
         if (block.rows.size() > 0) parameters = block.rows.cols() - block.latents - 1;
     for (const BlockRows& block : rows) {
         StandardRows<double> standard = standard_rows(block, laws, psi, curvature);
-        result.value += standard.value;
+        StandardRows<double> linked = standard_rows(block.linked_parts, laws, psi, curvature);
+        result.value += standard.value + linked.value;
         if (standard.rows.size() == 0) standard.rows.resize(0, block.latents + parameters + 1);
         if (keep_rows) result.rows.push_back(standard);
         blocks.push_back(block_triangle(std::move(standard.rows), block.latents));
-        if (block.link.size() > 0) {
-            blocks.back().link = block.link / matching;
+        if (block.link.rows() + linked.rows.rows() > 0) {
+            Eigen::MatrixXd& link = blocks.back().link;
+            link.resize(block.link.rows() + linked.rows.rows(), block.latents + block.next_latents + parameters + 1);
+            if (block.link.rows() > 0) link.topRows(block.link.rows()) = block.link / matching;
+            if (linked.rows.rows() > 0) link.bottomRows(linked.rows.rows()) = linked.rows;
             blocks.back().next = block.next;
         }
+        if (keep_rows) result.linked_rows.push_back(std::move(linked));
     }
     result.arrow = factorise(std::move(blocks), parameters);
     return result;

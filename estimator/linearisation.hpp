@@ -23,10 +23,13 @@ struct PartRows {
 /// a cost that no longer depends on the number of records.
 struct BlockRows {
     std::vector<PartRows> parts;
+    /// Records that depend on the latent states of the block `next` as well: rows [de/dz | de/dz_next | de/du | e].
+    std::vector<PartRows> linked_parts;
     /// With a covariance shape: all rows, shape (rows, latents + columns + 1), and the channel of each.
     Eigen::MatrixXd rows;
     std::vector<int> channel;
     Eigen::Index latents = 0;
+    Eigen::Index next_latents = 0;              ///< of the block `next`
     const Eigen::MatrixXd* cholesky = nullptr;  ///< of the covariance shape, empty = identity; owned by the BlockSet
     /// Constraints divided by their sizes, [c_z | c_next | c_u | c], and the block that z_next belongs to.
     Eigen::MatrixXd link;
@@ -46,21 +49,29 @@ struct BlockRows {
 /// Standard rows per record: relative errors have two, first all of the mean and then all of the variance.
 [[nodiscard]] int rows_per_record(const ErrorLaw& law);
 
-/// One block's rows divided by the errors (constraints not among them), and -ln p of its records without
-/// ln|Sigma_b| and known sds.
+/// One block's rows divided by the errors (constraints and linked records not among them), and -ln p of its records
+/// without ln|Sigma_b| and known sds.
 [[nodiscard]] StandardRows<double> standard_rows(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+                                                 const Eigen::VectorXd& psi, Curvature curvature);
+/// The same of some parts alone, for instance BlockRows::linked_parts.
+[[nodiscard]] StandardRows<double> standard_rows(const std::vector<PartRows>& parts, const std::vector<ErrorLaw>& laws,
                                                  const Eigen::VectorXd& psi, Curvature curvature);
 
 /// Derivative of standard_rows() with respect to psi[k]; rows that do not depend on it are zero.
 [[nodiscard]] StandardRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<ErrorLaw>& laws,
                                                             const Eigen::VectorXd& psi, Eigen::Index k,
                                                             Curvature curvature, const StandardRows<double>& at);
+[[nodiscard]] StandardRows<double> standard_rows_derivative(const std::vector<PartRows>& parts,
+                                                            const std::vector<ErrorLaw>& laws,
+                                                            const Eigen::VectorXd& psi, Eigen::Index k,
+                                                            Curvature curvature, const StandardRows<double>& at);
 
 /// All blocks divided by the errors and factorised; constraints enter as rows divided by `matching`.
 struct StandardArrow {
     Arrow arrow;
-    std::vector<StandardRows<double>> rows;  ///< per block, kept when asked for
-    double value = 0.0;                      ///< sum of the blocks' values
+    std::vector<StandardRows<double>> rows;         ///< per block, kept when asked for
+    std::vector<StandardRows<double>> linked_rows;  ///< likewise, of the linked records
+    double value = 0.0;                             ///< sum of the blocks' values
 };
 [[nodiscard]] StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<ErrorLaw>& laws,
                                            const Eigen::VectorXd& psi, double matching, Curvature curvature,

@@ -167,8 +167,9 @@ bool Minimisation::start() {
 
 double Minimisation::objective() const {
     double value = value_ + 0.5 * set_.ln_det_shapes + minimum_.prior.value;
-    for (const BlockTriangle& block : arrow_.blocks)
-        if (block.link.size() > 0) value += 0.5 * block.link.rightCols(1).squaredNorm();
+    const double weight = 1.0 / (minimum_.matching * minimum_.matching);
+    for (const BlockRows& block : minimum_.rows)
+        if (block.link.size() > 0) value += 0.5 * weight * block.link.rightCols(1).squaredNorm();
     return value;
 }
 

@@ -195,14 +195,15 @@ void Posterior::look_for_autocorrelation() {
 std::vector<Eigen::VectorXd> Posterior::innovations(int channel) const {
     std::vector<Eigen::VectorXd> sequences;
     for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
-        for (const LawPart& part : set_.blocks[b].parts) {
-            const ErrorLaw& law = problem_.laws[part.law];
-            if (law.channels.front() != channel || part.records.empty()) continue;
-            const Eigen::VectorXd e = law_errors(set_.blocks[b], part, law, minimum_.evaluation.values[b].e);
-            const Eigen::VectorXd psi =
-                state_.psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size()));
-            sequences.push_back(standard_errors(law, e, part.observed, psi));
-        }
+        for (const std::vector<LawPart>* parts : {&set_.blocks[b].parts, &set_.blocks[b].linked_parts})
+            for (const LawPart& part : *parts) {
+                const ErrorLaw& law = problem_.laws[part.law];
+                if (law.channels.front() != channel || part.records.empty()) continue;
+                const Eigen::VectorXd e = law_errors(set_.blocks[b], part, law, minimum_.evaluation.values[b].e);
+                const Eigen::VectorXd psi =
+                    state_.psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size()));
+                sequences.push_back(standard_errors(law, e, part.observed, psi));
+            }
     }
     return sequences;
 }
@@ -219,10 +220,11 @@ void Posterior::make_sandwich() {
             if (!block.channel.empty()) ++count;
         }
         const auto least = static_cast<std::size_t>(point_.triangle.rows()) + 1;
-        if (set_.constraints > 0 || count < least) {
+        if (set_.constraints > 0 || set_.linked || count < least) {
             sandwich_note_ = (set_.constraints > 0 ? std::string("constraints link the blocks")
+                              : set_.linked        ? std::string("records link the blocks")
                                                    : "blocks are too few (" + std::to_string(count) + ", at least " +
-                                                         std::to_string(least) + " are needed)") +
+                                                  std::to_string(least) + " are needed)") +
                              ": no clusters, intervals as if errors were independent";
             return;
         }
@@ -270,7 +272,7 @@ double Posterior::correlated_clusters(std::vector<std::vector<int>>& clusters) c
     double longest = 0.0;
     for (const Autocorrelation& correlation : unexplained_)
         if (correlation.significant) longest = std::max(longest, correlation.records);
-    if (!(longest > 0.0) || set_.constraints > 0) return 1.0;
+    if (!(longest > 0.0) || set_.constraints > 0 || set_.linked) return 1.0;
     // Clusters of twice the integrated correlation time: about four times the decay time of an AR(1).
     const double length = 2.0 * longest;
     for (const ActiveBlock& block : set_.blocks) {
@@ -336,18 +338,31 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
         latent_steps(point_.standard.arrow, point_.condensed, Eigen::VectorXd::Zero(v.size()));
     const std::vector<Eigen::VectorXd> moved = latent_steps(point_.standard.arrow, point_.condensed, v);
     Eigen::VectorXd slopes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(free_errors_.size()));
-    for (std::size_t b = 0; b < errors_.rows.size(); ++b) {
-        const StandardRows<double>& at = point_.standard.rows[b];
-        if (at.rows.rows() == 0) continue;
-        const Eigen::Index l = errors_.rows[b].latents;
-        const Eigen::VectorXd z = moved[b] - still[b];
-        const Eigen::VectorXd here = at.rows.leftCols(l) * z + at.rows.middleCols(l, v.size()) * v;
-        for (std::size_t i = 0; i < free_errors_.size(); ++i) {
-            const StandardRows<double> derivative = standard_rows_derivative(errors_.rows[b], problem_.laws, state_.psi,
-                                                                             free_errors_[i], Curvature::expected, at);
+    const auto add = [&](const StandardRows<double>& at, const Eigen::VectorXd& step, const auto& derivative_of) {
+        const Eigen::VectorXd here = at.rows.leftCols(step.size()) * step;
+        for (std::size_t i = 0; i < free_errors_.size(); ++i)
             slopes[static_cast<Eigen::Index>(i)] -=
-                2.0 * here.dot(derivative.rows.leftCols(l) * z + derivative.rows.middleCols(l, v.size()) * v);
+                2.0 * here.dot(derivative_of(free_errors_[i]).rows.leftCols(step.size()) * step);
+    };
+    for (std::size_t b = 0; b < errors_.rows.size(); ++b) {
+        const BlockRows& rows = errors_.rows[b];
+        const StandardRows<double>& at = point_.standard.rows[b];
+        if (at.rows.rows() > 0) {
+            Eigen::VectorXd step(rows.latents + v.size());
+            step << moved[b] - still[b], v;
+            add(at, step, [&](Eigen::Index k) {
+                return standard_rows_derivative(rows, problem_.laws, state_.psi, k, Curvature::expected, at);
+            });
         }
+        const StandardRows<double>& linked = point_.standard.linked_rows[b];
+        if (linked.rows.rows() == 0) continue;
+        const auto next = static_cast<std::size_t>(rows.next);
+        Eigen::VectorXd step(rows.latents + rows.next_latents + v.size());
+        step << moved[b] - still[b], moved[next] - still[next], v;
+        add(linked, step, [&](Eigen::Index k) {
+            return standard_rows_derivative(rows.linked_parts, problem_.laws, state_.psi, k, Curvature::expected,
+                                            linked);
+        });
     }
     return slopes;
 }

@@ -17,14 +17,37 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// The errors of a block alone, as short as its laws allow: all that -ln p needs as a function of psi.
-BlockRows errors_alone(const BlockRows& block) {
+BlockRows errors_alone(const BlockRows& block, const std::vector<PartRows>& parts) {
     BlockRows errors;
     errors.cholesky = block.cholesky;
     errors.channel = block.channel;
     if (block.rows.size() > 0) errors.rows = block.rows.rightCols(1);
-    for (const PartRows& part : block.parts)
+    for (const PartRows& part : parts)
         errors.parts.push_back({part.law, {part.records.rows.rightCols(1), part.records.observed, part.records.count}});
     return errors;
+}
+
+/// Where the latent states of each active block begin in (u, z, psi).
+std::vector<Eigen::Index> latent_places(const BlockSet& set, Eigen::Index parameters) {
+    std::vector<Eigen::Index> place;
+    for (const ActiveBlock& block : set.blocks) {
+        place.push_back(parameters);
+        parameters += block.latents;
+    }
+    return place;
+}
+
+/// Which entries of (u, z, psi) the columns of a block's rows belong to.
+std::vector<Eigen::Index> columns_of(const std::vector<Eigen::Index>& latent, std::size_t b, const BlockRows& block,
+                                     bool linked, Eigen::Index parameters) {
+    std::vector<Eigen::Index> columns;
+    for (Eigen::Index j = 0; j < block.latents; ++j)
+        columns.push_back(latent[b] + j);
+    for (Eigen::Index j = 0; linked && j < block.next_latents; ++j)
+        columns.push_back(latent[static_cast<std::size_t>(block.next)] + j);
+    for (Eigen::Index j = 0; j < parameters; ++j)
+        columns.push_back(j);
+    return columns;
 }
 
 /// Covariance from information: eigenvalues of the matrix at unit diagonal that are not clearly positive (differences
@@ -169,25 +192,25 @@ double PosteriorDensity::value(const PosteriorPlace& place, Eigen::VectorXd& gra
     if (!evaluation.failed.empty()) return infinity;
     double result = 0.5 * set_.ln_det_shapes;
     gradient.setZero(q + set_.latents + static_cast<Eigen::Index>(free_errors_.size()));
-    Eigen::Index latent = q;
+    const std::vector<Eigen::Index> latent = latent_places(set_, q);
     // Not compressed: the gradient needs each row once, a factorisation costs more.
-    for (const BlockRows& block :
-         linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, theta, false)) {
-        const StandardRows<double> standard = standard_rows(block, problem_.laws, place.psi, Curvature::step);
+    const std::vector<BlockRows> rows =
+        linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, theta, false);
+    const auto add = [&](std::size_t b, const std::vector<PartRows>& parts, const StandardRows<double>& standard) {
         result += standard.value;
-        if (standard.rows.size() > 0) {
-            const Eigen::VectorXd slope =
-                standard.rows.leftCols(standard.rows.cols() - 1).transpose() * standard.rows.rightCols(1);
-            gradient.segment(latent, block.latents) += slope.head(block.latents);
-            gradient.head(q) += slope.tail(q);
-            const BlockRows errors = errors_alone(block);
-            const StandardRows<double> at{standard.rows.rightCols(1), standard.value};
-            for (std::size_t k = 0; k < free_errors_.size(); ++k)
-                gradient[q + set_.latents + static_cast<Eigen::Index>(k)] +=
-                    standard_rows_derivative(errors, problem_.laws, place.psi, free_errors_[k], Curvature::step, at)
-                        .value;
-        }
-        latent += block.latents;
+        if (standard.rows.size() == 0) return;
+        const Eigen::VectorXd slope =
+            standard.rows.leftCols(standard.rows.cols() - 1).transpose() * standard.rows.rightCols(1);
+        gradient(columns_of(latent, b, rows[b], &parts == &rows[b].linked_parts, q)) += slope;
+        const BlockRows errors = errors_alone(rows[b], parts);
+        const StandardRows<double> at{standard.rows.rightCols(1), standard.value};
+        for (std::size_t k = 0; k < free_errors_.size(); ++k)
+            gradient[q + set_.latents + static_cast<Eigen::Index>(k)] +=
+                standard_rows_derivative(errors, problem_.laws, place.psi, free_errors_[k], Curvature::step, at).value;
+    };
+    for (std::size_t b = 0; b < rows.size(); ++b) {
+        add(b, rows[b].parts, standard_rows(rows[b], problem_.laws, place.psi, Curvature::step));
+        add(b, rows[b].linked_parts, standard_rows(rows[b].linked_parts, problem_.laws, place.psi, Curvature::step));
     }
 
     const PriorModel prior = prior_at(problem_, place.u);
@@ -217,19 +240,18 @@ Eigen::MatrixXd PosteriorDensity::information(const PosteriorPlace& place) const
     const Eigen::VectorXd theta = natural(place);
     Eigen::MatrixXd h = Eigen::MatrixXd::Zero(count, count);
     const Evaluation evaluation = evaluate(problem_.residuals, set_, problem_.laws, theta, place.latents, true);
-    Eigen::Index latent = q;
-    for (const BlockRows& block :
-         linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, theta, true)) {
-        const StandardRows<double> standard = standard_rows(block, problem_.laws, place.psi, Curvature::expected);
-        if (standard.rows.size() > 0) {
-            const Eigen::MatrixXd z = standard.rows.leftCols(block.latents);
-            const Eigen::MatrixXd t = standard.rows.middleCols(block.latents, q);
-            h.topLeftCorner(q, q) += t.transpose() * t;
-            h.block(latent, latent, block.latents, block.latents) += z.transpose() * z;
-            h.block(latent, 0, block.latents, q) += z.transpose() * t;
-            h.block(0, latent, q, block.latents) += t.transpose() * z;
-        }
-        latent += block.latents;
+    const std::vector<Eigen::Index> latent = latent_places(set_, q);
+    const std::vector<BlockRows> rows =
+        linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, theta, true);
+    const auto add = [&](std::size_t b, bool linked, const StandardRows<double>& standard) {
+        if (standard.rows.size() == 0) return;
+        const auto columns = columns_of(latent, b, rows[b], linked, q);
+        const auto own = standard.rows.leftCols(standard.rows.cols() - 1);
+        h(columns, columns) += own.transpose() * own;
+    };
+    for (std::size_t b = 0; b < rows.size(); ++b) {
+        add(b, false, standard_rows(rows[b], problem_.laws, place.psi, Curvature::expected));
+        add(b, true, standard_rows(rows[b].linked_parts, problem_.laws, place.psi, Curvature::expected));
     }
     const PriorModel prior = prior_at(problem_, place.u);
     if (prior.rows.rows() > 0) h.topLeftCorner(q, q) += prior.rows.transpose() * prior.rows;
