@@ -42,18 +42,16 @@ Eigen::VectorXd starts(const std::vector<estimator::FreeParameter>& parameters) 
 
 }  // namespace
 
-CycleStart start_from_cycles(const Workspace& work, const std::vector<estimator::FreeParameter>& parameters,
-                             const models::ParameterBinding& binding, const std::vector<orbits::Cycle>& cycles,
-                             const orbits::CycleTargetOptions& asked, const estimator::EstimateOptions& options) {
-    const Job& job = work.job;
+CycleStart start_from_cycles(const CycleStartProblem& problem, const std::vector<estimator::FreeParameter>& parameters,
+                             const CycleStartOptions& options) {
     // On the way to a start normal errors will do: their form only matters for the final estimate.
-    orbits::CycleTargetOptions targets = asked;
+    orbits::CycleTargetOptions targets = problem.targets;
     targets.forms.clear();
     targets.covariances.clear();
     std::vector<estimator::FreeParameter> current = parameters;
     CycleStart result;
     const auto stage = [&](std::string_view name, estimator::Residual& residual) {
-        estimator::EstimateOptions stage_options = options;
+        estimator::EstimateOptions stage_options = options.estimate;
         stage_options.variance = estimator::Variance::ml;
         stage_options.verdict = false;
         stage_options.maximum_iterations = stage_iterations;
@@ -61,38 +59,42 @@ CycleStart start_from_cycles(const Workspace& work, const std::vector<estimator:
         const auto estimate = estimator::estimate(current, {&residual}, {}, stage_options);
         result.iterations += estimate.iterations;
         result.evaluations += estimate.evaluations;
-        work.progress.log(fmt::format("{}: {}, {} iterations, objective {:.6g}; {}", name,
-                                      estimator::name(estimate.status), estimate.iterations, estimate.objective,
-                                      estimate.message));
+        if (options.log)
+            options.log(fmt::format("{}: {}, {} iterations, objective {:.6g}; {}", name,
+                                    estimator::name(estimate.status), estimate.iterations, estimate.objective,
+                                    estimate.message));
         return estimate;
     };
 
     orbits::OnePeriodOptions one_period_options;
     one_period_options.targets = targets;
     const auto one_period_at = [&](const Eigen::VectorXd& theta) {
-        return orbits::OnePeriodResidual(job.model.system, binding, cycles, job.section_phase, theta,
+        return orbits::OnePeriodResidual(problem.system, problem.binding, problem.cycles, problem.phase, theta,
                                          one_period_options);
     };
-    const Eigen::VectorXd scanned = orbits::scanned_start(
-        one_period_at(starts(current)), starts(current), column(current, &estimator::FreeParameter::lower),
-        column(current, &estimator::FreeParameter::upper), column(current, &estimator::FreeParameter::typical_size));
-    for (std::size_t i = 0; i < current.size(); ++i)
-        current[i].start = scanned[static_cast<Eigen::Index>(i)];
-    orbits::OnePeriodResidual one_period = one_period_at(scanned);
+    if (options.scan) {
+        const Eigen::VectorXd scanned = orbits::scanned_start(one_period_at(starts(current)), starts(current),
+                                                              column(current, &estimator::FreeParameter::lower),
+                                                              column(current, &estimator::FreeParameter::upper),
+                                                              column(current, &estimator::FreeParameter::typical_size));
+        for (std::size_t i = 0; i < current.size(); ++i)
+            current[i].start = scanned[static_cast<Eigen::Index>(i)];
+    }
+    orbits::OnePeriodResidual one_period = one_period_at(starts(current));
     const auto first = stage("one-period prediction", one_period);
     if (first.status != estimator::EstimateStatus::failed) move_starts(current, first);
 
     orbits::LiftedCycleOptions lifted_options;
     lifted_options.targets = targets;
-    const Eigen::VectorXd scale = orbits::target_scale(work.system(), cycles);
-    orbits::LiftedCycleResidual lifted(job.model.system, binding, cycles, job.section_phase, starts(current), scale,
-                                       lifted_options);
+    const Eigen::VectorXd scale = orbits::target_scale(*problem.system, problem.cycles);
+    orbits::LiftedCycleResidual lifted(problem.system, problem.binding, problem.cycles, problem.phase, starts(current),
+                                       scale, lifted_options);
     std::vector<Eigen::VectorXd> latents = lifted.initial_latents();
     // Relative to the range, so that one number serves all coordinates.
     double matching = (lifted.matching_defect(starts(current), latents).array() / scale.array()).maxCoeff();
     matching = std::max(matching, final_matching);
     while (true) {
-        if (options.interrupted && options.interrupted()) break;
+        if (options.estimate.interrupted && options.estimate.interrupted()) break;
         auto tightened = lifted.tightened(matching * scale, latents);
         const auto estimate = stage(fmt::format("lifted cycles, matching sd {:.1e} of the range", matching), tightened);
         if (estimate.status == estimator::EstimateStatus::failed) break;
@@ -104,6 +106,16 @@ CycleStart start_from_cycles(const Workspace& work, const std::vector<estimator:
     result.theta = starts(current);
     result.nodes = lifted.nodes(latents);
     return result;
+}
+
+CycleStart start_from_cycles(const Workspace& work, const std::vector<estimator::FreeParameter>& parameters,
+                             const models::ParameterBinding& binding, const std::vector<orbits::Cycle>& cycles,
+                             const orbits::CycleTargetOptions& targets, const estimator::EstimateOptions& options) {
+    CycleStartOptions start_options;
+    start_options.estimate = options;
+    start_options.log = [&](const std::string& line) { work.progress.log(line); };
+    return start_from_cycles({work.job.model.system, binding, cycles, work.job.section_phase, targets}, parameters,
+                             start_options);
 }
 
 }  // namespace orbid::apps

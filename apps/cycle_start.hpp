@@ -1,6 +1,8 @@
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "apps/workspace.hpp"
@@ -8,6 +10,22 @@
 #include "orbits/cycle_target.hpp"
 
 namespace orbid::apps {
+
+/// What a start from measured cycles is sought for.
+struct CycleStartProblem {
+    std::shared_ptr<const models::System> system;
+    const models::ParameterBinding& binding;
+    const std::vector<orbits::Cycle>& cycles;
+    double phase = 0.0;  ///< of the section [rad]
+    orbits::CycleTargetOptions targets;
+};
+
+struct CycleStartOptions {
+    estimator::EstimateOptions estimate;  ///< of the final estimate; stages are rougher
+    /// One-period predictions are compared on a ladder about the start before anything else.
+    bool scan = true;
+    std::function<void(const std::string& line)> log;  ///< one line per stage; empty: none
+};
 
 /// A good start for the estimate from measured cycles.
 struct CycleStart {
@@ -22,6 +40,11 @@ struct CycleStart {
 /// CycleResidual, whose orbits are exact.
 ///
 /// (Re-solved orbits alone reach the optimum from 15 % of wide starts; most others slide onto wrong orbits.)
+[[nodiscard]] CycleStart start_from_cycles(const CycleStartProblem& problem,
+                                           const std::vector<estimator::FreeParameter>& parameters,
+                                           const CycleStartOptions& options);
+
+/// The same for a job, whose log gets the lines.
 [[nodiscard]] CycleStart start_from_cycles(const Workspace& work,
                                            const std::vector<estimator::FreeParameter>& parameters,
                                            const models::ParameterBinding& binding,

@@ -9,7 +9,9 @@
 #include <tbb/parallel_for.h>
 #include <Eigen/Cholesky>
 
+#include "orbits/cycle_block.hpp"
 #include "periodic/multiple_shooting.hpp"
+#include "periodic/stability.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -41,6 +43,7 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
     : system_(std::move(system)),
       binding_(std::move(binding)),
       map_(*system_, phase, options.flow),
+      reading_(*system_, options.targets.sensor, phase, options.flow),
       options_(options),
       targets_(select_targets(map_, binding_.values(start), binding_.parameter, cycles, options.targets)),
       scale_(target_scale(*system_, cycles)),
@@ -51,13 +54,9 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
         throw std::invalid_argument("CycleResidual: " + std::to_string(start_nodes.size()) + " start nodes for " +
                                     std::to_string(cycles.size()) + " cycles");
     for (const CycleTarget& target : targets_.targets) {
-        estimator::BlockLayout block;
-        block.label = target.label;
-        block.group = record_groups(target.points.rows(), target.points.cols(), 0);
-        block.shape = target.covariance;
-        layout_.push_back(std::move(block));
+        layout_.emplace_back().label = target.label;
         Known known;
-        known.nodes = target.points;
+        known.nodes = target.nodes;
         if (!start_nodes.empty() && start_nodes[target.cycle].size() > 0) {
             const MatrixXd& nodes = start_nodes[target.cycle];
             if (nodes.rows() != target.points.rows() || nodes.cols() != target.points.cols() || !nodes.allFinite())
@@ -69,8 +68,31 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
     }
     // Solutions at the start give every later one a prediction to first order. A cycle without one keeps its guess.
     const std::vector<PeriodicOrbit> solved = orbits(start);
-    for (std::size_t b = 0; b < solved.size(); ++b)
+    for (std::size_t b = 0; b < solved.size(); ++b) {
+        layout_[b].active = lay_out(b, solved[b]);
         if (solved[b].status == OrbitStatus::converged) keep(b, solved[b], start);
+    }
+}
+
+bool CycleResidual::lay_out(std::size_t block, const PeriodicOrbit& orbit) {
+    const CycleTarget& target = targets_.targets[block];
+    const auto vanishes = [&](std::size_t m) { return m < orbit.multipliers.size() && orbit.multipliers[m] == 0.0; };
+    known_[block].multipliers =
+        std::none_of(target.multipliers.begin(), target.multipliers.end(), vanishes) && !target.multipliers.empty();
+    const Index n = target.points.rows();
+    const Index positions = target.positions ? target.points.size() : 0;
+    const Index multipliers = known_[block].multipliers ? target.ln_multiplier.size() : 0;
+    estimator::BlockLayout& layout = layout_[block];
+    layout.group.clear();
+    if (target.positions) layout.group = record_groups(n, target.points.cols(), 0);
+    layout.group.insert(layout.group.end(), static_cast<std::size_t>(multipliers), static_cast<int>(n));
+    layout.shape.resize(0, 0);
+    if (options_.targets.weights == CycleWeights::covariance) {
+        layout.shape.setZero(positions + multipliers, positions + multipliers);
+        if (positions > 0) layout.shape.topLeftCorner(positions, positions) = target.covariance;
+        if (multipliers > 0) layout.shape.bottomRightCorner(multipliers, multipliers) = target.multiplier_covariance;
+    }
+    return positions + multipliers > 0;
 }
 
 void CycleResidual::keep(std::size_t block, const PeriodicOrbit& orbit, const VectorXd& theta) {
@@ -116,25 +138,79 @@ PeriodicOrbit CycleResidual::solve(std::size_t block, const VectorXd& theta, boo
     return from(known.nodes);
 }
 
-VectorXd CycleResidual::residual(std::size_t block, const PeriodicOrbit& orbit) const {
-    return wrapped_difference(*system_, targets_.targets[block].points, orbit.points).reshaped();
+std::optional<VectorXd> CycleResidual::residual(std::size_t block, const PeriodicOrbit& orbit,
+                                                const PointReadings& readings) const {
+    const CycleTarget& target = targets_.targets[block];
+    const Index positions = target.positions ? target.points.size() : 0;
+    VectorXd e(static_cast<Index>(layout_[block].group.size()));
+    if (target.positions) e.head(positions) = wrapped_difference(*system_, target.points, readings.values).reshaped();
+    if (!known_[block].multipliers) return e;
+    for (std::size_t k = 0; k < target.multipliers.size(); ++k) {
+        const std::size_t m = target.multipliers[k];
+        const std::size_t last = target.pair[k] ? m + 1 : m;
+        if (!(last < orbit.multipliers.size())) return std::nullopt;
+        // Of a measured pair the mean: it stays smooth where the model's two become real.
+        const double computed =
+            0.5 * (std::log(std::abs(orbit.multipliers[m])) + std::log(std::abs(orbit.multipliers[last])));
+        if (!std::isfinite(computed)) return std::nullopt;
+        e(positions + static_cast<Index>(k)) = target.ln_multiplier(static_cast<Index>(k)) - computed;
+    }
+    return e;
+}
+
+std::optional<VectorXd> CycleResidual::residual(std::size_t block, const PeriodicOrbit& orbit,
+                                                const VectorXd& theta) const {
+    const auto readings = reading_(orbit.points, binding_.values(theta), {}, false);
+    if (!readings) return std::nullopt;
+    return residual(block, orbit, *readings);
+}
+
+std::optional<MatrixXd> CycleResidual::derivative(std::size_t block, const PeriodicOrbit& orbit,
+                                                  const PointReadings& readings, const VectorXd& values) const {
+    const CycleTarget& target = targets_.targets[block];
+    const Index n = target.points.rows();
+    const Index positions = target.positions ? target.points.size() : 0;
+    MatrixXd by_free(static_cast<Index>(layout_[block].group.size()), static_cast<Index>(binding_.parameter.size()));
+    for (Index j = 0; n * j < positions; ++j) {
+        const auto slot = static_cast<std::size_t>(j);
+        by_free.middleRows(n * j, n) =
+            -(readings.by_x[slot] * orbit.sensitivities.middleRows(n * j, n) + readings.by_free[slot]);
+    }
+    if (known_[block].multipliers) {
+        periodic::StabilityOptions options;
+        options.flow = options_.flow;
+        const periodic::Stability stability =
+            periodic::stability(*system_, values, map_.phase(), orbit, binding_.parameter, options);
+        if (!stability.simulated) return std::nullopt;
+        for (std::size_t k = 0; k < target.multipliers.size(); ++k) {
+            const auto m = static_cast<Index>(target.multipliers[k]);
+            const Index last = target.pair[k] ? m + 1 : m;
+            by_free.row(positions + static_cast<Index>(k)) =
+                -0.5 * (stability.ln_multiplier_sensitivities.row(m) + stability.ln_multiplier_sensitivities.row(last));
+        }
+    }
+    if (!by_free.allFinite()) return std::nullopt;
+    return binding_.spread(by_free);
 }
 
 std::vector<estimator::BlockValue> CycleResidual::evaluate(const VectorXd& theta, const std::vector<VectorXd>&,
                                                            bool derivatives) const {
-    std::vector<estimator::BlockValue> result(layout_.size());
-    tbb::parallel_for(std::size_t{0}, layout_.size(), [&](std::size_t b) {
-        if (!layout_[b].active) return;
+    const VectorXd values = binding_.values(theta);
+    return evaluate_blocks(*system_, values, layout_, [&](std::size_t b, estimator::BlockValue& block) {
         const PeriodicOrbit orbit = solve(b, theta, derivatives);
-        if (orbit.status != OrbitStatus::converged) {
-            result[b].status = estimator::BlockStatus::failed;
-            return;
-        }
-        result[b].e = residual(b, orbit);
-        result[b].e_z.resize(result[b].e.size(), 0);
-        if (derivatives) result[b].e_theta = -binding_.spread(orbit.sensitivities);
+        if (orbit.status != OrbitStatus::converged) return false;
+        const auto readings = reading_(orbit.points, values, binding_.parameter, derivatives);
+        if (!readings) return false;
+        const auto e = residual(b, orbit, *readings);
+        if (!e) return false;
+        block.e = *e;
+        block.e_z.resize(e->size(), 0);
+        if (!derivatives) return true;
+        const auto slope = derivative(b, orbit, *readings, values);
+        if (!slope) return false;
+        block.e_theta = *slope;
+        return true;
     });
-    return result;
 }
 
 std::vector<PeriodicOrbit> CycleResidual::orbits(const VectorXd& theta) const {
@@ -156,6 +232,16 @@ estimator::RefreshReport CycleResidual::refresh(const VectorXd& theta, const std
                                                 const VectorXd& scales) {
     const std::vector<PeriodicOrbit> solved = orbits(theta);
     estimator::RefreshReport report;
+    for (std::size_t b = 0; b < layout_.size(); ++b) {
+        // A multiplier that has become 0, or no longer is.
+        if (solved[b].status != OrbitStatus::converged) continue;
+        const bool before = known_[b].multipliers;
+        const bool anything = lay_out(b, solved[b]);
+        report.changed = report.changed || (layout_[b].active && before != known_[b].multipliers);
+        if (anything) continue;
+        report.lost += layout_[b].active ? 1 : 0;
+        layout_[b].active = false;
+    }
     std::vector<double> size(layout_.size(), std::numeric_limits<double>::infinity());
     std::vector<double> active_sizes;
     for (std::size_t b = 0; b < layout_.size(); ++b) {
@@ -166,14 +252,15 @@ estimator::RefreshReport CycleResidual::refresh(const VectorXd& theta, const std
             }
             continue;
         }
-        size[b] = mean_square(b, residual(b, solved[b]), scales);
+        if (layout_[b].group.empty()) continue;
+        if (const auto e = residual(b, solved[b], theta)) size[b] = mean_square(b, *e, scales);
         if (layout_[b].active) active_sizes.push_back(size[b]);
     }
     const double limit =
         active_sizes.empty() ? std::numeric_limits<double>::infinity() : options_.gate * median(active_sizes);
     for (std::size_t b = 0; b < layout_.size(); ++b) {
         if (solved[b].status != OrbitStatus::converged) continue;
-        const bool plausible = size[b] <= limit;
+        const bool plausible = std::isfinite(size[b]) && size[b] <= limit;
         if (layout_[b].active && !plausible) {
             layout_[b].active = false;
             ++report.rejected;
@@ -185,7 +272,7 @@ estimator::RefreshReport CycleResidual::refresh(const VectorXd& theta, const std
         // The start of the next solution; a rejected cycle keeps its own, for it may have slid onto a wrong orbit.
         if (plausible) keep(b, solved[b], theta);
     }
-    report.changed = report.lost + report.rejected + report.added > 0;
+    report.changed = report.changed || report.lost + report.rejected + report.added > 0;
     return report;
 }
 

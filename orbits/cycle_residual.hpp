@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "orbits/cycle_target.hpp"
+#include "orbits/point_reading.hpp"
 #include "periodic/orbit.hpp"
 
 namespace orbid::orbits {
@@ -23,11 +24,16 @@ struct CycleResidualOptions {
 
 /// Measured cycles against re-solved periodic orbits of the model: no latent states, for the final estimate.
 ///
-///     e_c = x^meas_c - x_c(theta),   de/dtheta = -(M7);   V_c = D Sigma_c D
+///     e_c = (y_c - sensor(x_c(theta)),  ln|mu|_c - ln|mu_c(theta)|),   V_c = D Sigma_c D,  D = diag(s_group)
 ///
-/// A block per cycle, records in the order of points, coordinate fastest; groups "cycles.<coordinate>". Every orbit is
-/// solved by multiple shooting from the last solution, moved to first order with its sensitivities. An orbit that does
-/// not converge, or converges elsewhere, is missing data (BlockStatus::failed).
+/// x_c moves by (M7), ln|mu_c| by second variational equations (periodic::stability). A block per cycle, records in the
+/// order of points, coordinate fastest, then its multipliers, largest modulus first; groups "cycles.<coordinate>" and
+/// "cycles.ln_multiplier". Sigma_c links points with points and multipliers with multipliers.
+/// Every orbit is solved by multiple shooting from the last solution, moved to first order with its sensitivities. An
+/// orbit that does not converge, or converges elsewhere, is missing data (BlockStatus::failed).
+///
+/// An orbit with a period of sticking has a multiplier 0 and no logarithm of it: its block then goes without
+/// multipliers.
 ///
 /// refresh(): moves the solutions on to the present theta, takes lost cycles back whose orbit is found again (at most
 /// twice each), rejects gross errors (see `gate`).
@@ -73,18 +79,29 @@ private:
         Eigen::VectorXd theta;          ///< the estimator's vector it belongs to; empty: only a guess
         Eigen::MatrixXd sensitivities;  ///< shape (n p, estimated)
         std::vector<int> rotation;
+        bool multipliers = false;  ///< take part in the layout
         int taken_back = 0;
     };
 
     [[nodiscard]] periodic::PeriodicOrbit solve(std::size_t block, const Eigen::VectorXd& theta,
                                                 bool derivatives) const;
     void keep(std::size_t block, const periodic::PeriodicOrbit& orbit, const Eigen::VectorXd& theta);
-    [[nodiscard]] Eigen::VectorXd residual(std::size_t block, const periodic::PeriodicOrbit& orbit) const;
+    /// Records of a block, those of multipliers only where they take part now; empty when it cannot be evaluated.
+    [[nodiscard]] std::optional<Eigen::VectorXd> residual(std::size_t block, const periodic::PeriodicOrbit& orbit,
+                                                          const PointReadings& readings) const;
+    [[nodiscard]] std::optional<Eigen::VectorXd> residual(std::size_t block, const periodic::PeriodicOrbit& orbit,
+                                                          const Eigen::VectorXd& theta) const;
+    [[nodiscard]] std::optional<Eigen::MatrixXd> derivative(std::size_t block, const periodic::PeriodicOrbit& orbit,
+                                                            const PointReadings& readings,
+                                                            const Eigen::VectorXd& values) const;
+    /// Lays a block out with or without its multipliers. @return whether there is anything left in it.
+    bool lay_out(std::size_t block, const periodic::PeriodicOrbit& orbit);
     [[nodiscard]] double mean_square(std::size_t block, const Eigen::VectorXd& e, const Eigen::VectorXd& scales) const;
 
     std::shared_ptr<const models::System> system_;
     models::ParameterBinding binding_;
     SectionMap map_;
+    PointReading reading_;
     CycleResidualOptions options_;
     CycleTargets targets_;
     Eigen::VectorXd scale_;

@@ -9,6 +9,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "orbits/point_reading.hpp"
 #include "periodic/multiple_shooting.hpp"
 
 namespace orbid::orbits {
@@ -25,6 +26,10 @@ constexpr double nearness = 0.05;
 /// Movement of a point, relative to its range, per relative change of a parameter: an orbit that moves less than this
 /// moves by rounding only. Orbits that carry information move by 1e-3 and more.
 constexpr double standstill = 1e-9;
+
+/// What a computed ln|multiplier| may be off by: integrated second derivatives and a flow of tolerance 1e-12, times
+/// what the orbit's instability makes of it.
+constexpr double computed_multiplier_error = 1e-9;
 
 /// Errors of points are positions on a circle or about an origin: they are not relative to a size, and the points of a
 /// cycle are no course in time.
@@ -47,8 +52,22 @@ void check_forms(Index n, const CycleTargetOptions& options) {
         throw std::invalid_argument(R"(cycle residual: a full covariance of coordinates needs weights "equal")");
 }
 
+void check_multipliers(const Cycle& cycle, const std::string& who, bool covariance) {
+    const Index count = cycle.ln_multiplier.size();
+    if (count == 0) return;
+    if (cycle.multipliers.size() != static_cast<std::size_t>(count) && !cycle.multipliers.empty())
+        throw std::invalid_argument(who + "has " + std::to_string(cycle.multipliers.size()) + " multipliers and " +
+                                    std::to_string(count) + " values of ln|multiplier|");
+    if (!covariance) return;
+    if (cycle.ln_multiplier_covariance.rows() != count || cycle.ln_multiplier_covariance.cols() != count)
+        throw std::invalid_argument(who + "covariance of ln|multiplier| must be " + std::to_string(count) + " x " +
+                                    std::to_string(count) + R"( (weights "equal" need none))");
+}
+
 void check(const models::System& system, const std::vector<Cycle>& cycles, const CycleTargetOptions& options) {
     const Index n = system.dimension();
+    if (!options.positions && !options.multipliers)
+        throw std::invalid_argument("cycle residual: positions or multipliers must take part");
     if (!options.errors.empty() && static_cast<Index>(options.errors.size()) != n)
         throw std::invalid_argument("cycle residual: " + std::to_string(options.errors.size()) +
                                     " error scales, the model has " + std::to_string(n) + " coordinates");
@@ -61,7 +80,8 @@ void check(const models::System& system, const std::vector<Cycle>& cycles, const
                                         std::to_string(cycle.points.cols()) + "), needed is (" + std::to_string(n) +
                                         ", period) with period " + std::to_string(cycle.period) + " >= 1");
         if (!cycle.points.allFinite()) throw std::invalid_argument(who + "points must be finite");
-        if (options.weights != CycleWeights::covariance) continue;
+        if (options.multipliers) check_multipliers(cycle, who, options.weights == CycleWeights::covariance);
+        if (options.weights != CycleWeights::covariance || !options.positions) continue;
         const Index records = cycle.points.size();
         if (cycle.covariance.rows() != records || cycle.covariance.cols() != records)
             throw std::invalid_argument(who + "covariance must be " + std::to_string(records) + " x " +
@@ -71,11 +91,11 @@ void check(const models::System& system, const std::vector<Cycle>& cycles, const
     }
 }
 
-bool rests(const SectionMap& map, const VectorXd& theta, std::span<const Index> free, const Cycle& cycle,
+bool rests(const SectionMap& map, const VectorXd& theta, std::span<const Index> free, const MatrixXd& nodes,
            const VectorXd& scale) {
-    if (cycle.period != 1) return false;
+    if (nodes.cols() != 1) return false;
     const models::System& system = map.system();
-    const VectorXd point = cycle.points.col(0);
+    const VectorXd point = nodes.col(0);
     const auto image = map(point, theta, free, false);
     const auto near = [&](const VectorXd& other) {
         return (wrapped_difference(system, other, point).array() / scale.array()).abs().maxCoeff() < nearness;
@@ -108,12 +128,49 @@ bool rests(const SectionMap& map, const VectorXd& theta, std::span<const Index> 
 /// would measure our integrator, and their rounding would stop the minimiser before it has converged.
 constexpr double computed_orbit_error = 1e-10;
 
+/// Points with their covariance, as far as they take part.
+void take_positions(const Cycle& cycle, const VectorXd& scale, const CycleTargetOptions& options, CycleTarget& target) {
+    if (options.weights != CycleWeights::covariance) return;
+    target.covariance = cycle.covariance;
+    for (Index k = 0; k < target.covariance.rows(); ++k) {
+        const double error = computed_orbit_error * scale(k % scale.size());
+        target.covariance(k, k) += error * error;
+    }
+}
+
+void take_multipliers(const Cycle& cycle, const CycleTargetOptions& options, CycleTarget& target) {
+    const bool weighted = options.weights == CycleWeights::covariance;
+    std::vector<Index> taken;
+    for (Index m = 0; m < cycle.ln_multiplier.size(); ++m) {
+        const auto slot = static_cast<std::size_t>(m);
+        const bool pair = !cycle.multipliers.empty() && cycle.multipliers[slot].imag() != 0.0;
+        // A pair stands as two conjugates with equal moduli, the one with the positive imaginary part first.
+        if (pair && cycle.multipliers[slot].imag() < 0.0) continue;
+        if (!std::isfinite(cycle.ln_multiplier(m))) continue;
+        if (weighted) {
+            const double variance = cycle.ln_multiplier_covariance(m, m);
+            if (!(variance > 0.0 && variance <= largest_multiplier_sd * largest_multiplier_sd)) continue;
+        }
+        taken.push_back(m);
+        target.multipliers.push_back(slot);
+        target.pair.push_back(pair);
+    }
+    target.ln_multiplier = cycle.ln_multiplier(taken);
+    if (!weighted) return;
+    target.multiplier_covariance = cycle.ln_multiplier_covariance(taken, taken);
+    target.multiplier_covariance.diagonal().array() += computed_multiplier_error * computed_multiplier_error;
+    if (!taken.empty() && Eigen::LLT<MatrixXd>(target.multiplier_covariance).info() != Eigen::Success)
+        throw std::invalid_argument("cycle " + std::to_string(target.cycle) +
+                                    ": covariance of ln|multiplier| must be symmetric and positive definite");
+}
+
 }  // namespace
 
 CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::span<const Index> free,
                             const std::vector<Cycle>& cycles, const CycleTargetOptions& options) {
     check(map.system(), cycles, options);
     const VectorXd scale = target_scale(map.system(), cycles);
+    const PointReading reading(map.system(), options.sensor, map.phase(), map.flow());
     CycleTargets result;
     for (std::size_t c = 0; c < cycles.size(); ++c) {
         const Cycle& cycle = cycles[c];
@@ -124,24 +181,22 @@ CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::s
             result.mirrored.push_back(c);
             continue;
         }
-        if (rests(map, theta, free, cycle, scale)) {
-            result.at_rest.push_back(c);
-            continue;
-        }
         CycleTarget target;
         target.cycle = c;
         target.label = "cycle " + std::to_string(c) + " (period " + std::to_string(cycle.period) + ")";
         target.rotation = cycle.rotation;
         target.points = cycle.points;
-        if (options.weights == CycleWeights::covariance) {
-            target.covariance = cycle.covariance;
-            for (Index k = 0; k < target.covariance.rows(); ++k) {
-                const double error = computed_orbit_error * scale(k % scale.size());
-                target.covariance(k, k) += error * error;
-            }
-        }
-        result.targets.push_back(std::move(target));
+        target.nodes = reading.states(cycle.points, theta);
+        const bool resting = rests(map, theta, free, target.nodes, scale);
+        if (resting) result.at_rest.push_back(c);
+        target.positions = options.positions && !resting;
+        if (target.positions) take_positions(cycle, scale, options, target);
+        if (options.multipliers) take_multipliers(cycle, options, target);
+        if (target.positions || !target.multipliers.empty()) result.targets.push_back(std::move(target));
     }
+    const auto has_multipliers = [](const CycleTarget& target) { return !target.multipliers.empty(); };
+    if (options.multipliers && std::none_of(result.targets.begin(), result.targets.end(), has_multipliers))
+        throw std::invalid_argument("cycle residual: multipliers are to take part, but none was measured");
     return result;
 }
 
@@ -161,6 +216,14 @@ std::vector<estimator::Group> target_groups(const models::System& system, const 
             group.distribution = options.forms[i].distribution;
             group.floor = options.forms[i].floor;
         }
+        groups.push_back(std::move(group));
+    }
+    if (options.multipliers) {
+        estimator::Group group;
+        group.name = prefix + ".ln_multiplier";
+        group.unit = "1";
+        group.factor = options.weights == CycleWeights::covariance;
+        group.scale = options.multiplier_error;
         groups.push_back(std::move(group));
     }
     return groups;

@@ -43,16 +43,25 @@ struct CycleTarget {
     std::size_t cycle = 0;  ///< index into the list that was given
     std::string label;      ///< "cycle 3 (period 2)"
     std::vector<int> rotation;
-    Eigen::MatrixXd points;  ///< shape (n, p)
-    Eigen::MatrixXd
-        covariance;  ///< Sigma_c with the error of a computed orbit added, shape (n p, n p); empty = identity
+    Eigen::MatrixXd points;  ///< shape (n, p): as read
+    Eigen::MatrixXd nodes;   ///< shape (n, p): the states that are read so at the start parameters
+    bool positions = true;   ///< the points take part; false: withheld, or a state of rest
+    /// Sigma_c of the points with the error of a computed orbit added, shape (n p, n p); empty = identity
+    Eigen::MatrixXd covariance;
+    /// The multipliers that take part, as indices into those of the model's orbit (largest modulus first): of a complex
+    /// pair the first; empty: none.
+    std::vector<std::size_t> multipliers;
+    std::vector<bool> pair;                 ///< whether each is the first of a complex pair
+    Eigen::VectorXd ln_multiplier;          ///< ln|multiplier| as measured, same length
+    Eigen::MatrixXd multiplier_covariance;  ///< of these; empty = identity
 };
 
 /// The targets of an estimate, and the cycles that say nothing about parameters.
 struct CycleTargets {
     std::vector<CycleTarget> targets;
-    /// States of rest, left out: (0, 0) and (pi, 0) of a pendulum are orbits for all parameters, or with dry friction a
-    /// continuum; their positions carry no information, but would count as if they measured the error scale.
+    /// States of rest: (0, 0) and (pi, 0) of a pendulum are orbits for all parameters, or with dry friction a
+    /// continuum; their positions carry no information, but would count as if they measured the error scale. Left out
+    /// unless their multipliers take part; then among the targets too, without positions.
     std::vector<std::size_t> at_rest;
     /// Mirror images of cycles earlier in the list, left out: the search finds both from the same points, so the second
     /// says nothing new, and would make every sd too small by sqrt(2).
@@ -64,17 +73,24 @@ struct CycleTargets {
 /// not move with any of the free parameters; a fixed point of a map only by the latter. (Longer prime periods cannot be
 /// at rest.)
 ///
+/// A multiplier takes part when it was measured: finite, and with weights "covariance" known within a sd of
+/// `largest_multiplier_sd` (the logarithm of a value with larger normal errors is biased, and skew). Of complex pairs
+/// ln|mu| counts once.
+///
 /// @param theta  full parameter vector of the system (start of the estimate).
 /// @param free   free parameters.
 /// @throws std::invalid_argument naming the cycle and the rule: wrong shapes, not finite, a covariance that is missing
 ///         or not symmetric positive definite (weights "covariance"), wrong number of errors, a distribution or a full
-///         covariance that does not go with the weights.
+///         covariance that does not go with the weights, multipliers that no cycle has, neither positions nor
+///         multipliers, a sensor that reads formulas.
 [[nodiscard]] CycleTargets select_targets(const SectionMap& map, const Eigen::VectorXd& theta,
                                           std::span<const Eigen::Index> free, const std::vector<Cycle>& cycles,
                                           const CycleTargetOptions& options);
 
+inline constexpr double largest_multiplier_sd = 0.5;
+
 /// Group "prefix.coordinate" per coordinate, with the errors of the options: factors (unit 1) for weights "covariance",
-/// sds in the coordinate's unit for "equal".
+/// sds in the coordinate's unit for "equal". With multipliers also "prefix.ln_multiplier".
 [[nodiscard]] std::vector<estimator::Group> target_groups(const models::System& system, const std::string& prefix,
                                                           const CycleTargetOptions& options);
 

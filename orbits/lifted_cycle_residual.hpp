@@ -4,22 +4,28 @@
 #include <vector>
 
 #include "orbits/cycle_target.hpp"
+#include "orbits/point_reading.hpp"
 
 namespace orbid::orbits {
 
 struct LiftedCycleOptions {
-    CycleTargetOptions targets;
+    CycleTargetOptions targets;  ///< multipliers do not take part, positions always do
+    /// Of the matching conditions, with the matching sd as its scale. Student's t lets an orbit that is on the wrong
+    /// branch of a fold, or wrong altogether, keep its defects without holding the others.
+    estimator::ErrorDistribution matching = estimator::NormalErrors{};
+    /// Matching as equality constraints instead; the estimator approaches them in stages.
+    bool exact = false;
     /// 1e-11: the matching conditions are as exact as their sd, and the reduced residual has the last word.
     models::FlowOptions flow{1e-11, 1e-11, 20000};
 };
 
 /// Orbits and parameters improved together: the points of a cycle are latent states.
 ///
-///     e = x^meas_j - z_j                      groups "cycles.<coordinate>", V = D Sigma_c D
-///     e = z_{j+1} - Phi(z_j; theta), j mod p  groups "matching.<coordinate>", fixed sd
+///     e = L^-1 (y_j - sensor(z_j; theta))     group "cycles.points", sd 1, L L^T = D Sigma_c D
+///     e = z_{j+1} - Phi(z_j; theta), j mod p  groups "matching.<coordinate>", fixed sd; or c = 0
 ///
-/// The scales of the points are fixed too (factor 1, the analysis' own covariance; weights "equal": 1e-3 of the range),
-/// unless the options fix them: beside a wide matching sd an estimated one runs to zero, the nodes then stay on the
+/// The scales D of the points are fixed (factor 1, the analysis' own covariance; weights "equal": 1e-3 of the range;
+/// or as the options fix them): beside a wide matching sd an estimated one runs to zero, the nodes then stay on the
 /// measured points, and the stage improves nothing.
 ///
 /// Angles wrapped, so that no rotation number is needed. The caller lowers the matching sd in stages, each started from
@@ -27,7 +33,7 @@ struct LiftedCycleOptions {
 class LiftedCycleResidual final : public estimator::Residual {
 public:
     /// @param start        the estimator's vector at the start (to tell states of rest).
-    /// @param matching_sd  one per coordinate, in its unit, > 0.
+    /// @param matching_sd  one per coordinate, in its unit, > 0; the sizes of the constraints when they are exact.
     /// @throws std::invalid_argument as select_targets, or for a matching sd that is missing or not > 0.
     LiftedCycleResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
                         const std::vector<Cycle>& cycles, double phase, const Eigen::VectorXd& start,
@@ -68,11 +74,16 @@ public:
 
 private:
     void match_with(const Eigen::VectorXd& matching_sd);
+    [[nodiscard]] bool evaluate_points(std::size_t block, const Eigen::MatrixXd& nodes, const Eigen::VectorXd& values,
+                                       bool derivatives, estimator::BlockValue& value) const;
 
     std::shared_ptr<const models::System> system_;
     models::ParameterBinding binding_;
     SectionMap map_;
+    PointReading reading_;
+    bool exact_ = false;
     CycleTargets targets_;
+    std::vector<Eigen::MatrixXd> roots_;  ///< L of each block's points
     std::size_t cycle_count_ = 0;
     std::vector<estimator::Group> groups_;
     std::vector<estimator::BlockLayout> layout_;

@@ -1,9 +1,10 @@
 #include "orbits/one_period_residual.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
-#include <tbb/parallel_for.h>
+#include "orbits/cycle_block.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -12,40 +13,74 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+/// Amplifications that move by less than this change no weight that matters.
+constexpr double same_weight = 0.1;
+/// Rounds of weights: the first two bring what they can.
+constexpr int most_refreshes = 3;
+
 }  // namespace
 
 OnePeriodResidual::OnePeriodResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
                                      const std::vector<Cycle>& cycles, double phase, const VectorXd& start,
                                      const OnePeriodOptions& options)
-    : system_(std::move(system)), binding_(std::move(binding)), map_(*system_, phase, options.flow) {
+    : system_(std::move(system)),
+      binding_(std::move(binding)),
+      map_(*system_, phase, options.flow),
+      reading_(*system_, options.targets.sensor, phase, options.flow),
+      floor_(options.floor) {
     if (!(options.floor > 0.0)) throw std::invalid_argument("OnePeriodResidual: floor must be > 0");
     CycleTargetOptions target_options = options.targets;
-    target_options.weights = CycleWeights::equal;  // sds in the coordinate's unit; no covariance is needed
+    target_options.weights = CycleWeights::equal;  // scales in the coordinate's unit; no covariance is needed
+    target_options.positions = true;
+    target_options.multipliers = false;
     target_options.errors.clear();
     target_options.forms.clear();
     target_options.covariances.clear();
     const VectorXd theta = binding_.values(start);
     targets_ = select_targets(map_, theta, binding_.parameter, cycles, target_options);
     groups_ = target_groups(*system_, "one_period", target_options);
-
-    const Index n = system_->dimension();
+    for (estimator::Group& group : groups_)
+        group.distribution = options.errors;
     range_ = target_scale(*system_, cycles);
-    const VectorXd& scale = range_;
     for (const CycleTarget& target : targets_.targets) {
-        const Index p = target.points.cols();
         estimator::BlockLayout block;
         block.label = target.label;
-        block.group = record_groups(n, p, 0);
-        block.shape = options.floor * options.floor * MatrixXd::Identity(n * p, n * p);
-        for (Index j = 0; j < p; ++j) {
-            const auto image = map_(target.points.col(j), theta, binding_.parameter, true);
-            if (!image) continue;  // the floor alone; evaluate() will say that it cannot be predicted
-            const MatrixXd gain = scale.cwiseInverse().asDiagonal() * image->by_x * scale.asDiagonal();
-            const Index next = (j + 1) % p;
-            block.shape.block(n * next, n * next, n, n) += gain * gain.transpose();
-        }
+        block.group = record_groups(target.points.rows(), target.points.cols(), 0);
+        block.deviation.setConstant(target.points.size(), floor_);
         layout_.push_back(std::move(block));
     }
+    weigh(theta);
+}
+
+double OnePeriodResidual::weigh(const VectorXd& values) {
+    double change = 1.0;
+    for (std::size_t b = 0; b < layout_.size(); ++b) {
+        const MatrixXd& nodes = targets_.targets[b].nodes;
+        const Index n = nodes.rows();
+        for (Index j = 0; j < nodes.cols(); ++j) {
+            const auto image = map_(nodes.col(j), values, {}, true);
+            if (!image) continue;  // the floor alone; evaluate() will say that it cannot be predicted
+            const MatrixXd gain = range_.cwiseInverse().asDiagonal() * image->by_x * range_.asDiagonal();
+            const VectorXd deviation = (floor_ * floor_ + gain.rowwise().squaredNorm().array()).sqrt();
+            auto kept = layout_[b].deviation.segment(n * ((j + 1) % nodes.cols()), n);
+            const VectorXd ratio = deviation.cwiseQuotient(kept);
+            change = std::max({change, ratio.maxCoeff(), ratio.cwiseInverse().maxCoeff()});
+            kept = deviation;
+        }
+    }
+    return change;
+}
+
+estimator::RefreshReport OnePeriodResidual::refresh(const VectorXd& theta, const std::vector<VectorXd>&,
+                                                    const VectorXd&) {
+    estimator::RefreshReport report;
+    const VectorXd values = binding_.values(theta);
+    if (refreshed_ >= most_refreshes || !in_domain(*system_, values)) return report;
+    ++refreshed_;
+    for (CycleTarget& target : targets_.targets)
+        target.nodes = reading_.states(target.points, values);
+    report.changed = weigh(values) > 1.0 + same_weight;
+    return report;
 }
 
 std::vector<VectorXd> OnePeriodResidual::initial_latents() const {
@@ -55,33 +90,22 @@ std::vector<VectorXd> OnePeriodResidual::initial_latents() const {
 std::vector<estimator::BlockValue> OnePeriodResidual::evaluate(const VectorXd& theta, const std::vector<VectorXd>&,
                                                                bool derivatives) const {
     const VectorXd values = binding_.values(theta);
-    std::vector<estimator::BlockValue> result(layout_.size());
-    const bool allowed = in_domain(*system_, values);
-    tbb::parallel_for(std::size_t{0}, layout_.size(), [&](std::size_t b) {
-        if (!layout_[b].active) return;
-        if (!allowed) {
-            result[b].status = estimator::BlockStatus::failed;
-            return;
-        }
-        const MatrixXd& points = targets_.targets[b].points;
-        const Index n = points.rows();
-        const Index p = points.cols();
-        estimator::BlockValue& block = result[b];
+    return evaluate_blocks(*system_, values, layout_, [&](std::size_t b, estimator::BlockValue& block) {
+        const MatrixXd& nodes = targets_.targets[b].nodes;
+        const Index n = nodes.rows();
+        const Index p = nodes.cols();
         block.e.resize(n * p);
         if (derivatives) block.e_theta.resize(n * p, binding_.estimated_count);
         block.e_z.resize(n * p, 0);
         for (Index j = 0; j < p; ++j) {
-            const auto image = map_(points.col(j), values, binding_.parameter, derivatives);
-            if (!image) {
-                block.status = estimator::BlockStatus::failed;
-                return;
-            }
-            const Index row = n * ((j + 1) % p);
-            block.e.segment(row, n) = wrapped_difference(*system_, points.col((j + 1) % p), image->state);
-            if (derivatives) block.e_theta.middleRows(row, n) = -binding_.spread(image->by_free);
+            const auto image = map_(nodes.col(j), values, binding_.parameter, derivatives);
+            if (!image) return false;
+            const Index next = (j + 1) % p;
+            block.e.segment(n * next, n) = wrapped_difference(*system_, nodes.col(next), image->state);
+            if (derivatives) block.e_theta.middleRows(n * next, n) = -binding_.spread(image->by_free);
         }
+        return true;
     });
-    return result;
 }
 
 double OnePeriodResidual::misfit(const VectorXd& theta) const {

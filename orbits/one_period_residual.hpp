@@ -4,14 +4,17 @@
 #include <vector>
 
 #include "orbits/cycle_target.hpp"
+#include "orbits/point_reading.hpp"
 
 namespace orbid::orbits {
 
 struct OnePeriodOptions {
     CycleTargetOptions targets;  ///< weights and errors are not used: the error of a prediction is the model's
-    /// Error of a prediction that does not grow with the local amplification, relative to that which does: W = floor^2
-    /// I + X X^T in coordinates of unit range. > 0.
-    double floor = 1.0;
+    /// Error of a prediction that does not grow with the local amplification, relative to that which does, in
+    /// coordinates of unit range. > 0.
+    double floor = 0.1;
+    /// Cauchy's: predictions that are far off, of orbits on another branch of a fold, hardly count.
+    estimator::ErrorDistribution errors = estimator::StudentErrors{{false, 1.0, estimator::FlatPrior{}}};
     /// 1e-10: predictions over one period need no more, the parameters are still far off.
     models::FlowOptions flow{1e-10, 1e-10, 2000};
 };
@@ -21,9 +24,10 @@ struct OnePeriodOptions {
 ///     e_j = x^meas_{j+1} - Phi(x^meas_j; theta),   j mod p, angles wrapped
 ///
 /// No latent states, no orbit that could be lost, and no trajectory longer than a period: the first stage, for starts
-/// far from the truth. A block per cycle, groups "one_period.<coordinate>" with estimated sds in the coordinate's unit;
-/// shape W_j = floor^2 I + X_j X_j^T (scaled to unit ranges), X_j the derivative of the section map at the start
-/// parameters: what a point is worth falls with how strongly its error and the model's are amplified.
+/// far from the truth. A block per cycle, groups "one_period.<coordinate>" with estimated scales in the coordinate's
+/// unit; the deviation of a record is sqrt(floor^2 + |its row of X_j|^2) (scaled to unit ranges), X_j the derivative of
+/// the section map at the start parameters or those of the last refresh(): what a point is worth falls with how
+/// strongly its error and the model's are amplified. Of points that are readings: their states at the start parameters.
 class OnePeriodResidual final : public estimator::Residual {
 public:
     /// @param system, cycles  the system is kept by pointer, what is needed of the cycles is copied.
@@ -41,11 +45,9 @@ public:
     [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    /// Nothing changes between minimisations.
-    estimator::RefreshReport refresh(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                     const Eigen::VectorXd&) override {
-        return {};
-    }
+    /// States and amplifications at theta; changed while one of these moves by a tenth, at most three times.
+    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                                     const Eigen::VectorXd& scales) override;
     void suspend(std::size_t block) override { layout_.at(block).active = false; }
 
     /// How badly theta predicts, robustly: sum over all records of ln(1 + (e / (0.02 range))^2). A prediction that is
@@ -57,9 +59,15 @@ public:
     [[nodiscard]] const std::vector<std::size_t>& at_rest() const { return targets_.at_rest; }
 
 private:
+    /// Deviations of all records at these parameters; the largest ratio of a new one to the old.
+    double weigh(const Eigen::VectorXd& values);
+
     std::shared_ptr<const models::System> system_;
     models::ParameterBinding binding_;
     SectionMap map_;
+    PointReading reading_;
+    double floor_;
+    int refreshed_ = 0;
     CycleTargets targets_;
     Eigen::VectorXd range_;
     std::vector<estimator::Group> groups_;

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system.hpp"
+
+namespace orbid::orbits {
+
+/// What a sensor reads at the points of a cycle.
+struct PointReadings {
+    Eigen::MatrixXd values;                ///< shape (n, p)
+    std::vector<Eigen::MatrixXd> by_x;     ///< per point, shape (n, n); empty without derivatives
+    std::vector<Eigen::MatrixXd> by_free;  ///< per point, shape (n, f)
+};
+
+/// Section points as an instrument reads them: y = sensor(x, phase; theta) + error.
+///
+/// The system is kept by pointer.
+class PointReading {
+public:
+    /// @throws std::invalid_argument for a sensor that reads formulas: points of cycles stand for whole states.
+    PointReading(const models::System& system, const models::Sensor& sensor, double phase,
+                 const models::FlowOptions& flow);
+
+    /// Readings of the columns of `states`; empty when they cannot be had. @param theta full parameter vector.
+    [[nodiscard]] std::optional<PointReadings> operator()(const Eigen::MatrixXd& states, const Eigen::VectorXd& theta,
+                                                          std::span<const Eigen::Index> free, bool derivatives) const;
+
+    /// The states that are read so, by Newton's method from the readings themselves. A column for which that does not
+    /// converge stays as it was read. Shape (n, p).
+    [[nodiscard]] Eigen::MatrixXd states(const Eigen::MatrixXd& readings, const Eigen::VectorXd& theta) const;
+
+private:
+    const models::System* system_;
+    models::Sensor sensor_;
+    double phase_;
+    models::FlowOptions flow_;
+};
+
+}  // namespace orbid::orbits
