@@ -61,6 +61,9 @@ struct CycleDraft {
 [[nodiscard]] Eigen::VectorXd count_turns(const SectionPoints& section, const BoxGrid& grid,
                                           const Eigen::MatrixXd& points);
 
+/// Mirror partners, and starts of one cycle, lie no farther apart than this part of a box before they count as one.
+inline constexpr double merging_boxes = 0.3;
+
 /// Appends a draft and, with a symmetry, its partner. A cycle within `tolerance` of its own mirror image becomes its
 /// own partner: halves averaged, variances doubled.
 void publish(const SectionPoints& section, const CycleDraft& draft, double tolerance, std::vector<Cycle>& cycles);

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 
 #include "orbits/box_grid.hpp"
@@ -17,45 +16,6 @@
 namespace orbid::orbits {
 
 namespace {
-
-// Partners of a mirror pair lie no farther apart than this part of a box before they count as one.
-constexpr double same_boxes = 0.3;
-
-void validate(const Partition& partition, Eigen::Index dimension) {
-    if (!(partition.coordinate >= 0 && partition.coordinate < dimension))
-        throw std::invalid_argument("find_cycles: the partition's coordinate must be in [0, " +
-                                    std::to_string(dimension) + "), got " + std::to_string(partition.coordinate));
-    if (partition.symbols.size() != partition.boundaries.size() + 1)
-        throw std::invalid_argument("find_cycles: a partition by " + std::to_string(partition.boundaries.size()) +
-                                    " boundaries needs one symbol more, got " +
-                                    std::to_string(partition.symbols.size()));
-    for (std::size_t i = 0; i < partition.boundaries.size(); ++i)
-        if (!std::isfinite(partition.boundaries[i]) ||
-            (i > 0 && !(partition.boundaries[i - 1] < partition.boundaries[i])))
-            throw std::invalid_argument("find_cycles: the partition's boundaries must be finite and ascending");
-}
-
-void validate(const CycleSearchOptions& options, Eigen::Index dimension) {
-    if (options.periods.empty()) throw std::invalid_argument("find_cycles: periods must not be empty");
-    for (const int period : options.periods)
-        if (!(period >= 1 && period <= 64))
-            throw std::invalid_argument("find_cycles: periods must be in [1, 64], got " + std::to_string(period));
-    if (!(options.box > 0.0 && options.box < 0.5))
-        throw std::invalid_argument("find_cycles: box must be in (0, 0.5), got " + std::to_string(options.box));
-    if (!(options.order >= 0 && options.order <= 6))
-        throw std::invalid_argument("find_cycles: order must be 1 to 6, or 0 for the data to choose, got " +
-                                    std::to_string(options.order));
-    if (!(options.minimum_recurrences >= 1))
-        throw std::invalid_argument("find_cycles: minimum_recurrences must be at least 1, got " +
-                                    std::to_string(options.minimum_recurrences));
-    if (options.reading_covariance.size() > 0 &&
-        !(options.reading_covariance.rows() == dimension && options.reading_covariance.cols() == dimension))
-        throw std::invalid_argument("find_cycles: reading_covariance has shape (" +
-                                    std::to_string(options.reading_covariance.rows()) + ", " +
-                                    std::to_string(options.reading_covariance.cols()) + "), the series " +
-                                    std::to_string(dimension) + " coordinates");
-    if (options.partition) validate(*options.partition, dimension);
-}
 
 std::string symbolic_code(const Partition& partition, const Eigen::MatrixXd& points) {
     std::string code;
@@ -70,7 +30,7 @@ std::string symbolic_code(const Partition& partition, const Eigen::MatrixXd& poi
 }  // namespace
 
 CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options) {
-    validate(options, series.dimension());
+    check_search(options, series.dimension());
     CycleSearch result;
     result.remarks = check_section(series, options.periods);
     const SectionPoints section(series, options.symmetry_signs);
@@ -87,7 +47,7 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
         for (CycleDraft& draft : drafts) {
             if (timing && std::isnan(draft.time)) time_cycle(section, *timing, draft);
             const double sd = draft.largest_sd();
-            const double tolerance = same_cycle_tolerance(sd, sd, same_boxes * options.box);
+            const double tolerance = same_cycle_tolerance(sd, sd, merging_boxes * options.box);
             publish(section, draft, draft.same_within.value_or(tolerance), result.cycles);
         }
     }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <string>
 
 #include <Eigen/Cholesky>
@@ -101,7 +102,43 @@ std::unique_ptr<CycleFinder> by_the_data(const SectionPoints& section, const Cyc
     return patch_map_finder(section, options, covariance);
 }
 
+void validate(const Partition& partition, Eigen::Index dimension) {
+    if (!(partition.coordinate >= 0 && partition.coordinate < dimension))
+        throw std::invalid_argument("find_cycles: the partition's coordinate must be in [0, " +
+                                    std::to_string(dimension) + "), got " + std::to_string(partition.coordinate));
+    if (partition.symbols.size() != partition.boundaries.size() + 1)
+        throw std::invalid_argument("find_cycles: a partition by " + std::to_string(partition.boundaries.size()) +
+                                    " boundaries needs one symbol more, got " +
+                                    std::to_string(partition.symbols.size()));
+    for (std::size_t i = 0; i < partition.boundaries.size(); ++i)
+        if (!std::isfinite(partition.boundaries[i]) ||
+            (i > 0 && !(partition.boundaries[i - 1] < partition.boundaries[i])))
+            throw std::invalid_argument("find_cycles: the partition's boundaries must be finite and ascending");
+}
+
 }  // namespace
+
+void check_search(const CycleSearchOptions& options, Eigen::Index dimension) {
+    if (options.periods.empty()) throw std::invalid_argument("find_cycles: periods must not be empty");
+    for (const int period : options.periods)
+        if (!(period >= 1 && period <= 64))
+            throw std::invalid_argument("find_cycles: periods must be in [1, 64], got " + std::to_string(period));
+    if (!(options.box > 0.0 && options.box < 0.5))
+        throw std::invalid_argument("find_cycles: box must be in (0, 0.5), got " + std::to_string(options.box));
+    if (!(options.order >= 0 && options.order <= 6))
+        throw std::invalid_argument("find_cycles: order must be 1 to 6, or 0 for the data to choose, got " +
+                                    std::to_string(options.order));
+    if (!(options.minimum_recurrences >= 1))
+        throw std::invalid_argument("find_cycles: minimum_recurrences must be at least 1, got " +
+                                    std::to_string(options.minimum_recurrences));
+    if (options.reading_covariance.size() > 0 &&
+        !(options.reading_covariance.rows() == dimension && options.reading_covariance.cols() == dimension))
+        throw std::invalid_argument("find_cycles: reading_covariance has shape (" +
+                                    std::to_string(options.reading_covariance.rows()) + ", " +
+                                    std::to_string(options.reading_covariance.cols()) + "), the series " +
+                                    std::to_string(dimension) + " coordinates");
+    if (options.partition) validate(*options.partition, dimension);
+}
 
 std::unique_ptr<CycleFinder> choose_finder(const Series& series, const SectionPoints& section,
                                            const CycleSearchOptions& options, CycleSearch& result) {

@@ -3,10 +3,16 @@
 #include <memory>
 
 #include "orbits/cycle_finder.hpp"
+#include "orbits/cycle_search.hpp"
 #include "orbits/section_points.hpp"
 #include "orbits/series.hpp"
 
 namespace orbid::orbits {
+
+/// Refuses options of a search that make no sense, naming the option, its value and the rule.
+/// @param dimension  coordinates of the series.
+/// @throws std::invalid_argument
+void check_search(const CycleSearchOptions& options, Eigen::Index dimension);
 
 /// The way of fitting the map that the options name or, with Method::automatic, the data call for:
 ///

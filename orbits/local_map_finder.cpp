@@ -40,9 +40,8 @@ constexpr double largest_disagreement = 3e-3;
 constexpr double itinerary_cell = 0.012;
 
 // Two solutions are one before their sds are known when they lie within this distance (scaled units): starts of one
-// cycle end within 1e-7 of each other on clean data. Never farther apart than this part of a box.
+// cycle end within 1e-7 of each other on clean data.
 constexpr double same_distance = 1e-6;
-constexpr double same_boxes = 0.3;
 
 // Other fits that differ by more than this many standard deviations are remarked on.
 constexpr double remarkable = 3.0;
@@ -168,12 +167,12 @@ public:
         std::vector<Trial> judged(drafts.size());
         each(drafts.size(), [&](std::size_t i) { judged[i] = judge(drafts[i]); });
         drafts = merged(section_, accepted(judged, search), [&](const CycleDraft& a, const CycleDraft& b) {
-            return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), same_boxes * options_.box);
+            return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), merging_boxes * options_.box);
         });
         std::erase_if(drafts, [&](const CycleDraft& draft) {
             const double sd = draft.largest_sd();
             return draft.recurrences < static_cast<std::size_t>(options_.minimum_recurrences) ||
-                   !is_prime(section_, draft.points, same_cycle_tolerance(sd, sd, same_boxes * options_.box));
+                   !is_prime(section_, draft.points, same_cycle_tolerance(sd, sd, merging_boxes * options_.box));
         });
         return drafts;
     }

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -56,7 +57,7 @@ public:
 
     [[nodiscard]] std::vector<CycleDraft> find(int period, CycleSearch& search) const override {
         search.patch_map = true;
-        if (!coarse_.usable || !fit_.usable || !(fit_.chi2 <= largest_chi2)) {
+        if (!explains()) {
             remark(search,
                    "no smooth map explains the images of the points within the errors of the readings: no cycles");
             return {};
@@ -101,7 +102,26 @@ public:
         return drafts;
     }
 
+    [[nodiscard]] std::vector<std::optional<CycleDraft>> polish(const std::vector<CycleDraft>& starts) const override {
+        std::vector<std::optional<CycleDraft>> result(starts.size());
+        if (!explains()) return result;
+        tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
+            const PatchMapCycle cycle = close_on_patch_map(section_, fit_.map, starts[i].points);
+            if (!cycle.converged || !is_prime(section_, cycle.points, 10.0 * same_distance)) return;
+            CycleDraft draft;
+            draft.points = cycle.points;
+            draft.recurrences = starts[i].recurrences;
+            bool agrees = false;
+            draft = judged(draft, agrees);
+            if (agrees && draft.largest_sd() <= largest_sd) result[i] = std::move(draft);
+        });
+        return result;
+    }
+
 private:
+    // The map leaves over no more than the readings' errors may.
+    [[nodiscard]] bool explains() const { return coarse_.usable && fit_.usable && fit_.chi2 <= largest_chi2; }
+
     static void remark(CycleSearch& search, const std::string& sentence) {
         if (std::find(search.remarks.begin(), search.remarks.end(), sentence) == search.remarks.end())
             search.remarks.push_back(sentence);
