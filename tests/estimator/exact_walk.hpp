@@ -101,11 +101,11 @@ struct ExactWalk {
 };
 
 /// One block with all latent states: the readings, and the steps of the walk as records of their own.
-inline FunctionResidual dense_walk(const Eigen::VectorXd& y,
-                                   const estimator::Group& matching = group("matching", 1.0)) {
+inline FunctionResidual dense_walk(const Eigen::VectorXd& y, const estimator::Group& matching = group("matching", 1.0),
+                                   const estimator::Group& reading = group("reading", 1.0)) {
     const Eigen::Index count = y.size();
     FunctionResidual residual;
-    residual.add_group(group("reading", 1.0));
+    residual.add_group(reading);
     residual.add_group(matching);
     auto block = layout("walk", 2 * count);
     for (Eigen::Index i = count; i < 2 * count; ++i)
