@@ -159,10 +159,11 @@ Outcome identify(const Experiment& e, bool verbose) {
     orbits::ShootingOptions options;
     options.sensor = e.sensor;
     options.start = theta;
+    if (const char* tol = std::getenv("TOL")) options.flow.relative_tolerance = options.flow.absolute_tolerance = std::atof(tol);
     if (const char* kind = std::getenv("MATCHING")) {
         const std::string text = kind;
         options.matching.constraints = text == "constraints";
-        if (text == "normal") options.matching.kind = orbits::Matching::Kind::normal;
+        if (text == "normal") options.matching.dof = 1e4;
     }
     result.residual = std::make_unique<orbits::ShootingResidual>(e.system, e.binding, e.series, options);
     estimator::EstimateOptions full;

@@ -284,7 +284,8 @@ void ShootingResidual::evaluate(const Chunk& chunk, const VectorXd& all, const s
                 } else {
                     value.e_theta.bottomRows(n) = by_theta;
                     value.e_z.bottomRows(n) = -sensitivity.leftCols(n);
-                    value.e_next.setIdentity(n, n);
+                    value.e_next = MatrixXd::Zero(value.e.size(), n);
+                    value.e_next.bottomRows(n).setIdentity();
                 }
             }
         }

@@ -109,9 +109,7 @@ inline double derivative_error(const orbits::ShootingResidual& residual, const E
                     column.head(values[b].e.size()) = values[b].e_z.col(i);
                     if (c > 0) column.tail(c) = values[b].c_z.col(i);
                 } else if (next_moves) {
-                    if (values[b].e_next.size() > 0)
-                        column.segment(values[b].e.size() - values[b].e_next.rows(), values[b].e_next.rows()) =
-                            values[b].e_next.col(i);
+                    if (values[b].e_next.size() > 0) column.head(values[b].e.size()) = values[b].e_next.col(i);
                     if (c > 0) column.tail(c) = values[b].c_next.col(i);
                 } else {
                     continue;

@@ -142,11 +142,12 @@ TEST_CASE("samples of an autonomous flow are matched interval by interval", "[or
         const auto values = residual.evaluate(base_theta(binding), latents, false);
         CHECK(values[5].e.cwiseAbs().maxCoeff() < 1e-8);
     }
-    // Errors grow by the factor e within some tenths of a second (largest exponent 0.9 per second, but uneven).
-    const Series longer = samples(*system, base, 0.01, 1500, Eigen::Vector3d(1.0, 0.0, 0.0));
+    // On the attractor errors grow by a factor e within some tenths of a second (largest exponent 0.9 per second, but
+    // uneven in time and direction).
+    const Series longer = samples(*system, base, 0.01, 1500, Eigen::Vector3d(8.0, -3.0, 35.0));
     const ShootingResidual chosen(system, binding, longer, {});
-    CHECK(chosen.interval() > 5);
-    CHECK(chosen.interval() < 100);
+    CHECK(chosen.interval() >= 5);
+    CHECK(chosen.interval() <= 60);
 }
 
 TEST_CASE("iterates of a map are matched", "[orbits][shooting]") {
