@@ -31,6 +31,14 @@ constexpr double least_share = 0.1;
 /// with backtracking (50 samples each of 20, 50 and 200 records) took 114-146 steps on average, often more than 500,
 /// with the weight itself, 16-38 with a tenth of it and 9-11, never more than 23, with a thousandth.
 constexpr double least_share_laplace = 1e-3;
+/// Curvature::guarded: below this share of the weight the step would be more than twice the error.
+constexpr double mirror_share = 0.5;
+
+template <class T>
+T step_share(const T& share, double least, Curvature curvature) {
+    if (curvature == Curvature::guarded) return real_part(share) > mirror_share ? share : T(1.0);
+    return real_part(share) > least ? share : T(least);
+}
 
 template <class T>
 using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
@@ -81,10 +89,8 @@ StandardRows<T> student_rows(const LawRecords& records, const Vector<T>& psi, Cu
         const T weight = (nu + 1.0) / sum;
         result.value += 0.5 * (nu + 1.0) * detail::ln_one_plus(T(e * e) / spread);
         T h = expected;
-        if (curvature == Curvature::step) {
-            const T share = (spread - e * e) / sum;
-            h = weight * (real_part(share) > least_share ? share : T(least_share));
-        }
+        if (curvature != Curvature::expected)
+            h = weight * step_share(T((spread - e * e) / sum), least_share, curvature);
         root[i] = sqrt(h);
         last[i] = weight * e / root[i];
     }
@@ -110,10 +116,8 @@ StandardRows<T> laplace_rows(const LawRecords& records, const T& ln_scale, Curva
         const T weight = 1.0 / (s * r);
         result.value += r / s;
         T h = expected;
-        if (curvature == Curvature::step) {
-            const T share = d * d / (r * r);
-            h = weight * (real_part(share) > least_share_laplace ? share : T(least_share_laplace));
-        }
+        if (curvature != Curvature::expected)
+            h = weight * step_share(T(d * d / (r * r)), least_share_laplace, curvature);
         root[i] = sqrt(h);
         last[i] = weight * e / root[i];
     }

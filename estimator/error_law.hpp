@@ -74,8 +74,10 @@ struct LawRecords {
 /// Which second derivative the standardised rows carry.
 ///
 /// step: of the objective itself as far as it is positive, for fast steps. expected: the Fisher information, for
-/// uncertainties and for ln|H| of (M9). Equal for normal errors with a fixed covariance.
-enum class Curvature { step, expected };
+/// uncertainties and for ln|H| of (M9). guarded: as step, but a record of Student's t or Laplace's law that lies so far
+/// out that a step would carry it beyond its mirror image counts with its weight g / e, which always descends; for
+/// records that are to vanish rather than to scatter. Equal for normal errors with a fixed covariance.
+enum class Curvature { step, expected, guarded };
 
 /// Rows S with S^T S = second derivative and S_A^T s = gradient of -ln p with respect to the columns of A (s = last
 /// column of S), and the value of -ln p itself (with normalisation, without the prior of psi). That of lognormal errors

@@ -93,6 +93,8 @@ private:
     bool stopped_blocks(Rule rule);
     [[nodiscard]] double objective() const;
     /// Half the sum of squares of standard errors and constraints.
+    /// Starts of stages on the way lie far out: steps then are never longer than what far records bear.
+    [[nodiscard]] Curvature curvature() const { return set_.provisional ? Curvature::guarded : Curvature::step; }
     [[nodiscard]] double misfit() const {
         double square = 0.0;
         for (const BlockTriangle& block : arrow_.blocks) {
@@ -175,7 +177,7 @@ double Minimisation::objective() const {
 
 void Minimisation::build_model() {
     StandardArrow standard =
-        standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, Curvature::step);
+        standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature());
     arrow_ = std::move(standard.arrow);
     value_ = standard.value;
     const Eigen::VectorXd fallback = sizes(problem_, state_.theta);
@@ -237,7 +239,7 @@ template <class Change>
 void Minimisation::rescale(Change change) {
     const Eigen::VectorXd before = condense(arrow_, 0.0).r.colwise().norm();
     change();
-    arrow_ = standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, Curvature::step).arrow;
+    arrow_ = standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature()).arrow;
     const Eigen::VectorXd after = condense(arrow_, 0.0).r.colwise().norm();
     double old_size = 0.0;
     double new_size = 0.0;
@@ -344,7 +346,7 @@ bool Minimisation::try_step(const TrialStep& step) {
             if (derivatives_at_trial_ && step.curvature < tiny_sds * tiny_sds) {
                 rows = linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, trial.theta);
                 const Arrow arrow =
-                    standard_arrow(rows, problem_.laws, state_.psi, minimum_.matching, Curvature::step).arrow;
+                    standard_arrow(rows, problem_.laws, state_.psi, minimum_.matching, curvature()).arrow;
                 const double slope =
                     model_change(arrow, step.parameters.d, step.latents).linear + prior.gradient.dot(step.parameters.d);
                 change = 0.5 * (step.slope + slope);
