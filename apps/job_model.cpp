@@ -34,7 +34,8 @@ void resolve(const ValueReader& name_value, const std::optional<ValueReader>& va
             if (!variant_value->is(JsonValue::Kind::string) || !variant_value->value().text.empty()) {
                 variant_value->report(fmt::format("the model {} has no variants", *name));
             }
-        } else {
+        } else if (!variant_value->is(JsonValue::Kind::string) || !variant_value->value().text.empty()) {
+            // "" is the default: a job.json written before the model had variants says so.
             const auto choice = variant_value->choice(known);
             if (!choice) return;
             variant = known[*choice];

@@ -158,15 +158,16 @@ struct ReducedFromTooMany : Pendulum {
 
 using Crank = PendulumOn<Support::crank>;
 
-static_assert(Model<Pendulum> && Model<Crank> && Model<FreePendulum> && Model<Duffing> && Model<LotkaVolterra>);
+static_assert(Model<Pendulum> && Model<Crank> && Model<PendulumWithQuadraticFriction> && Model<Duffing> &&
+              Model<LotkaVolterra>);
 static_assert(!Model<WithoutTables> && !Model<WithoutEquations> && !Model<PlainOnly> && !Model<WrongLength>);
 static_assert(ForcedModel<Crank> && ForcedModel<Duffing>);
 static_assert(!ForcedModel<Pendulum> && !ForcedModel<ForcedByNothing> && !ForcedModel<ForcedByNonnegative>);
-static_assert(SwitchingModel<Crank> && SwitchingModel<FreePendulum>);
+static_assert(SwitchingModel<Crank> && SwitchingModel<PendulumWithQuadraticFriction>);
 static_assert(!SwitchingModel<Duffing> && !SwitchingModel<OneSided>);  // the latter does not say when it is smooth
 static_assert(SymmetricModel<Crank> && SymmetricModel<Duffing>);
 static_assert(!SymmetricModel<LotkaVolterra> && !SymmetricModel<OneSignTooMany>);
-static_assert(InstrumentModel<FreePendulum>);
+static_assert(InstrumentModel<PendulumWithQuadraticFriction>);
 static_assert(!InstrumentModel<Crank> && !InstrumentModel<ReadsOneNumber>);
 static_assert(VariantModel<Crank> && !VariantModel<Duffing> && !VariantModel<NamedByNumber>);
 static_assert(ReducedModel<Crank> && !ReducedModel<Duffing> && !ReducedModel<ReducedFromTooMany>);
