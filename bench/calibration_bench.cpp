@@ -165,6 +165,10 @@ Outcome identify(const Experiment& e, bool verbose) {
         options.matching.constraints = text == "constraints";
         if (text == "normal") options.matching.dof = 1e4;
     }
+    if (const char* share = std::getenv("QSHARE")) {
+        options.matching.kind = orbits::Matching::Kind::student_t;
+        options.matching.sd = std::atof(share) * Eigen::Vector2d(2.0 * std::numbers::pi, 29.3);
+    }
     result.residual = std::make_unique<orbits::ShootingResidual>(e.system, e.binding, e.series, options);
     estimator::EstimateOptions full;
     full.verdict = false;
@@ -184,6 +188,48 @@ Outcome identify(const Experiment& e, bool verbose) {
     result.seconds = now() - t1;
     return result;
 }
+
+/// How far estimates are from the truth, in their sds, over many experiments.
+struct Coverage {
+    struct Row {
+        std::string name;
+        int count = 0, inside = 0;
+        double square = 0.0, largest = 0.0, log_error = 0.0, log_sd = 0.0, bias = 0.0;
+    };
+    std::vector<Row> rows;
+    int failed = 0;
+
+    void add(const Experiment& e, const estimator::Estimate& estimate) {
+        if (rows.empty())
+            for (const auto& p : estimate.parameters)
+                rows.push_back({p.name});
+        if (estimate.status == estimator::EstimateStatus::failed) {
+            ++failed;
+            return;
+        }
+        if (estimate.status != estimator::EstimateStatus::converged) ++failed;
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+            const auto& p = estimate.parameters[i];
+            const double truth = e.truth[static_cast<Eigen::Index>(i)];
+            const double z = (p.value - truth) / p.sd;
+            Row& row = rows[i];
+            ++row.count;
+            if (p.lower95 <= truth && truth <= p.upper95) ++row.inside;
+            if (!std::isfinite(z)) continue;
+            row.square += z * z;
+            row.bias += z;
+            row.largest = std::max(row.largest, std::abs(z));
+            row.log_sd += std::log(p.sd / truth);
+        }
+    }
+    void print() const {
+        for (const Row& row : rows)
+            std::printf("%-6s covered %d of %d, rms z %.3f, mean z %+.3f, largest %.2f, typical sd %.3g relative\n",
+                        row.name.c_str(), row.inside, row.count, std::sqrt(row.square / row.count),
+                        row.bias / row.count, row.largest, std::exp(row.log_sd / row.count));
+        std::printf("not converged: %d\n", failed);
+    }
+};
 
 void show(const Experiment& e, const Outcome& o, std::uint64_t seed) {
     std::printf("seed %llu: %s (%s), %d iterations, %d evaluations, %.2f s\n", static_cast<unsigned long long>(seed),
@@ -210,13 +256,17 @@ int main(int argc, char** argv) {
         const double noise = argc > 3 ? std::atof(argv[3]) : 0.0;
         const int replicates = argc > 4 ? std::atoi(argv[4]) : 1;
         const auto first = static_cast<std::uint64_t>(argc > 5 ? std::atol(argv[5]) : 1);
+        Coverage coverage;
         for (int r = 0; r < replicates; ++r) {
             const std::uint64_t seed = first + static_cast<std::uint64_t>(r);
             const Experiment e = pendulum(sections, noise, seed);
             if (replicates == 1)
                 std::printf("# %zu segments, %zu sections\n", e.series.segments.size(), e.series.size());
-            show(e, identify(e, replicates == 1), seed);
+            const Outcome o = identify(e, replicates == 1);
+            show(e, o, seed);
+            coverage.add(e, o.estimate);
         }
+        coverage.print();
     } else if (task == "lorenz") {
         const double duration = argc > 2 ? std::atof(argv[2]) : 30.0;
         const int replicates = argc > 3 ? std::atoi(argv[3]) : 1;

@@ -129,6 +129,17 @@ std::vector<BlockValue> ShootingResidual::evaluate(const VectorXd& theta, const 
     return values;
 }
 
+/// As accurate as the present matching needs: a hundredth of its sd, so that steps of the integrator do not show.
+models::FlowOptions ShootingResidual::stage_flow() const {
+    constexpr double share = 0.01;
+    constexpr double roughest = 1e-7;
+    models::FlowOptions flow = data_->options.flow;
+    const double enough = matching_.constraints ? 0.0 : std::min(roughest, share * tightness_);
+    flow.relative_tolerance = std::max(flow.relative_tolerance, enough);
+    flow.absolute_tolerance = std::max(flow.absolute_tolerance, enough);
+    return flow;
+}
+
 void ShootingResidual::evaluate(const Chunk& chunk, const VectorXd& all, const std::vector<VectorXd>& latents,
                                 bool derivatives, std::vector<BlockValue>& values) const {
     const Data& data = *data_;
@@ -172,7 +183,7 @@ void ShootingResidual::evaluate(const Chunk& chunk, const VectorXd& all, const s
     const std::optional<std::span<const Index>> free =
         derivatives ? std::optional<std::span<const Index>>(data.binding.parameter) : std::nullopt;
     std::vector<models::FlowResult> flows;
-    if (m > 0) flows = system.flows(starts, phases, ascending, all, free, data.plan.clock, data.options.flow);
+    if (m > 0) flows = system.flows(starts, phases, ascending, all, free, data.plan.clock, stage_flow());
 
     // States at all instants, the node's own first, and what the instrument reads there.
     MatrixXd states(n, count * (m + 1));

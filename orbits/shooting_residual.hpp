@@ -31,6 +31,7 @@ struct ShootingOptions {
     std::vector<std::shared_ptr<const models::InputSignal>> inputs;
     Eigen::VectorXd start;               ///< estimator's parameters at which nodes are guessed; empty = base
     std::vector<Eigen::MatrixXd> nodes;  ///< known nodes per fitted segment, shape (n, nodes); empty: from the data
+    /// Never more accurate than that; in loose stages a hundredth of the matching sd is enough.
     models::FlowOptions flow{1e-11, 1e-11, 100000};
 };
 
@@ -126,6 +127,7 @@ private:
     void find_noise();
     void predict_scales(const Eigen::VectorXd& theta);
     void read_scales(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents);
+    [[nodiscard]] models::FlowOptions stage_flow() const;
     [[nodiscard]] Eigen::VectorXd start_theta() const;
     [[nodiscard]] Eigen::VectorXd reading_noise(const Eigen::VectorXd& all) const;
     void evaluate(const Chunk& chunk, const Eigen::VectorXd& all, const std::vector<Eigen::VectorXd>& latents,

@@ -72,7 +72,7 @@ void ShootingResidual::begin_matching() {
         final_ = std::exp(matching_.sd.cwiseQuotient(data.range).array().log().mean());
         unit_ = matching_.sd / final_;
     } else {
-        final_ = noise_ * (matching_.estimate ? estimated_tightness : exact_tightness);
+        final_ = matching_.estimate ? noise_ * estimated_tightness : exact_matching(noise_);
     }
     tightness_ = final_;
     apply_matching();
@@ -109,7 +109,7 @@ estimator::RefreshReport ShootingResidual::refresh(const VectorXd& theta, const 
     else
         predict_scales(theta);
     find_noise();
-    if (matching_.kind == Matching::Kind::exact) final_ = std::min(tightness_, noise_ * exact_tightness);
+    if (matching_.kind == Matching::Kind::exact) final_ = std::min(tightness_, exact_matching(noise_));
     tightness_ = std::max(final_, next_share(noise_) * tightness_);
     apply_matching();
     return {};
