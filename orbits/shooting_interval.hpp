@@ -11,9 +11,9 @@
 
 namespace orbid::orbits {
 
-/// Sampling intervals from node to node such that errors of a node grow by no more than a factor e (the spectral norm of
-/// X, coordinates in units of their ranges), and predictions from the states that the data say stay within a fifth of
-/// the range; both in nine of ten places of the record and at the given parameters. 1 for sections.
+/// Sampling intervals from node to node such that errors of a node grow by no more than a factor e (the spectral norm
+/// of X, coordinates in units of their ranges), and predictions from the states that the data say stay within a fifth
+/// of the range; both in nine of ten places of the record and at the given parameters. 1 for sections.
 ///
 /// Longer intervals need fewer nodes, but bend: exp(growth) is what a Newton step has to linearise.
 ///

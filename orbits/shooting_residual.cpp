@@ -50,7 +50,7 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
         if (o.group == std::ssize(data->reading_range)) data->reading_range.push_back(data->range[o.coordinate]);
     make_groups();
     make_layout();
-    begin_matching();
+    begin_matching(start_theta());
 }
 
 void ShootingResidual::guess_nodes(const VectorXd& all) {
@@ -84,7 +84,8 @@ void ShootingResidual::guess_nodes(const VectorXd& all) {
     }
 }
 
-ShootingResidual ShootingResidual::with(const Matching& matching, std::vector<VectorXd> latents) const {
+ShootingResidual ShootingResidual::with(const Matching& matching, std::vector<VectorXd> latents,
+                                        const VectorXd& theta) const {
     ShootingResidual other = *this;
     other.matching_ = matching;
     if (!latents.empty()) {
@@ -97,7 +98,7 @@ ShootingResidual ShootingResidual::with(const Matching& matching, std::vector<Ve
     other.make_layout();
     for (std::size_t b = 0; b < layout_.size(); ++b)
         other.layout_[b].active = layout_[b].active;
-    other.begin_matching();
+    other.begin_matching(theta.size() > 0 ? theta : start_theta());
     return other;
 }
 

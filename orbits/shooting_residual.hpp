@@ -63,8 +63,10 @@ public:
     ShootingResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding, Series series,
                      ShootingOptions options);
 
-    /// The same residual with other matching, started from these latent states (empty: its own). Shares the data.
-    [[nodiscard]] ShootingResidual with(const Matching& matching, std::vector<Eigen::VectorXd> latents) const;
+    /// The same residual with other matching, started from these latent states and parameters of the estimator (empty:
+    /// its own). Shares the data.
+    [[nodiscard]] ShootingResidual with(const Matching& matching, std::vector<Eigen::VectorXd> latents,
+                                        const Eigen::VectorXd& theta = {}) const;
 
     [[nodiscard]] std::string_view type() const override { return "series"; }
     [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
@@ -96,6 +98,9 @@ public:
     [[nodiscard]] const Eigen::VectorXd& range() const { return data_->range; }
     /// Present matching sds, shape (n); 0 when constraints do the matching.
     [[nodiscard]] Eigen::VectorXd matching_sd() const { return tightness_ * unit_; }
+    [[nodiscard]] const Matching& matching() const { return matching_; }
+    /// Largest sd of a reading over its range, as far as known.
+    [[nodiscard]] double noise() const { return noise_; }
     [[nodiscard]] const Series& series() const { return data_->series; }
     [[nodiscard]] const ShootingPlan& plan() const { return data_->plan; }
 
@@ -122,7 +127,7 @@ private:
     void guess_nodes(const Eigen::VectorXd& all);
     void make_groups();
     void make_layout();
-    void begin_matching();
+    void begin_matching(const Eigen::VectorXd& theta);
     void apply_matching();
     void find_noise();
     void predict_scales(const Eigen::VectorXd& theta);

@@ -55,9 +55,8 @@ VectorXd ShootingResidual::start_theta() const {
 }
 
 /// The first stage: matching as loose as the nodes that the data say leave it.
-void ShootingResidual::begin_matching() {
+void ShootingResidual::begin_matching(const VectorXd& theta) {
     const Data& data = *data_;
-    const VectorXd theta = start_theta();
     const VectorXd noise = reading_noise(data.binding.values(theta));
     for (Index g = 0; g < noise.size(); ++g) {
         estimator::Group& group = groups_[static_cast<std::size_t>(g)];
