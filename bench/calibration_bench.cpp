@@ -159,7 +159,8 @@ Outcome identify(const Experiment& e, bool verbose) {
     orbits::ShootingOptions options;
     options.sensor = e.sensor;
     options.start = theta;
-    if (const char* tol = std::getenv("TOL")) options.flow.relative_tolerance = options.flow.absolute_tolerance = std::atof(tol);
+    if (const char* tol = std::getenv("TOL"))
+        options.flow.relative_tolerance = options.flow.absolute_tolerance = std::atof(tol);
     if (const char* kind = std::getenv("MATCHING")) {
         const std::string text = kind;
         options.matching.constraints = text == "constraints";
@@ -270,9 +271,43 @@ int main(int argc, char** argv) {
     } else if (task == "lorenz") {
         const double duration = argc > 2 ? std::atof(argv[2]) : 30.0;
         const int replicates = argc > 3 ? std::atoi(argv[3]) : 1;
+        Coverage coverage;
         for (int r = 0; r < replicates; ++r) {
             const Experiment e = lorenz(duration, static_cast<std::uint64_t>(r + 1));
-            show(e, identify(e, replicates == 1), static_cast<std::uint64_t>(r + 1));
+            const Outcome o = identify(e, replicates == 1);
+            show(e, o, static_cast<std::uint64_t>(r + 1));
+            coverage.add(e, o.estimate);
+            double chi2 = 0.0;
+            std::size_t count = 0;
+            for (std::size_t g = 0; g < 3; ++g) {
+                const auto& scale = o.estimate.scales[g];
+                chi2 += static_cast<double>(scale.count) * scale.rms * scale.rms / 0.25;
+                count += scale.count;
+            }
+            std::printf("  chi2 per value %.4f\n", chi2 / static_cast<double>(count));
         }
+        coverage.print();
+    } else if (task == "length") {
+        // A given number of steps from the same start.
+        double first = 0.0, first_length = 0.0;
+        for (const std::size_t sections : {std::size_t{10000}, std::size_t{100000}, std::size_t{1000000}}) {
+            if (argc > 2 && sections > static_cast<std::size_t>(std::atol(argv[2]))) break;
+            const Experiment e = pendulum(sections, 0.0, 1);
+            const Outcome o = identify(e, false);
+            show(e, o, 1);
+            const double length = static_cast<double>(e.series.size());
+            std::printf("%8zu sections: %.2f s in all, %.3f us per section and evaluation", e.series.size(), o.seconds,
+                        1e6 * o.seconds / length / o.estimate.evaluations);
+            if (first > 0.0)
+                std::printf(", slope of an evaluation %.3f",
+                            std::log(o.seconds / o.estimate.evaluations / first) / std::log(length / first_length));
+            else
+                first = o.seconds / o.estimate.evaluations, first_length = length;
+            std::printf("\n");
+            std::fflush(stdout);
+        }
+    } else {
+        std::printf("calibration_bench: no such task: %s\n", task.c_str());
+        return 2;
     }
 }

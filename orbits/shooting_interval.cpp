@@ -27,18 +27,16 @@ double usual(std::vector<double> values) {
 
 }  // namespace
 
-Index shooting_interval(const models::System& system,
-                        std::span<const std::shared_ptr<const models::System>> with_inputs, const VectorXd& theta,
+Index shooting_interval(std::span<const std::shared_ptr<const models::System>> systems, const VectorXd& theta,
                         const Series& series, const models::Sensor& sensor, const std::vector<std::size_t>& segments) {
-    if (series.sampling == Series::Sampling::section || !with_inputs.empty()) return 1;
+    if (series.sampling == Series::Sampling::section) return 1;
     constexpr std::size_t looks = 100;
-    const std::vector<std::shared_ptr<const models::System>> systems{
-        std::shared_ptr<const models::System>(std::shared_ptr<const void>(), &system)};
+    const models::System& system = *systems.front();
     Index longest = 1;
     for (const std::size_t s : segments)
         longest = std::max(longest, series.segments[s].values.cols() - 1);
     const auto fits = [&](Index interval) {
-        const auto starts = transitions(system, theta, series, sensor, segments, interval, looks, 0);
+        const auto starts = transitions(systems, theta, series, sensor, segments, interval, looks, 0);
         if (starts.empty()) return false;
         MatrixXd states(system.dimension(), std::ssize(starts));
         for (std::size_t k = 0; k < starts.size(); ++k)

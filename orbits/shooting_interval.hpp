@@ -17,10 +17,9 @@ namespace orbid::orbits {
 ///
 /// Longer intervals need fewer nodes, but bend: exp(growth) is what a Newton step has to linearise.
 ///
-/// @param with_inputs  systems by segment, of models with measured inputs; empty otherwise.
-/// @param theta        shape (q), all parameters of the system.
-[[nodiscard]] Eigen::Index shooting_interval(const models::System& system,
-                                             std::span<const std::shared_ptr<const models::System>> with_inputs,
+/// @param systems  one per segment of the series, each with its measured inputs, or one in all.
+/// @param theta    shape (q), all parameters of the system.
+[[nodiscard]] Eigen::Index shooting_interval(std::span<const std::shared_ptr<const models::System>> systems,
                                              const Eigen::VectorXd& theta, const Series& series,
                                              const models::Sensor& sensor, const std::vector<std::size_t>& segments);
 

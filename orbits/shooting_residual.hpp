@@ -31,8 +31,8 @@ struct ShootingOptions {
     std::vector<std::shared_ptr<const models::InputSignal>> inputs;
     Eigen::VectorXd start;               ///< estimator's parameters at which nodes are guessed; empty = base
     std::vector<Eigen::MatrixXd> nodes;  ///< known nodes per fitted segment, shape (n, nodes); empty: from the data
-    /// Never more accurate than that; in loose stages a hundredth of the matching sd is enough.
-    models::FlowOptions flow{1e-11, 1e-11, 100000};
+    /// Never more accurate than that; in loose stages a small share of the matching sd is enough.
+    models::FlowOptions flow{1e-12, 1e-12, 100000};
 };
 
 /// The recorded series itself by multiple shooting (Bock 1987, Baake 1992): nodes s_i along every segment,
@@ -107,8 +107,8 @@ public:
 private:
     /// What copies with other matching share.
     struct Data {
-        std::shared_ptr<const models::System> system;
-        std::vector<std::shared_ptr<const models::System>> with_inputs;  ///< one per segment; or none
+        /// One per segment of the series, each with its measured inputs; one in all without inputs.
+        std::vector<std::shared_ptr<const models::System>> systems;
         models::ParameterBinding binding;
         Series series;
         ShootingOptions options;
@@ -119,6 +119,8 @@ private:
         std::vector<double> reading_range;  ///< per group of readings
         ShootingPlan plan;
         Eigen::VectorXd omega_slopes;  ///< d omega / d(parameter), per parameter of the binding
+
+        [[nodiscard]] const models::System& system() const { return *systems.front(); }
     };
     struct Chunk;
 
@@ -138,7 +140,7 @@ private:
     void evaluate(const Chunk& chunk, const Eigen::VectorXd& all, const std::vector<Eigen::VectorXd>& latents,
                   bool derivatives, std::vector<estimator::BlockValue>& values) const;
     [[nodiscard]] const models::System& system_of(std::size_t segment) const {
-        return data_->with_inputs.empty() ? *data_->system : *data_->with_inputs[segment];
+        return *data_->systems[data_->systems.size() == 1 ? 0 : segment];
     }
 
     std::shared_ptr<const Data> data_;

@@ -161,9 +161,9 @@ std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<c
             fmt::format("model {} reads measured inputs: {} signals for {} segments", system->name(),
                         options.inputs.size(), series.segments.size()));
     for (const auto& signal : options.inputs)
-        data->with_inputs.push_back(system->with_input(signal));
+        data->systems.push_back(system->with_input(signal));
+    if (options.inputs.empty()) data->systems.push_back(system);
     data->omega_slopes = omega_slopes(*system, binding);
-    data->system = std::move(system);
     data->binding = std::move(binding);
     data->series = std::move(series);
     data->options = std::move(options);
@@ -177,7 +177,7 @@ void ShootingResidual::make_groups() {
     for (const ObservedCoordinate& o : data.observed) {
         if (difference && o.coordinate == static_cast<Index>(sensor.rate)) continue;  // read as an angle
         const auto index = static_cast<std::size_t>(&o - data.observed.data());
-        const models::Coordinate& coordinate = data.system->coordinates()[static_cast<std::size_t>(o.coordinate)];
+        const models::Coordinate& coordinate = data.system().coordinates()[static_cast<std::size_t>(o.coordinate)];
         estimator::Group group;
         group.name = fmt::format("{}.{}", data.options.name, coordinate.name);
         group.unit = coordinate.unit;
@@ -204,7 +204,7 @@ void ShootingResidual::make_groups() {
         groups_.push_back(std::move(group));
     }
     if (matching_.constraints) return;
-    for (const models::Coordinate& coordinate : data.system->coordinates()) {
+    for (const models::Coordinate& coordinate : data.system().coordinates()) {
         estimator::Group group;
         group.name = fmt::format("{}.matching.{}", data.options.name, coordinate.name);
         group.unit = coordinate.unit;
@@ -218,7 +218,7 @@ void ShootingResidual::make_groups() {
 
 void ShootingResidual::make_layout() {
     const Data& data = *data_;
-    const Index n = data.system->dimension();
+    const Index n = data.system().dimension();
     const auto first = static_cast<int>(data.reading_range.size());
     const bool sized = std::any_of(data.options.forms.begin(), data.options.forms.end(),
                                    [](const ErrorForm& form) { return is_sized(form.distribution); });

@@ -29,14 +29,12 @@ VectorXd ShootingResidual::reading_noise(const VectorXd& all) const {
     const Data& data = *data_;
     const auto groups = std::ssize(data.reading_range);
     VectorXd noise = VectorXd::Zero(groups);
-    if (!data.with_inputs.empty()) return noise;
     constexpr std::size_t looks = 500;
-    const std::vector<std::shared_ptr<const models::System>> systems{data.system};
-    const auto starts = transitions(*data.system, all, data.series, data.options.sensor, data.options.segments,
+    const auto starts = transitions(data.systems, all, data.series, data.options.sensor, data.options.segments,
                                     data.interval, looks, 0);
     const std::span<const Index> none;
     const VectorXd per_coordinate =
-        prediction_noise(predictions(systems, all, starts, none, data.plan.clock, {1e-9, 1e-9, 20000}),
+        prediction_noise(predictions(data.systems, all, starts, none, data.plan.clock, {1e-9, 1e-9, 20000}),
                          error_sizes(data.options.sensor, data.range));
     for (const ObservedCoordinate& o : data.observed) {
         double& here = noise[o.group];
@@ -145,7 +143,7 @@ void ShootingResidual::read_scales(const VectorXd& theta, const std::vector<Vect
 ShootingResidual::Defect ShootingResidual::defect(const VectorXd& theta, const std::vector<VectorXd>& latents,
                                                   const VectorXd& sd) const {
     const VectorXd limit = 3.0 * (sd.size() > 0 ? sd : matching_sd());
-    const Index n = data_->system->dimension();
+    const Index n = data_->system().dimension();
     Defect result{VectorXd::Zero(n), VectorXd::Zero(n), 0, 0};
     std::vector<std::vector<double>> sizes(static_cast<std::size_t>(n));
     const auto values = evaluate(theta, latents, false);

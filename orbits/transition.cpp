@@ -36,7 +36,16 @@ models::Clock transition_clock(const models::System& system, const Series& serie
 std::vector<Transition> transitions(const models::System& system, const VectorXd& theta, const Series& series,
                                     const models::Sensor& sensor, const std::vector<std::size_t>& segments,
                                     Index interval, std::size_t count, std::uint64_t seed) {
-    const models::Clock clock = transition_clock(system, series);
+    // Not owned: used within this call only.
+    const std::shared_ptr<const models::System> one(std::shared_ptr<const void>(), &system);
+    return transitions(std::span(&one, 1), theta, series, sensor, segments, interval, count, seed);
+}
+
+std::vector<Transition> transitions(std::span<const std::shared_ptr<const models::System>> systems,
+                                    const VectorXd& theta, const Series& series, const models::Sensor& sensor,
+                                    const std::vector<std::size_t>& segments, Index interval, std::size_t count,
+                                    std::uint64_t seed) {
+    const models::Clock clock = transition_clock(*systems.front(), series);
     std::vector<std::size_t> chosen_segments = segments;
     if (segments.empty())
         for (std::size_t s = 0; s < series.segments.size(); ++s)
@@ -77,6 +86,7 @@ std::vector<Transition> transitions(const models::System& system, const VectorXd
             if (data.times.size() > 0) return true;
             return data.values.col(k).allFinite();
         };
+        const models::System& system = *systems[systems.size() == 1 ? 0 : s];
         const MatrixXd states = node_states(system, theta, series, s, sensor, samples);
         const auto state = [&](Index k) {
             return states.col(std::lower_bound(samples.begin(), samples.end(), k) - samples.begin());

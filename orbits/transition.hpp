@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -31,6 +32,13 @@ struct Transition {
 /// @param interval  sampling intervals per transition, > 0.
 [[nodiscard]] std::vector<Transition> transitions(const models::System& system, const Eigen::VectorXd& theta,
                                                   const Series& series, const models::Sensor& sensor,
+                                                  const std::vector<std::size_t>& segments, Eigen::Index interval,
+                                                  std::size_t count, std::uint64_t seed);
+
+/// The same with one system per segment of the series, each with its measured inputs, or one in all.
+[[nodiscard]] std::vector<Transition> transitions(std::span<const std::shared_ptr<const models::System>> systems,
+                                                  const Eigen::VectorXd& theta, const Series& series,
+                                                  const models::Sensor& sensor,
                                                   const std::vector<std::size_t>& segments, Eigen::Index interval,
                                                   std::size_t count, std::uint64_t seed);
 

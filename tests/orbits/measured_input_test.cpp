@@ -6,6 +6,7 @@
 #include "models/model_system.hpp"
 #include "orbits/phase_rate.hpp"
 #include "orbits/series_residual.hpp"
+#include "orbits/shooting_residual.hpp"
 #include "orbits/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 
@@ -137,4 +138,32 @@ TEST_CASE("inputs that do not fit a series are refused", "[orbits]") {
     refused({hat(100.0)}, "1 signals for 2 segments");
     refused({hat(100.0), hat(-2.5)}, "segment 1: the measured inputs cover [-2.5, 2.5] s, not the [-3, 2] s");
     refused({hat(99.0), hat(-3.0)}, "segment 0: the measured inputs cover [99, 104] s, not the [100, 105] s");
+}
+
+TEST_CASE("nodes of several intervals meet exactly under measured inputs", "[orbits][shooting]") {
+    const Series series = record();
+    ShootingOptions options;
+    options.interval = 7;
+    options.inputs = {hat(100.0), hat(-3.0)};
+    options.flow = {1e-10, 1e-10, 100000};
+    options.matching.kind = Matching::Kind::normal;
+    options.matching.sd = Eigen::VectorXd::Constant(1, 1e-8);
+    const ShootingResidual residual(lag(), binding(), series, options);
+    REQUIRE(residual.layout().size() == 12);
+    const auto nodes = residual.initial_latents();
+    const Eigen::VectorXd theta = Eigen::VectorXd::Constant(1, 0.8);
+    const auto values = residual.evaluate(theta, nodes, true);
+    const Eigen::VectorXd above = theta.array() + 1e-5;
+    const Eigen::VectorXd below = theta.array() - 1e-5;
+    const auto high = residual.evaluate(above, nodes, false);
+    const auto low = residual.evaluate(below, nodes, false);
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        REQUIRE(values[b].status == estimator::BlockStatus::ok);
+        // The solution is known; kinks of the input lie at samples. Tolerance 1e-10 over some ten steps.
+        CHECK(values[b].e.cwiseAbs().maxCoeff() < 1e-8);
+        const Eigen::VectorXd slope = (high[b].e - low[b].e) / 2e-5;
+        CHECK((slope - values[b].e_theta.col(0)).cwiseAbs().maxCoeff() < 1e-4);
+    }
+    options.inputs.pop_back();
+    CHECK_THROWS_WITH(ShootingResidual(lag(), binding(), series, options), ContainsSubstring("1 signals for 2"));
 }

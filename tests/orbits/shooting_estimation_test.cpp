@@ -1,6 +1,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "estimator/random_stream.hpp"
 #include "orbits/matching_report.hpp"
 #include "orbits/start_scan.hpp"
 #include "tests/catch.hpp"
@@ -194,6 +195,81 @@ TEST_CASE("Lorenz' equations from noisy samples, without a hint", "[orbits][shoo
     }
     CHECK(count == 9003);
     CHECK_THAT(chi2 / static_cast<double>(count), WithinAbs(1.0, 0.06));
+}
+
+TEST_CASE("errors of the model are told from errors of the readings", "[orbits][shooting]") {
+    // Henon's map with a random push in every step: both are estimated.
+    const auto system = models::make_system("henon");
+    const Eigen::VectorXd base = system->default_parameters();
+    constexpr double push = 0.005, reading = 0.01;
+    estimator::RandomStream random(11, estimator::RandomPurpose::reading_noise, 0);
+    Series series;
+    for (const auto& coordinate : system->coordinates())
+        series.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), false});
+    Segment segment{"0", Eigen::MatrixXd(2, 600), {}, {}};
+    Eigen::VectorXd x = Eigen::Vector2d(0.1, 0.1);
+    const std::vector<double> one{1.0};
+    for (Eigen::Index k = 0; k < 600; ++k) {
+        for (Eigen::Index i = 0; i < 2; ++i)
+            segment.values(i, k) = x[i] + reading * random.normal();
+        x = system->flow(x, 0.0, one, base, models::Clock::time).states.col(0);
+        for (Eigen::Index i = 0; i < 2; ++i)
+            x[i] += push * random.normal();
+    }
+    series.segments.push_back(segment);
+    std::vector<std::string> names;
+    for (const auto& parameter : system->parameters())
+        names.emplace_back(parameter.name);
+    const auto binding = bound(*system, base, names);
+    const Eigen::VectorXd truth = base_theta(binding);
+    ShootingOptions options;
+    options.matching.kind = Matching::Kind::normal;
+    options.matching.estimate = true;
+    options.start = 0.9 * truth;
+    ShootingResidual residual(system, binding, series, options);
+    const auto estimate = estimator::estimate(parameters(names, options.start), {&residual}, {}, plain());
+    CAPTURE(estimate.message);
+    REQUIRE(estimate.status == estimator::EstimateStatus::converged);
+    for (Eigen::Index i = 0; i < truth.size(); ++i)
+        CHECK(std::abs(values(estimate)[i] - truth[i]) < 4.0 * sds(estimate)[i]);
+    REQUIRE(estimate.scales.size() == 4);
+    for (std::size_t g = 0; g < 4; ++g) {
+        CAPTURE(estimate.scales[g].group, estimate.scales[g].value, estimate.scales[g].uncertainty);
+        CHECK(std::abs(estimate.scales[g].value - (g < 2 ? reading : push)) < 4.0 * estimate.scales[g].uncertainty);
+        CHECK(estimate.scales[g].uncertainty < 0.5 * estimate.scales[g].value);
+    }
+}
+
+TEST_CASE("a transient that ends at rest keeps its tail", "[orbits][shooting]") {
+    // So little forcing that dry friction stops the pendulum: the flow sticks, X is singular, and readings still count.
+    const auto system = models::make_system("parametric_pendulum");
+    Eigen::VectorXd base = system->default_parameters();
+    base[system->parameter_index("k1")] = 2e-2;
+    base[system->parameter_index("A")] = 0.01;
+    VirtualExperimentOptions experiment;
+    experiment.plan = SectionPlan{40, 0, {}, 0.0};
+    experiment.trajectories = 2;
+    experiment.initial.resize(2, 2);
+    experiment.initial << 2.5, -1.2, 3.0, 9.0;
+    experiment.restart = Restart::never;
+    experiment.sensor = encoder(encoder_step);
+    const Series series = simulate(*system, base, experiment).series;
+    REQUIRE(series.segments.size() == 2);
+    const auto last = series.segments[0].values.cols() - 1;
+    REQUIRE(series.segments[0].values(1, last) == 0.0);
+    const auto binding = bound(*system, base, pendulum_names);
+    const Eigen::VectorXd truth = base_theta(binding);
+    ShootingOptions options;
+    options.sensor = experiment.sensor;
+    options.start = truth.cwiseProduct(Eigen::Vector4d(1.02, 1.1, 0.8, 1.2));
+    ShootingResidual residual(system, binding, series, options);
+    for (const auto& value : residual.evaluate(options.start, residual.initial_latents(), true))
+        CHECK(value.status == estimator::BlockStatus::ok);
+    const auto estimate = estimator::estimate(parameters(pendulum_names, options.start), {&residual}, {}, plain());
+    REQUIRE(estimate.status != estimator::EstimateStatus::failed);
+    CHECK(estimate.counts[0].lost == 0);
+    CHECK(std::abs(values(estimate)[0] - truth[0]) < 4.0 * sds(estimate)[0]);
+    CHECK(std::abs(values(estimate)[1] - truth[1]) < 4.0 * sds(estimate)[1]);
 }
 
 TEST_CASE("one node that cannot be simulated fails alone", "[orbits][shooting]") {
