@@ -123,6 +123,7 @@ private:
         [[nodiscard]] const models::System& system() const { return *systems.front(); }
     };
     struct Chunk;
+    struct Simulated;
 
     static std::shared_ptr<Data> read(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
                                       Series series, ShootingOptions options);
@@ -139,6 +140,12 @@ private:
     [[nodiscard]] Eigen::VectorXd reading_noise(const Eigen::VectorXd& all) const;
     void evaluate(const Chunk& chunk, const Eigen::VectorXd& all, const std::vector<Eigen::VectorXd>& latents,
                   bool derivatives, std::vector<estimator::BlockValue>& values) const;
+    [[nodiscard]] Simulated simulated(const Chunk& chunk, const Eigen::VectorXd& all,
+                                      const std::vector<Eigen::VectorXd>& latents, bool derivatives) const;
+    [[nodiscard]] Eigen::MatrixXd sensitivity(const Simulated& run, Eigen::Index k, std::size_t node,
+                                              Eigen::Index instant) const;
+    [[nodiscard]] estimator::BlockValue value(const Simulated& run, Eigen::Index k, std::size_t b,
+                                              const std::vector<Eigen::VectorXd>& latents, bool derivatives) const;
     [[nodiscard]] const models::System& system_of(std::size_t segment) const {
         return *data_->systems[data_->systems.size() == 1 ? 0 : segment];
     }
