@@ -50,13 +50,16 @@ PredictionResidual::PredictionResidual(std::vector<std::shared_ptr<const models:
         group.distribution = estimator::StudentErrors{{false, 1.0, estimator::FlatPrior{}}};
         groups_.push_back(std::move(group));
     }
-    estimator::BlockLayout block;
-    for (Index i = 0; i < n; ++i)
-        block.group.push_back(static_cast<int>(i));
-    block.deviation = VectorXd::Ones(n);
-    layout_.assign(transitions_.size(), block);
-    for (std::size_t b = 0; b < layout_.size(); ++b)
-        layout_[b].label = fmt::format("transition {}", b);
+    deviation_ = Eigen::MatrixXd::Ones(n, std::ssize(transitions_));
+    for (std::size_t first = 0; first < transitions_.size(); first += block_size) {
+        const std::size_t last = std::min(first + block_size, transitions_.size());
+        estimator::BlockLayout block;
+        block.label = fmt::format("transitions {} to {}", first, last - 1);
+        for (std::size_t t = first; t < last; ++t)
+            for (Index i = 0; i < n; ++i)
+                block.group.push_back(static_cast<int>(i));
+        layout_.push_back(std::move(block));
+    }
     amplify(start);
 }
 
@@ -65,15 +68,20 @@ double PredictionResidual::amplify(const VectorXd& theta) {
     const std::span<const Index> none;
     const auto made = predictions(systems_, binding_.values(theta), transitions_, none, clock_, options_.flow);
     std::vector<double> changes;
-    for (std::size_t b = 0; b < made.size(); ++b) {
-        if (!made[b].ok) continue;  // as before
-        VectorXd& deviation = layout_[b].deviation;
+    for (std::size_t t = 0; t < made.size(); ++t) {
+        if (!made[t].ok) continue;  // as before
         for (Index i = 0; i < sizes.size(); ++i) {
-            const double grown = made[b].by_x.row(i).transpose().cwiseProduct(sizes).norm() / sizes[i];
+            const double grown = made[t].by_x.row(i).transpose().cwiseProduct(sizes).norm() / sizes[i];
             const double now = std::sqrt(own_variance + grown * grown);
-            changes.push_back(std::abs(std::log(now / deviation[i])));
-            deviation[i] = now;
+            double& deviation = deviation_(i, static_cast<Index>(t));
+            changes.push_back(std::abs(std::log(now / deviation)));
+            deviation = now;
         }
+    }
+    for (std::size_t b = 0; b < layout_.size(); ++b) {
+        const auto first = static_cast<Index>(b * block_size);
+        const auto count = std::ssize(layout_[b].group) / deviation_.rows();
+        layout_[b].deviation = deviation_.middleCols(first, count).reshaped();
     }
     if (changes.empty()) return 0.0;
     const auto middle = changes.begin() + static_cast<std::ptrdiff_t>(changes.size() / 2);
@@ -86,17 +94,25 @@ std::vector<estimator::BlockValue> PredictionResidual::evaluate(const VectorXd& 
     const std::optional<std::span<const Index>> free =
         derivatives ? std::optional<std::span<const Index>>(binding_.parameter) : std::nullopt;
     const auto made = predictions(systems_, binding_.values(theta), transitions_, free, clock_, options_.flow);
+    const Index n = options_.sizes.size();
     std::vector<estimator::BlockValue> values(layout_.size());
     for (std::size_t b = 0; b < values.size(); ++b) {
         if (!layout_[b].active) continue;
-        if (!made[b].ok) {
-            values[b].status = estimator::BlockStatus::failed;
-            continue;
+        estimator::BlockValue& value = values[b];
+        const auto records = std::ssize(layout_[b].group);
+        value.e.resize(records);
+        if (derivatives) {
+            value.e_theta = Eigen::MatrixXd::Zero(records, binding_.estimated_count);
+            value.e_z.resize(records, 0);
         }
-        values[b].e = made[b].error;
-        if (!derivatives) continue;
-        values[b].e_theta = -binding_.spread(made[b].by_free);
-        values[b].e_z.resize(values[b].e.size(), 0);
+        Index lost = 0;
+        for (Index k = 0; k * n < records; ++k) {
+            const Prediction& prediction = made[b * block_size + static_cast<std::size_t>(k)];
+            if (!prediction.ok) ++lost;
+            value.e.segment(k * n, n) = prediction.ok ? prediction.error : options_.sizes;
+            if (derivatives && prediction.ok) value.e_theta.middleRows(k * n, n) = -binding_.spread(prediction.by_free);
+        }
+        if (2 * lost * n > records) value.status = estimator::BlockStatus::failed;
     }
     return values;
 }
@@ -117,10 +133,11 @@ double PredictionResidual::misfit(const VectorXd& theta) const {
     const auto made = predictions(systems_, binding_.values(theta), transitions_, std::nullopt, clock_, options_.flow);
     double sum = 0.0;
     std::size_t count = 0;
-    for (std::size_t b = 0; b < made.size(); ++b) {
-        if (!layout_[b].active) continue;
+    for (std::size_t t = 0; t < made.size(); ++t) {
+        if (!layout_[t / block_size].active) continue;
         for (Index i = 0; i < options_.sizes.size(); ++i, ++count) {
-            const double e = made[b].ok ? made[b].error[i] / (options_.sizes[i] * layout_[b].deviation[i]) : 1.0;
+            const double e =
+                made[t].ok ? made[t].error[i] / (options_.sizes[i] * deviation_(i, static_cast<Index>(t))) : 1.0;
             sum += std::log1p(e * e / (off * off));
         }
     }

@@ -23,8 +23,10 @@ struct PredictionOptions {
 ///     e = to - Phi(from; theta),  Cauchy errors of scale s d_i sqrt(0.01 + sum_j (X_ij d_j / d_i)^2),  d = sizes
 ///
 /// The scale s is estimated, one per coordinate: what a transition is worth falls with how strongly errors of its start
-/// are amplified, X at the parameters of the last refresh(), and gross errors hardly count. A block per transition,
-/// groups "prediction.<coordinate>".
+/// are amplified, X at the parameters of the last refresh(), and gross errors hardly count. Groups
+/// "prediction.<coordinate>"; blocks of up to 64 transitions, as a block each would cost more than the flows. A
+/// transition that cannot be simulated counts as off by its size, whatever the parameters; a block of which most cannot
+/// fails.
 ///
 /// The estimate is biased by the errors of the states (a frozen start instead of an estimated one): a good start, no
 /// answer.
@@ -67,7 +69,9 @@ public:
 private:
     static constexpr int rough_rounds = 3;
 
-    /// @return the largest relative change of a weight in the median
+    static constexpr std::size_t block_size = 64;
+
+    /// @return the relative change of a weight in the median
     double amplify(const Eigen::VectorXd& theta);
 
     std::vector<std::shared_ptr<const models::System>> systems_;
@@ -75,6 +79,7 @@ private:
     std::vector<Transition> transitions_;
     models::Clock clock_;
     PredictionOptions options_;
+    Eigen::MatrixXd deviation_;  ///< shape (n, transitions): d_i sqrt(0.01 + ..) over d_i
     int rounds_ = 0;
     std::vector<estimator::Group> groups_;
     std::vector<estimator::BlockLayout> layout_;
