@@ -30,6 +30,16 @@ struct FlowStart {
     const InputSignal* input = nullptr;  ///< of a model with measured inputs; `phase` is then the time [s] at the start
 };
 
+/// Where many flows start that have all else in common.
+struct FlowStarts {
+    const double* states;  ///< n x count
+    const double* phases;  ///< count
+    std::size_t count;
+    const double* theta;
+    Clock clock;
+    FlowOptions options;
+};
+
 /// How a flow ended, and what it took.
 struct FlowEnd {
     FlowStatus status = FlowStatus::ok;
@@ -48,6 +58,20 @@ struct FlowOutput {
     double* second_derivatives;  ///< n x (m d d): column (k d + i) d + j = d2 state_k / d direction i d direction j
     double* times = nullptr;     ///< m: durations at which a section was crossed (crossings only)
     double* time_sensitivities = nullptr;  ///< m d: their derivatives (crossings only)
+};
+
+/// Many flows over the same durations, with what they have in common computed. Const, thread-safe.
+class FlowBatch {
+public:
+    virtual ~FlowBatch() = default;
+    /// Those from column `first` on, one output and end for each. What a flow gives does not depend on which others
+    /// share the call.
+    virtual void run(std::size_t first, std::size_t count, const FlowOutput* outputs, FlowEnd* ends) const = 0;
+
+protected:
+    FlowBatch() = default;
+    FlowBatch(const FlowBatch&) = default;
+    FlowBatch& operator=(const FlowBatch&) = default;
 };
 
 /// The compiled part of a model behind plain pointers: const, thread-safe, holds no parameter values.
@@ -81,6 +105,14 @@ public:
     /// States after each of the m durations; value and derivatives from the same steps.
     [[nodiscard]] virtual FlowEnd flow(const FlowStart& start, std::span<const double> durations,
                                        std::span<const std::ptrdiff_t> free, const FlowOutput& output) const = 0;
+
+    /// Many flows, as flow() to the tolerance; nullptr where they are better computed one by one. The starts (and what
+    /// they point at) must outlive the batch.
+    [[nodiscard]] virtual std::unique_ptr<const FlowBatch> flow_batch(const FlowStarts& /*starts*/,
+                                                                      std::span<const double> /*durations*/,
+                                                                      std::span<const std::ptrdiff_t> /*free*/) const {
+        return nullptr;
+    }
 
     /// The first `count` crossings of a plane after the start (a start on the plane is none), each at most
     /// `longest` after the one before.

@@ -173,6 +173,45 @@ FlowResult KernelSystem::flow_with_sensitivities(const Eigen::VectorXd& x0, doub
     return result;
 }
 
+std::vector<FlowResult> KernelSystem::flows(const Eigen::MatrixXd& starts, std::span<const double> phases,
+                                            std::span<const double> durations, const Eigen::VectorXd& theta,
+                                            std::optional<std::span<const Eigen::Index>> free, Clock clock,
+                                            const FlowOptions& options) const {
+    check_parameters(*this, theta);
+    check_columns(*this, starts, phases);
+    require_input();
+    const auto total = static_cast<std::size_t>(starts.cols());
+    if (total == 0) return {};
+    check_flow(*this, starts.col(0), phases[0], durations, theta, free.value_or(std::span<const Eigen::Index>{}), clock,
+               options);
+    const FlowStarts all{starts.data(), phases.data(), total, theta.data(), clock, options};
+    const auto batch = kernel_->flow_batch(all, durations, free.value_or(std::span<const Eigen::Index>{}));
+    if (!batch) return System::flows(starts, phases, durations, theta, free, clock, options);
+    const auto count = std::ssize(durations);
+    const Eigen::Index directions = free ? dimension() + std::ssize(*free) : 0;
+    std::vector<FlowResult> results(total);
+    // Blocks of 256 fill the packs of those that meet a switching surface at once; fewer where threads would stay idle.
+    // No result depends on it.
+    const auto threads = static_cast<std::size_t>(oneapi::tbb::this_task_arena::max_concurrency());
+    const std::size_t block = std::clamp((total + threads - 1) / threads, std::size_t{16}, std::size_t{256});
+    oneapi::tbb::parallel_for(std::size_t{0}, (total + block - 1) / block, [&](std::size_t b) {
+        const std::size_t first = b * block, size = std::min(block, total - first);
+        std::vector<FlowOutput> outputs;
+        std::vector<FlowEnd> ends(size);
+        for (std::size_t i = first; i < first + size; ++i) {
+            results[i].states.resize(dimension(), count);
+            results[i].sensitivities.setZero(dimension(), count * directions);
+            results[i].stopped_state.resize(dimension());
+            outputs.push_back({results[i].states.data(), results[i].stopped_state.data(),
+                               free ? results[i].sensitivities.data() : nullptr, nullptr});
+        }
+        batch->run(first, size, outputs.data(), ends.data());
+        for (std::size_t i = 0; i < size; ++i)
+            say_how_it_ended(results[first + i], ends[i]);
+    });
+    return results;
+}
+
 SecondOrderResult KernelSystem::flow_with_second_derivatives(const Eigen::VectorXd& x0, double phase,
                                                              std::span<const double> durations,
                                                              const Eigen::VectorXd& theta,

@@ -36,6 +36,10 @@ public:
     FlowResult flow_with_sensitivities(const Eigen::VectorXd& x0, double phase, std::span<const double> durations,
                                        const Eigen::VectorXd& theta, std::span<const Eigen::Index> free, Clock clock,
                                        const FlowOptions& options) const override;
+    std::vector<FlowResult> flows(const Eigen::MatrixXd& starts, std::span<const double> phases,
+                                  std::span<const double> durations, const Eigen::VectorXd& theta,
+                                  std::optional<std::span<const Eigen::Index>> free, Clock clock,
+                                  const FlowOptions& options) const override;
     SecondOrderResult flow_with_second_derivatives(const Eigen::VectorXd& x0, double phase,
                                                    std::span<const double> durations, const Eigen::VectorXd& theta,
                                                    std::span<const Eigen::Index> free, Clock clock,

@@ -9,6 +9,7 @@
 #include "models/dynamic_kernel.hpp"
 #include "models/field_derivatives.hpp"
 #include "models/flow.hpp"
+#include "models/flow_batch.hpp"
 #include "models/map_ensemble.hpp"
 #include "models/map_flow.hpp"
 #include "models/model_check.hpp"
@@ -102,6 +103,17 @@ public:
                 end = flow_pass<M, N>(start, durations, free, first, output);
         });
         return end;
+    }
+
+    std::unique_ptr<const FlowBatch> flow_batch([[maybe_unused]] const FlowStarts& starts,
+                                                [[maybe_unused]] std::span<const double> durations,
+                                                [[maybe_unused]] std::span<const std::ptrdiff_t> free) const override {
+        if constexpr (FlowPackModel<M>) {
+            // Sums in packs are rounded as they come; single flows keep what is lost.
+            if (std::min(starts.options.relative_tolerance, starts.options.absolute_tolerance) >= 1e-13)
+                return std::make_unique<PackedFlows<M>>(*this, starts, durations, free);
+        }
+        return nullptr;
     }
 
     FlowEnd crossings([[maybe_unused]] const FlowStart& start, [[maybe_unused]] const SectionPlane& plane,

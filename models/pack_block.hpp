@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "models/cubic_zero.hpp"
 #include "models/flow.hpp"
 #include "models/pack_steps.hpp"
 #include "models/trajectory.hpp"
@@ -315,21 +316,6 @@ private:
         return Narrow::load(lanes.data());
     }
 
-    /// Zero in (0, 1) of the polynomial of degree 4 with these end values, end slopes and integral: a guess. The cubic
-    /// with the end values and slopes has the integral (v0 + v1)/2 + (a0 - a1)/12; x^2 (1 - x)^2 has 1/30.
-    static Narrow zero_of_quartic(const Narrow& v0, const Narrow& v1, const Narrow& a0, const Narrow& a1,
-                                  const Narrow& integral) {
-        const Narrow bulge = 30.0 * (integral - 0.5 * (v0 + v1) - (a0 - a1) / 12.0);
-        const Narrow c2 = 3.0 * (v1 - v0) - 2.0 * a0 - a1 + bulge;
-        const Narrow c3 = 2.0 * (v0 - v1) + a0 + a1 - 2.0 * bulge;
-        Narrow at = v0 / (v0 - v1);
-        // Newton's method: the error of the secant, some hundredths, is squared each time.
-        for (int i = 0; i < 4; ++i)
-            at = at - (v0 + at * (a0 + at * (c2 + at * (c3 + at * bulge)))) /
-                          (a0 + at * (2.0 * c2 + at * (3.0 * c3 + at * 4.0 * bulge)));
-        return min(max(at, Narrow(0.0)), Narrow(1.0));
-    }
-
     /// Steps in which the velocity changes its sign once: to the surface and on from there.
     void cross([[maybe_unused]] std::size_t k, [[maybe_unused]] const PeriodSteps& steps) {
         if constexpr (SwitchingModel<M>) {
@@ -348,8 +334,8 @@ private:
             x[c] = gathered(count, [&](std::size_t l) { return all[l].from[c]; });
         const Narrow s = each(&Crossing::s), length = each(&Crossing::length), side = Steps::side_of(x);
         const Narrow integral = each(&Crossing::moved) * steps_.omega() / length;
-        const Narrow guess = zero_of_quartic(x[velocity], each(&Crossing::v1), each(&Crossing::first_rise),
-                                             each(&Crossing::last_rise), integral);
+        const Narrow guess = quartic_zero(x[velocity], each(&Crossing::v1), each(&Crossing::first_rise),
+                                          each(&Crossing::last_rise), integral);
         const auto to = steps_.free(x, s, guess * length, side);
         // From there to the zero of the velocity by the midpoint rule with the step that makes it zero. The way is
         // the error of the guess; its cube is below all tolerances as long as it is less than 1e-4 of the step.

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include "models/explicit_method.hpp"
 #include "models/model.hpp"
@@ -40,6 +41,22 @@ public:
                 result[c] = fma(terms_[k].coefficient, slope[c], result[c]);
         }
         return result;
+    }
+
+    /// result = at + sum_j a_row,j slopes[j] for `count` packs that are worked on together: they have to stay in
+    /// registers. Those of the next stage lie `stride` further.
+    template <std::size_t count, std::size_t stride, class P>
+    [[gnu::always_inline]] void accumulate(std::size_t row, const P* at, const P* slopes, P* result) const {
+        // Written out, as GCC makes loops of copies calls of memcpy.
+        [&]<std::size_t... c>(std::index_sequence<c...>) {
+            P sum[count] = {at[c]...};
+            for (std::size_t k = first_[row]; k < first_[row + 1]; ++k) {
+                const P* const slope = slopes + terms_[k].stage * stride;
+                ((sum[c] = fma(terms_[k].coefficient, slope[c], sum[c])), ...);
+            }
+            ((result[c] = sum[c]), ...);
+        }
+        (std::make_index_sequence<count>{});
     }
 
     /// Rows of the result and of the error estimate, which follow those of the stages.
