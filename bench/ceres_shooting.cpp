@@ -5,7 +5,9 @@
 #include <chrono>
 #include <cmath>
 #include <ctime>
+#include <limits>
 #include <numbers>
+#include <vector>
 
 #include "bench/odeint_flow.hpp"
 
@@ -108,6 +110,21 @@ ShootingSolution solve(const ShootingTask& task) {
     solution.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     for (std::size_t i = 1; i < summary.iterations.size(); ++i)
         solution.iterating += summary.iterations[i].iteration_time_in_seconds;
+    double count = 0.0;
+    for (std::size_t i = 0; i < task.intervals.size(); ++i) {
+        const ShootingInterval& interval = task.intervals[i];
+        const double* const node = solution.nodes.data() + i * n;
+        const double* const blocks[] = {solution.theta.data(), node, node + (interval.linked ? n : 0)};
+        std::vector<double> e(interval.readings.size() + n);
+        if (!IntervalCost<E>(task, interval).Evaluate(blocks, e.data(), nullptr))
+            e[0] = std::numeric_limits<double>::infinity();
+        for (std::size_t k = 0; k < interval.readings.size(); ++k)
+            if (std::isfinite(interval.readings[k])) {
+                solution.readings_chi2 += e[k] * e[k];
+                ++count;
+            }
+    }
+    solution.readings_chi2 /= count;
     solution.derivatives = summary.jacobian_evaluation_time_in_seconds;
     solution.linear = summary.linear_solver_time_in_seconds;
     return solution;

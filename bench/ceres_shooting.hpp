@@ -18,8 +18,8 @@ struct ShootingTask {
     enum class System { lorenz, pendulum };
     System system = System::lorenz;
     std::vector<ShootingInterval> intervals;
-    std::vector<double> nodes;        ///< starts, n per interval
-    std::vector<double> theta;        ///< start
+    std::vector<double> nodes;  ///< starts, n per interval
+    std::vector<double> theta;  ///< start
     double reading_sd = 1.0;
     std::vector<double> matching_sd;  ///< per coordinate
     double tolerance = 1e-10;         ///< of the flow
@@ -32,11 +32,12 @@ struct ShootingSolution {
     std::vector<double> nodes;
     bool converged = false;
     int iterations = 0;
-    double cost = 0.0;            ///< half the sum of squares, matching included
-    double seconds = 0.0;         ///< of the whole call
-    double iterating = 0.0;       ///< [s] of all iterations but the first evaluation
-    double derivatives = 0.0;     ///< [s] of these, in evaluations with derivatives
-    double linear = 0.0;          ///< [s] of these, in the linear solver
+    double cost = 0.0;           ///< half the sum of squares, matching included
+    double readings_chi2 = 0.0;  ///< sum of squares of the readings' residuals over their number
+    double seconds = 0.0;        ///< of the whole call
+    double iterating = 0.0;      ///< [s] of all iterations but the first evaluation
+    double derivatives = 0.0;    ///< [s] of these, in evaluations with derivatives
+    double linear = 0.0;         ///< [s] of these, in the linear solver
 };
 
 /// Ceres with its default trust region (Levenberg-Marquardt) and SPARSE_NORMAL_CHOLESKY, one residual block per

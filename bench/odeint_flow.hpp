@@ -36,8 +36,8 @@ struct PendulumEquations {
     static void rhs(const T* x, const T* theta, double t, double side, T* f) {
         using std::sin;
         const double s = std::sin(omega * t), c = std::cos(omega * t), root = 1.0 - epsilon * epsilon * s * s;
-        const double motion = c + epsilon * (1.0 - 2.0 * s * s + epsilon * epsilon * s * s * s * s) /
-                                      (root * std::sqrt(root));
+        const double motion =
+            c + epsilon * (1.0 - 2.0 * s * s + epsilon * epsilon * s * s * s * s) / (root * std::sqrt(root));
         const T inertia = mass * theta[0] * theta[0];
         f[0] = x[1];
         f[1] = -(side * theta[1] + x[1] * (theta[2] + side * theta[3] * x[1])) / inertia -

@@ -185,7 +185,11 @@ std::vector<FlowResult> KernelSystem::flows(const Eigen::MatrixXd& starts, std::
     check_flow(*this, starts.col(0), phases[0], durations, theta, free.value_or(std::span<const Eigen::Index>{}), clock,
                options);
     const FlowStarts all{starts.data(), phases.data(), total, theta.data(), clock, options};
-    const auto batch = kernel_->flow_batch(all, durations, free.value_or(std::span<const Eigen::Index>{}));
+    // Packs that share their steps do not count them as they go, and there are some thousand of them at most.
+    constexpr std::size_t smallest_budget = 10000;
+    const auto batch = options.maximum_steps < smallest_budget
+                           ? nullptr
+                           : kernel_->flow_batch(all, durations, free.value_or(std::span<const Eigen::Index>{}));
     if (!batch) return System::flows(starts, phases, durations, theta, free, clock, options);
     const auto count = std::ssize(durations);
     const Eigen::Index directions = free ? dimension() + std::ssize(*free) : 0;

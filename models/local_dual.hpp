@@ -39,6 +39,8 @@ public:
         return x;
     }
     [[nodiscard, gnu::always_inline]] bool depends_on(std::size_t i) const { return (depends_ >> i & 1u) != 0; }
+    /// A factor without derivatives.
+    [[gnu::always_inline]] friend const P& value_of(const LocalDual& x) { return x.value; }
     /// Defined where it depends on variable i.
     [[nodiscard, gnu::always_inline]] const P& partial(std::size_t i) const { return partial_[i]; }
 

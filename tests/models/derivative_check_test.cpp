@@ -48,6 +48,7 @@ struct SteppedTable {
     static constexpr std::string_view equations = "x'' = -w2 x (1 + x^2)";
     static constexpr std::array coordinates{real("x", "m"), real("x_dot", "m/s")};
     static constexpr std::array parameters{Parameter{"w2", "1/s^2", positive, 4.0, "stiffness"}};
+    static constexpr bool packs = false;
     template <class T>
     static State<T, 2> rhs(const T& /*t*/, const State<T, 2>& x, const Values<T, 1>& p) {
         const double looked_up = 1.0 + value_of(x[0]) * value_of(x[0]);
