@@ -41,6 +41,8 @@ struct Experiment {
     Eigen::VectorXd truth;  // of the estimated parameters
     orbits::Series series;
     models::Sensor sensor;
+    std::vector<double> errors;           // true sds of the readings, per group; empty: of a rounding instrument
+    std::vector<Eigen::MatrixXd> states;  // true ones per segment
 };
 
 void free_parameter(Experiment& e, const std::string& name, double start, estimator::Scale scale, double lower) {
@@ -79,6 +81,11 @@ Experiment pendulum(std::size_t sections, double noise, std::uint64_t seed) {
     const auto made = orbits::simulate(*e.system, e.binding.base, options);
     if (!made.complete) std::printf("# %s\n", made.message.c_str());
     e.series = made.series;
+    if (noise > 0.0) e.errors = {options.noise[0], options.noise[1]};
+    options.noise.resize(0);
+    options.sensor = {};
+    for (const orbits::Segment& segment : orbits::simulate(*e.system, e.binding.base, options).series.segments)
+        e.states.push_back(segment.values);
     estimator::RandomStream random(seed, estimator::RandomPurpose::multi_start, 0);
     free_parameter(e, "l", 0.317 * (1.1 + 0.39 * random.uniform()), estimator::Scale::log, 0.1);
     e.parameters.back().upper = 2.0;
@@ -102,6 +109,7 @@ Experiment lorenz(double duration, std::uint64_t seed) {
     for (std::size_t i = 0; i < 3; ++i)
         e.binding.base[e.system->parameter_index(names[i])] = truth[i];
     e.series = orbits::simulate(*e.system, e.binding.base, options).series;
+    e.errors.assign(3, 0.5);
     for (std::size_t i = 0; i < 3; ++i)
         free_parameter(e, names[i], start[i], estimator::Scale::linear, 0.0);
     return e;
@@ -159,17 +167,6 @@ Outcome identify(const Experiment& e, bool verbose) {
     orbits::ShootingOptions options;
     options.sensor = e.sensor;
     options.start = theta;
-    if (const char* tol = std::getenv("TOL"))
-        options.flow.relative_tolerance = options.flow.absolute_tolerance = std::atof(tol);
-    if (const char* kind = std::getenv("MATCHING")) {
-        const std::string text = kind;
-        options.matching.constraints = text == "constraints";
-        if (text == "normal") options.matching.dof = 1e4;
-    }
-    if (const char* share = std::getenv("QSHARE")) {
-        options.matching.kind = orbits::Matching::Kind::student_t;
-        options.matching.sd = std::atof(share) * Eigen::Vector2d(2.0 * std::numbers::pi, 29.3);
-    }
     result.residual = std::make_unique<orbits::ShootingResidual>(e.system, e.binding, e.series, options);
     estimator::EstimateOptions full;
     full.verdict = false;
@@ -190,26 +187,62 @@ Outcome identify(const Experiment& e, bool verbose) {
     return result;
 }
 
+/// Sds of an efficient estimate: the information at the true parameters and states.
+Eigen::VectorXd bound(const Experiment& e) {
+    auto parameters = e.parameters;
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        parameters[i].start = e.truth[static_cast<Eigen::Index>(i)];
+    orbits::ShootingOptions options;
+    options.sensor = e.sensor;
+    options.start = e.truth;
+    options.interval = 1;
+    options.nodes = e.states;
+    orbits::ShootingResidual residual(e.system, e.binding, e.series, options);
+    estimator::EstimateOptions one;
+    one.verdict = false;
+    one.clusters = estimator::Clusters::none;
+    one.maximum_iterations = 1;
+    const auto estimate = estimator::estimate(parameters, {&residual}, {}, one);
+    Eigen::VectorXd sds(std::ssize(estimate.parameters));
+    for (std::size_t i = 0; i < estimate.parameters.size(); ++i)
+        sds[static_cast<Eigen::Index>(i)] = estimate.parameters[i].sd;
+    return sds;
+}
+
 /// How far estimates are from the truth, in their sds, over many experiments.
 struct Coverage {
     struct Row {
         std::string name;
         int count = 0, inside = 0;
-        double square = 0.0, largest = 0.0, log_error = 0.0, log_sd = 0.0, bias = 0.0;
+        double square = 0.0, largest = 0.0, log_sd = 0.0, bias = 0.0, over_bound = 0.0;
     };
     std::vector<Row> rows;
     int failed = 0;
 
-    void add(const Experiment& e, const estimator::Estimate& estimate) {
-        if (rows.empty())
+    void add(const Experiment& e, const estimator::Estimate& estimate, const Eigen::VectorXd& least) {
+        if (rows.empty()) {
             for (const auto& p : estimate.parameters)
-                rows.push_back({p.name});
+                rows.emplace_back().name = p.name;
+            for (std::size_t g = 0; g < e.errors.size(); ++g)
+                rows.emplace_back().name = estimate.scales[g].group;
+        }
         if (estimate.status == estimator::EstimateStatus::failed) {
             ++failed;
             return;
         }
         if (estimate.status != estimator::EstimateStatus::converged) ++failed;
-        for (std::size_t i = 0; i < rows.size(); ++i) {
+        for (std::size_t g = 0; g < e.errors.size(); ++g) {
+            const auto& scale = estimate.scales[g];
+            Row& row = rows[estimate.parameters.size() + g];
+            ++row.count;
+            if (scale.lower95 <= e.errors[g] && e.errors[g] <= scale.upper95) ++row.inside;
+            const double z = (scale.value - e.errors[g]) / scale.uncertainty;
+            row.square += z * z;
+            row.bias += z;
+            row.largest = std::max(row.largest, std::abs(z));
+            row.log_sd += std::log(scale.uncertainty / e.errors[g]);
+        }
+        for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
             const auto& p = estimate.parameters[i];
             const double truth = e.truth[static_cast<Eigen::Index>(i)];
             const double z = (p.value - truth) / p.sd;
@@ -221,13 +254,17 @@ struct Coverage {
             row.bias += z;
             row.largest = std::max(row.largest, std::abs(z));
             row.log_sd += std::log(p.sd / truth);
+            if (least.size() > 0)
+                row.over_bound += std::pow((p.value - truth) / least[static_cast<Eigen::Index>(i)], 2);
         }
     }
     void print() const {
         for (const Row& row : rows)
-            std::printf("%-6s covered %d of %d, rms z %.3f, mean z %+.3f, largest %.2f, typical sd %.3g relative\n",
-                        row.name.c_str(), row.inside, row.count, std::sqrt(row.square / row.count),
-                        row.bias / row.count, row.largest, std::exp(row.log_sd / row.count));
+            std::printf(
+                "%-14s covered %d of %d, rms z %.3f, mean z %+.3f, largest %.2f, typical sd %.3g relative, "
+                "rms error / bound %.3f\n",
+                row.name.c_str(), row.inside, row.count, std::sqrt(row.square / row.count), row.bias / row.count,
+                row.largest, std::exp(row.log_sd / row.count), std::sqrt(row.over_bound / row.count));
         std::printf("not converged: %d\n", failed);
     }
 };
@@ -265,7 +302,7 @@ int main(int argc, char** argv) {
                 std::printf("# %zu segments, %zu sections\n", e.series.segments.size(), e.series.size());
             const Outcome o = identify(e, replicates == 1);
             show(e, o, seed);
-            coverage.add(e, o.estimate);
+            coverage.add(e, o.estimate, bound(e));
         }
         coverage.print();
     } else if (task == "lorenz") {
@@ -276,7 +313,7 @@ int main(int argc, char** argv) {
             const Experiment e = lorenz(duration, static_cast<std::uint64_t>(r + 1));
             const Outcome o = identify(e, replicates == 1);
             show(e, o, static_cast<std::uint64_t>(r + 1));
-            coverage.add(e, o.estimate);
+            coverage.add(e, o.estimate, {});
             double chi2 = 0.0;
             std::size_t count = 0;
             for (std::size_t g = 0; g < 3; ++g) {
