@@ -1,6 +1,9 @@
 #include "apps/cycle_start.hpp"
 
 #include <algorithm>
+#include <limits>
+#include <string>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -12,15 +15,30 @@ namespace orbid::apps {
 
 namespace {
 
-// The matching sd starts at the defect that the one-period prediction leaves, and falls by this factor per stage: the
-// schedule with which the wide starts of tests/orbits/cycle_estimation_test.cpp were tried.
-constexpr double matching_factor = 0.1;
-// It ends at this share of the range: small against any point error, so that the nodes are orbits to all purposes, and
-// large against the error of the flow (1e-11).
-constexpr double final_matching = 1e-8;
+// Where the plain way leads to wrong orbits: Student's t with 4 degrees of freedom, from a sixth of the range (1 rad),
+// where an orbit holds nothing together.
+const estimator::StudentErrors tails{{false, 4.0, estimator::FlatPrior{}}};
+constexpr double homotopy_start = 0.16;
+constexpr double homotopy_factor = 0.3;
+constexpr double homotopy_end = 1e-4;
+// Orbits lie this near to their measured points (rms, share of the range) for all but a few cycles, or the start is not
+// good: points are measured better than that, and wrong parameters or wrong orbits lie 0.05 and more away.
+constexpr double good_distance = 0.02;
+constexpr double most_cycles = 0.8;
 // A stage only has to come near its optimum: the next one moves it again.
-constexpr int stage_iterations = 60;
+constexpr int stage_iterations = 120;
 constexpr double stage_tolerance = 1e-2;
+// What has run to 0 on the way begins the estimate on a logarithmic scale at this share of its start.
+constexpr double least_share = 1e-3;
+
+/// Parameters as rough stages see them: what may be 0 moves on the linear scale, for on the logarithmic one there would
+/// be no way back from a value that is too small.
+std::vector<estimator::FreeParameter> for_stages(std::vector<estimator::FreeParameter> parameters) {
+    for (estimator::FreeParameter& parameter : parameters)
+        if (parameter.scale != estimator::Scale::linear && parameter.lower <= 0.0)
+            parameter.scale = estimator::Scale::linear;
+    return parameters;
+}
 
 void move_starts(std::vector<estimator::FreeParameter>& parameters, const estimator::Estimate& estimate) {
     for (std::size_t i = 0; i < parameters.size(); ++i)
@@ -40,82 +58,147 @@ Eigen::VectorXd starts(const std::vector<estimator::FreeParameter>& parameters) 
     return column(parameters, &estimator::FreeParameter::start);
 }
 
+/// Where stages ended.
+struct Candidate {
+    std::vector<estimator::FreeParameter> parameters;
+    std::vector<Eigen::MatrixXd> nodes = {};
+    double distance = std::numeric_limits<double>::infinity();
+};
+
+/// The way from one start to the next better one.
+class Approach {
+public:
+    Approach(const CycleStartProblem& problem, const CycleStartOptions& options, CycleStart& count)
+        : problem_(problem), options_(options), count_(count) {
+        // On the way to a start normal errors will do: their form only matters for the final estimate.
+        problem_.targets.forms.clear();
+        problem_.targets.covariances.clear();
+    }
+
+    [[nodiscard]] bool interrupted() const { return options_.estimate.interrupted && options_.estimate.interrupted(); }
+
+    /// The parameters of the smallest misfit of one-period predictions on a ladder about the start.
+    [[nodiscard]] std::vector<estimator::FreeParameter> scanned(
+        std::vector<estimator::FreeParameter> parameters) const {
+        const Eigen::VectorXd found = orbits::scanned_start(
+            one_period(parameters), starts(parameters), column(parameters, &estimator::FreeParameter::lower),
+            column(parameters, &estimator::FreeParameter::upper),
+            column(parameters, &estimator::FreeParameter::typical_size));
+        for (std::size_t i = 0; i < parameters.size(); ++i)
+            parameters[i].start = found[static_cast<Eigen::Index>(i)];
+        return parameters;
+    }
+
+    [[nodiscard]] std::vector<estimator::FreeParameter> predicted(std::vector<estimator::FreeParameter> parameters) {
+        orbits::OnePeriodResidual residual = one_period(parameters);
+        const auto estimate = stage("one-period prediction", parameters, residual);
+        if (estimate.status != estimator::EstimateStatus::failed) move_starts(parameters, estimate);
+        return parameters;
+    }
+
+    /// Orbits and parameters together, the matching sd falling from the defect that the start leaves.
+    [[nodiscard]] Candidate lifted(const std::vector<estimator::FreeParameter>& parameters) {
+        orbits::LiftedCycleOptions options;
+        options.points = tails;
+        return lifted("lifted cycles", parameters, options);
+    }
+
+    /// The same with heavy tails in the matching too, from a matching sd at which next to nothing is held; then as
+    /// above, for an orbit that was given up in between pulls no more.
+    [[nodiscard]] Candidate homotopy(const std::vector<estimator::FreeParameter>& parameters) {
+        orbits::LiftedCycleOptions options;
+        options.points = tails;
+        options.matching = tails;
+        options.matching_start = homotopy_start;
+        options.matching_factor = homotopy_factor;
+        options.matching_end = homotopy_end;
+        return lifted(lifted("lifted cycles with heavy tails", parameters, options).parameters);
+    }
+
+private:
+    [[nodiscard]] orbits::OnePeriodResidual one_period(const std::vector<estimator::FreeParameter>& parameters) const {
+        orbits::OnePeriodOptions options;
+        options.targets = problem_.targets;
+        return orbits::OnePeriodResidual(problem_.system, problem_.binding, problem_.cycles, problem_.place,
+                                         starts(parameters), options);
+    }
+
+    [[nodiscard]] Candidate lifted(const std::string& name, const std::vector<estimator::FreeParameter>& parameters,
+                                   orbits::LiftedCycleOptions options) {
+        options.targets = problem_.targets;
+        orbits::LiftedCycleResidual residual(problem_.system, problem_.binding, problem_.cycles, problem_.place,
+                                             starts(parameters), options);
+        const auto estimate = stage(name, parameters, residual);
+        Candidate found{parameters};
+        found.nodes = residual.nodes(residual.initial_latents());
+        if (estimate.status == estimator::EstimateStatus::failed || estimate.latents.empty()) return found;
+        move_starts(found.parameters, estimate);
+        found.nodes = residual.nodes(estimate.latents.front());
+        if (!residual.provisional())
+            found.distance = typical_distance(residual.distances(starts(found.parameters), estimate.latents.front()));
+        if (options_.log) options_.log(fmt::format("{}: orbits within {:.2e} of the points", name, found.distance));
+        return found;
+    }
+
+    [[nodiscard]] estimator::Estimate stage(const std::string& name,
+                                            const std::vector<estimator::FreeParameter>& parameters,
+                                            estimator::Residual& residual) {
+        estimator::EstimateOptions options = options_.estimate;
+        options.variance = estimator::Variance::ml;
+        options.verdict = false;
+        options.maximum_iterations = stage_iterations;
+        options.step_tolerance = stage_tolerance;
+        const auto estimate = estimator::estimate(parameters, {&residual}, {}, options);
+        count_.iterations += estimate.iterations;
+        count_.evaluations += estimate.evaluations;
+        if (options_.log)
+            options_.log(fmt::format("{}: {}, {} iterations, objective {:.6g}; {}", name,
+                                     estimator::name(estimate.status), estimate.iterations, estimate.objective,
+                                     estimate.message));
+        return estimate;
+    }
+
+    static double typical_distance(std::vector<double> distances) {
+        if (distances.empty()) return std::numeric_limits<double>::infinity();
+        const auto at =
+            distances.begin() + static_cast<std::ptrdiff_t>(most_cycles * static_cast<double>(distances.size() - 1));
+        std::nth_element(distances.begin(), at, distances.end());
+        return *at;
+    }
+
+    CycleStartProblem problem_;
+    const CycleStartOptions& options_;
+    CycleStart& count_;
+};
+
 }  // namespace
 
 CycleStart start_from_cycles(const CycleStartProblem& problem, const std::vector<estimator::FreeParameter>& parameters,
                              const CycleStartOptions& options) {
-    // On the way to a start normal errors will do: their form only matters for the final estimate.
-    orbits::CycleTargetOptions targets = problem.targets;
-    targets.forms.clear();
-    targets.covariances.clear();
-    std::vector<estimator::FreeParameter> current = parameters;
     CycleStart result;
-    const auto stage = [&](std::string_view name, estimator::Residual& residual) {
-        estimator::EstimateOptions stage_options = options.estimate;
-        stage_options.variance = estimator::Variance::ml;
-        stage_options.verdict = false;
-        stage_options.maximum_iterations = stage_iterations;
-        stage_options.step_tolerance = stage_tolerance;
-        const auto estimate = estimator::estimate(current, {&residual}, {}, stage_options);
-        result.iterations += estimate.iterations;
-        result.evaluations += estimate.evaluations;
-        if (options.log)
-            options.log(fmt::format("{}: {}, {} iterations, objective {:.6g}; {}", name,
-                                    estimator::name(estimate.status), estimate.iterations, estimate.objective,
-                                    estimate.message));
-        return estimate;
+    Approach approach(problem, options, result);
+    const auto begin = for_stages(parameters);
+    const auto predicted = approach.predicted(begin);
+    Candidate best = approach.lifted(predicted);
+    const auto found = [&] { return best.distance < good_distance || approach.interrupted(); };
+    const auto take = [&](Candidate candidate) {
+        if (candidate.distance < best.distance) best = std::move(candidate);
     };
-
-    orbits::OnePeriodOptions one_period_options;
-    one_period_options.targets = targets;
-    const auto one_period_at = [&](const Eigen::VectorXd& theta) {
-        return orbits::OnePeriodResidual(problem.system, problem.binding, problem.cycles, problem.phase, theta,
-                                         one_period_options);
-    };
-    if (options.scan) {
-        const Eigen::VectorXd scanned = orbits::scanned_start(one_period_at(starts(current)), starts(current),
-                                                              column(current, &estimator::FreeParameter::lower),
-                                                              column(current, &estimator::FreeParameter::upper),
-                                                              column(current, &estimator::FreeParameter::typical_size));
-        for (std::size_t i = 0; i < current.size(); ++i)
-            current[i].start = scanned[static_cast<Eigen::Index>(i)];
+    if (!found()) take(approach.homotopy(predicted));
+    if (!found()) take(approach.homotopy(begin));
+    if (!found() && options.scan) {
+        const auto scanned = approach.predicted(approach.scanned(begin));
+        take(approach.lifted(scanned));
+        if (!found()) take(approach.homotopy(scanned));
     }
-    orbits::OnePeriodResidual one_period = one_period_at(starts(current));
-    const auto first = stage("one-period prediction", one_period);
-    if (first.status != estimator::EstimateStatus::failed) move_starts(current, first);
-
-    orbits::LiftedCycleOptions lifted_options;
-    lifted_options.targets = targets;
-    const Eigen::VectorXd scale = orbits::target_scale(*problem.system, problem.cycles);
-    orbits::LiftedCycleResidual lifted(problem.system, problem.binding, problem.cycles, problem.phase, starts(current),
-                                       scale, lifted_options);
-    std::vector<Eigen::VectorXd> latents = lifted.initial_latents();
-    // Relative to the range, so that one number serves all coordinates.
-    double matching = (lifted.matching_defect(starts(current), latents).array() / scale.array()).maxCoeff();
-    matching = std::max(matching, final_matching);
-    while (true) {
-        if (options.estimate.interrupted && options.estimate.interrupted()) break;
-        auto tightened = lifted.tightened(matching * scale, latents);
-        const auto estimate = stage(fmt::format("lifted cycles, matching sd {:.1e} of the range", matching), tightened);
-        if (estimate.status == estimator::EstimateStatus::failed) break;
-        move_starts(current, estimate);
-        latents = estimate.latents.front();
-        if (matching <= final_matching) break;
-        matching = std::max(matching * matching_factor, final_matching);
+    result.theta = starts(best.parameters);
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        double& value = result.theta[static_cast<Eigen::Index>(i)];
+        if (parameters[i].scale != estimator::Scale::linear && !(value > parameters[i].lower))
+            value = parameters[i].lower + least_share * (parameters[i].start - parameters[i].lower);
     }
-    result.theta = starts(current);
-    result.nodes = lifted.nodes(latents);
+    result.nodes = std::move(best.nodes);
     return result;
-}
-
-CycleStart start_from_cycles(const Workspace& work, const std::vector<estimator::FreeParameter>& parameters,
-                             const models::ParameterBinding& binding, const std::vector<orbits::Cycle>& cycles,
-                             const orbits::CycleTargetOptions& targets, const estimator::EstimateOptions& options) {
-    CycleStartOptions start_options;
-    start_options.estimate = options;
-    start_options.log = [&](const std::string& line) { work.progress.log(line); };
-    return start_from_cycles({work.job.model.system, binding, cycles, work.job.section_phase, targets}, parameters,
-                             start_options);
 }
 
 }  // namespace orbid::apps

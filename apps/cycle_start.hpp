@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "apps/workspace.hpp"
 #include "estimator/estimate.hpp"
 #include "orbits/cycle_target.hpp"
 
@@ -16,7 +15,7 @@ struct CycleStartProblem {
     std::shared_ptr<const models::System> system;
     const models::ParameterBinding& binding;
     const std::vector<orbits::Cycle>& cycles;
-    double phase = 0.0;  ///< of the section [rad]
+    orbits::SectionPlace place;
     orbits::CycleTargetOptions targets;
 };
 
@@ -43,13 +42,5 @@ struct CycleStart {
 [[nodiscard]] CycleStart start_from_cycles(const CycleStartProblem& problem,
                                            const std::vector<estimator::FreeParameter>& parameters,
                                            const CycleStartOptions& options);
-
-/// The same for a job, whose log gets the lines.
-[[nodiscard]] CycleStart start_from_cycles(const Workspace& work,
-                                           const std::vector<estimator::FreeParameter>& parameters,
-                                           const models::ParameterBinding& binding,
-                                           const std::vector<orbits::Cycle>& cycles,
-                                           const orbits::CycleTargetOptions& targets,
-                                           const estimator::EstimateOptions& options);
 
 }  // namespace orbid::apps

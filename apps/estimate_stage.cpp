@@ -95,7 +95,11 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     CycleStart start;
     if (job.estimate->cycles && !search.cycles.empty()) {
         const auto targets = cycle_targets(*job.estimate->cycles);
-        start = start_from_cycles(work, parameters, cycle_binding, search.cycles, targets, options);
+        CycleStartOptions start_options;
+        start_options.estimate = options;
+        start_options.log = [&](const std::string& line) { work.progress.log(line); };
+        start = start_from_cycles({job.model.system, cycle_binding, search.cycles, job.section_phase, targets},
+                                  parameters, start_options);
         for (std::size_t i = 0; i < parameters.size(); ++i)
             parameters[i].start = start.theta[static_cast<Eigen::Index>(i)];
         orbits::CycleResidualOptions cycle_options;

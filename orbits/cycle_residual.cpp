@@ -5,6 +5,7 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include <tbb/parallel_for.h>
 #include <Eigen/Cholesky>
@@ -29,6 +30,12 @@ constexpr int most_returns = 2;
 /// on its way to another one.
 constexpr int most_newton_steps = 15;
 
+/// Typical sizes of the model's coordinates; of the plane's own, on which nothing moves, any will do.
+VectorXd state_scale(const SectionMap& map, const std::vector<Cycle>& cycles) {
+    VectorXd scale = map.states(target_scale(map.coordinates(), cycles)).cwiseAbs();
+    return (scale.array() > 0.0).select(scale, 1.0);
+}
+
 double median(std::vector<double> values) {
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());
@@ -38,16 +45,16 @@ double median(std::vector<double> values) {
 }  // namespace
 
 CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
-                             const std::vector<Cycle>& cycles, double phase, const VectorXd& start,
+                             const std::vector<Cycle>& cycles, const SectionPlace& place, const VectorXd& start,
                              const std::vector<MatrixXd>& start_nodes, const CycleResidualOptions& options)
     : system_(std::move(system)),
       binding_(std::move(binding)),
-      map_(*system_, phase, options.flow),
-      reading_(*system_, options.targets.sensor, phase, options.flow),
+      map_(*system_, place, options.flow),
+      reading_(map_, options.targets.sensor),
       options_(options),
       targets_(select_targets(map_, binding_.values(start), binding_.parameter, cycles, options.targets)),
-      scale_(target_scale(*system_, cycles)),
-      groups_(target_groups(*system_, "cycles", options.targets)) {
+      scale_(state_scale(map_, cycles)),
+      groups_(target_groups(map_, "cycles", options.targets)) {
     if (!(options.maximum_move > 0.0)) throw std::invalid_argument("CycleResidual: maximum_move must be > 0");
     if (!(options.gate > 1.0)) throw std::invalid_argument("CycleResidual: gate must be > 1");
     if (!start_nodes.empty() && start_nodes.size() != cycles.size())
@@ -69,8 +76,37 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
     // Solutions at the start give every later one a prediction to first order. A cycle without one keeps its guess.
     const std::vector<PeriodicOrbit> solved = orbits(start);
     for (std::size_t b = 0; b < solved.size(); ++b) {
-        layout_[b].active = lay_out(b, solved[b]);
+        // A state of rest that is no isolated orbit (dry friction) has nothing that could be followed.
+        const bool followed = targets_.targets[b].positions || solved[b].status == OrbitStatus::converged;
+        layout_[b].active = lay_out(b, solved[b]) && followed;
         if (solved[b].status == OrbitStatus::converged) keep(b, solved[b], start);
+    }
+    if (!start_nodes.empty()) gate_start(solved, start);
+}
+
+void CycleResidual::gate_start(const std::vector<PeriodicOrbit>& solved, const VectorXd& start) {
+    const VectorXd range = map_.points(scale_);
+    std::vector<double> size(layout_.size(), 0.0);
+    std::vector<double> sizes;
+    for (std::size_t b = 0; b < layout_.size(); ++b) {
+        const CycleTarget& target = targets_.targets[b];
+        if (!layout_[b].active || !target.positions || solved[b].status != OrbitStatus::converged) continue;
+        const auto e = residual(b, solved[b], start);
+        if (!e) continue;
+        VectorXd whitened = e->head(target.points.size());
+        if (target.covariance.size() > 0)
+            Eigen::LLT<MatrixXd>(target.covariance).matrixL().solveInPlace(whitened);
+        else
+            whitened.array() /= range.replicate(target.points.cols(), 1).array();
+        size[b] = whitened.squaredNorm() / static_cast<double>(whitened.size());
+        sizes.push_back(size[b]);
+    }
+    if (sizes.empty()) return;
+    const double limit = options_.gate * median(sizes);
+    for (std::size_t b = 0; b < layout_.size(); ++b) {
+        if (size[b] <= limit) continue;
+        layout_[b].active = false;
+        ++rejected_at_start_;
     }
 }
 
@@ -82,24 +118,29 @@ bool CycleResidual::lay_out(std::size_t block, const PeriodicOrbit& orbit) {
     const Index n = target.points.rows();
     const Index positions = target.positions ? target.points.size() : 0;
     const Index multipliers = known_[block].multipliers ? target.ln_multiplier.size() : 0;
+    const Index times = std::isfinite(target.time) ? 1 : 0;
     estimator::BlockLayout& layout = layout_[block];
     layout.group.clear();
     if (target.positions) layout.group = record_groups(n, target.points.cols(), 0);
-    layout.group.insert(layout.group.end(), static_cast<std::size_t>(multipliers), static_cast<int>(n));
+    const int of_multipliers = options_.targets.positions ? static_cast<int>(n) : 0;
+    layout.group.insert(layout.group.end(), static_cast<std::size_t>(multipliers), of_multipliers);
+    if (times > 0) layout.group.push_back(of_multipliers + (options_.targets.multipliers ? 1 : 0));
     layout.shape.resize(0, 0);
     if (options_.targets.weights == CycleWeights::covariance) {
-        layout.shape.setZero(positions + multipliers, positions + multipliers);
+        layout.shape.setZero(std::ssize(layout.group), std::ssize(layout.group));
         if (positions > 0) layout.shape.topLeftCorner(positions, positions) = target.covariance;
-        if (multipliers > 0) layout.shape.bottomRightCorner(multipliers, multipliers) = target.multiplier_covariance;
+        if (multipliers > 0)
+            layout.shape.block(positions, positions, multipliers, multipliers) = target.multiplier_covariance;
+        if (times > 0) layout.shape.bottomRightCorner<1, 1>()(0, 0) = target.time_sd * target.time_sd;
     }
-    return positions + multipliers > 0;
+    return !layout.group.empty();
 }
 
 void CycleResidual::keep(std::size_t block, const PeriodicOrbit& orbit, const VectorXd& theta) {
     Known& known = known_[block];
-    known.nodes = orbit.points;
+    known.nodes = map_.points(orbit.points);
     known.theta = theta;
-    known.sensitivities = binding_.spread(orbit.sensitivities);
+    known.sensitivities = binding_.spread(map_.points(orbit.sensitivities));
     known.rotation = orbit.rotation;
 }
 
@@ -125,7 +166,12 @@ PeriodicOrbit CycleResidual::solve(std::size_t block, const VectorXd& theta, boo
     const std::vector<Index> none;
     const std::vector<Index>& free = derivatives ? binding_.parameter : none;
     const auto from = [&](const MatrixXd& guess) {
-        return periodic::solve_multiple_shooting(*system_, values, map_.phase(), guess, known.rotation, free, options);
+        periodic::StartingSolution start;
+        start.points = map_.states(guess);
+        start.rotation = known.rotation;
+        start.phase = map_.phase();
+        start.section = map_.place().plane;
+        return periodic::solve_multiple_shooting(*system_, values, start, free, options);
     };
     if (known.theta.size() > 0) {
         const VectorXd move = known.sensitivities * (theta - known.theta);
@@ -143,9 +189,9 @@ std::optional<VectorXd> CycleResidual::residual(std::size_t block, const Periodi
     const CycleTarget& target = targets_.targets[block];
     const Index positions = target.positions ? target.points.size() : 0;
     VectorXd e(static_cast<Index>(layout_[block].group.size()));
-    if (target.positions) e.head(positions) = wrapped_difference(*system_, target.points, readings.values).reshaped();
-    if (!known_[block].multipliers) return e;
-    for (std::size_t k = 0; k < target.multipliers.size(); ++k) {
+    if (target.positions) e.head(positions) = map_.difference(target.points, readings.values).reshaped();
+    if (std::isfinite(target.time)) e(e.size() - 1) = target.time - orbit.time;
+    for (std::size_t k = 0; known_[block].multipliers && k < target.multipliers.size(); ++k) {
         const std::size_t m = target.multipliers[k];
         const std::size_t last = target.pair[k] ? m + 1 : m;
         if (!(last < orbit.multipliers.size())) return std::nullopt;
@@ -160,7 +206,7 @@ std::optional<VectorXd> CycleResidual::residual(std::size_t block, const Periodi
 
 std::optional<VectorXd> CycleResidual::residual(std::size_t block, const PeriodicOrbit& orbit,
                                                 const VectorXd& theta) const {
-    const auto readings = reading_(orbit.points, binding_.values(theta), {}, false);
+    const auto readings = reading_(map_.points(orbit.points), binding_.values(theta), {}, false);
     if (!readings) return std::nullopt;
     return residual(block, orbit, *readings);
 }
@@ -171,11 +217,12 @@ std::optional<MatrixXd> CycleResidual::derivative(std::size_t block, const Perio
     const Index n = target.points.rows();
     const Index positions = target.positions ? target.points.size() : 0;
     MatrixXd by_free(static_cast<Index>(layout_[block].group.size()), static_cast<Index>(binding_.parameter.size()));
+    const MatrixXd moved = map_.points(orbit.sensitivities);
     for (Index j = 0; n * j < positions; ++j) {
         const auto slot = static_cast<std::size_t>(j);
-        by_free.middleRows(n * j, n) =
-            -(readings.by_x[slot] * orbit.sensitivities.middleRows(n * j, n) + readings.by_free[slot]);
+        by_free.middleRows(n * j, n) = -(readings.by_x[slot] * moved.middleRows(n * j, n) + readings.by_free[slot]);
     }
+    if (std::isfinite(target.time)) by_free.bottomRows(1) = -orbit.time_sensitivities;
     if (known_[block].multipliers) {
         periodic::StabilityOptions options;
         options.flow = options_.flow;
@@ -199,7 +246,7 @@ std::vector<estimator::BlockValue> CycleResidual::evaluate(const VectorXd& theta
     return evaluate_blocks(*system_, values, layout_, [&](std::size_t b, estimator::BlockValue& block) {
         const PeriodicOrbit orbit = solve(b, theta, derivatives);
         if (orbit.status != OrbitStatus::converged) return false;
-        const auto readings = reading_(orbit.points, values, binding_.parameter, derivatives);
+        const auto readings = reading_(map_.points(orbit.points), values, binding_.parameter, derivatives);
         if (!readings) return false;
         const auto e = residual(b, orbit, *readings);
         if (!e) return false;
@@ -232,6 +279,7 @@ estimator::RefreshReport CycleResidual::refresh(const VectorXd& theta, const std
                                                 const VectorXd& scales) {
     const std::vector<PeriodicOrbit> solved = orbits(theta);
     estimator::RefreshReport report;
+    const int rejected_before = std::exchange(rejected_at_start_, 0);
     for (std::size_t b = 0; b < layout_.size(); ++b) {
         // A multiplier that has become 0, or no longer is.
         if (solved[b].status != OrbitStatus::converged) continue;
@@ -273,6 +321,9 @@ estimator::RefreshReport CycleResidual::refresh(const VectorXd& theta, const std
         if (plausible) keep(b, solved[b], theta);
     }
     report.changed = report.changed || report.lost + report.rejected + report.added > 0;
+    // What is inactive at the start is counted as lost.
+    report.rejected += rejected_before;
+    report.lost -= rejected_before;
     return report;
 }
 

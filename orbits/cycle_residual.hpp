@@ -24,16 +24,20 @@ struct CycleResidualOptions {
 
 /// Measured cycles against re-solved periodic orbits of the model: no latent states, for the final estimate.
 ///
-///     e_c = (y_c - sensor(x_c(theta)),  ln|mu|_c - ln|mu_c(theta)|),   V_c = D Sigma_c D,  D = diag(s_group)
+///     e_c = (y_c - sensor(x_c(theta)),  ln|mu|_c - ln|mu_c(theta)|,  T_c - T_c(theta)),   V_c = D Sigma_c D
 ///
 /// x_c moves by (M7), ln|mu_c| by second variational equations (periodic::stability). A block per cycle, records in the
-/// order of points, coordinate fastest, then its multipliers, largest modulus first; groups "cycles.<coordinate>" and
-/// "cycles.ln_multiplier". Sigma_c links points with points and multipliers with multipliers.
+/// order of points, coordinate fastest, then its multipliers, largest modulus first, then T; groups
+/// "cycles.<coordinate>", "cycles.ln_multiplier", "cycles.time". Sigma_c links points with points and multipliers with
+/// multipliers.
 /// Every orbit is solved by multiple shooting from the last solution, moved to first order with its sensitivities. An
 /// orbit that does not converge, or converges elsewhere, is missing data (BlockStatus::failed).
 ///
 /// An orbit with a period of sticking has a multiplier 0 and no logarithm of it: its block then goes without
 /// multipliers.
+///
+/// With start nodes, which come from stages that wrong cycles did not hold, gross errors stand out from the beginning:
+/// they are rejected before the first step.
 ///
 /// refresh(): moves the solutions on to the present theta, takes lost cycles back whose orbit is found again (at most
 /// twice each), rejects gross errors (see `gate`).
@@ -44,7 +48,7 @@ public:
     ///                     empty, or an empty list: the measured points.
     /// @throws std::invalid_argument as select_targets; nodes of the wrong shape; options out of range.
     CycleResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
-                  const std::vector<Cycle>& cycles, double phase, const Eigen::VectorXd& start,
+                  const std::vector<Cycle>& cycles, const SectionPlace& place, const Eigen::VectorXd& start,
                   const std::vector<Eigen::MatrixXd>& start_nodes = {}, const CycleResidualOptions& options = {});
 
     [[nodiscard]] std::string_view type() const override { return "cycles"; }
@@ -94,6 +98,8 @@ private:
     [[nodiscard]] std::optional<Eigen::MatrixXd> derivative(std::size_t block, const periodic::PeriodicOrbit& orbit,
                                                             const PointReadings& readings,
                                                             const Eigen::VectorXd& values) const;
+    /// Rejects what stands out at the start, by the positions alone.
+    void gate_start(const std::vector<periodic::PeriodicOrbit>& solved, const Eigen::VectorXd& start);
     /// Lays a block out with or without its multipliers. @return whether there is anything left in it.
     bool lay_out(std::size_t block, const periodic::PeriodicOrbit& orbit);
     [[nodiscard]] double mean_square(std::size_t block, const Eigen::VectorXd& e, const Eigen::VectorXd& scales) const;
@@ -104,10 +110,11 @@ private:
     PointReading reading_;
     CycleResidualOptions options_;
     CycleTargets targets_;
-    Eigen::VectorXd scale_;
+    Eigen::VectorXd scale_;  ///< of the model's coordinates
     std::vector<estimator::Group> groups_;
     std::vector<estimator::BlockLayout> layout_;
     std::vector<Known> known_;
+    int rejected_at_start_ = 0;  ///< not reported yet
 };
 
 }  // namespace orbid::orbits

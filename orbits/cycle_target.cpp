@@ -36,7 +36,7 @@ constexpr double computed_multiplier_error = 1e-9;
 void check_forms(Index n, const CycleTargetOptions& options) {
     if (!options.forms.empty() && static_cast<Index>(options.forms.size()) != n)
         throw std::invalid_argument("cycle residual: " + std::to_string(options.forms.size()) +
-                                    " error distributions, the model has " + std::to_string(n) + " coordinates");
+                                    " error distributions, the section has " + std::to_string(n) + " coordinates");
     const bool linked = options.weights == CycleWeights::covariance;
     for (const ErrorForm& form : options.forms) {
         const bool normal = std::holds_alternative<estimator::NormalErrors>(form.distribution);
@@ -64,13 +64,15 @@ void check_multipliers(const Cycle& cycle, const std::string& who, bool covarian
                                     std::to_string(count) + R"( (weights "equal" need none))");
 }
 
-void check(const models::System& system, const std::vector<Cycle>& cycles, const CycleTargetOptions& options) {
-    const Index n = system.dimension();
-    if (!options.positions && !options.multipliers)
+void check(const SectionMap& map, const std::vector<Cycle>& cycles, const CycleTargetOptions& options) {
+    const Index n = map.dimension();
+    if (!options.positions && !options.multipliers && !options.times)
         throw std::invalid_argument("cycle residual: positions or multipliers must take part");
+    if (options.times && !map.place().plane)
+        throw std::invalid_argument("cycle residual: only cycles of autonomous flows have a time of their own");
     if (!options.errors.empty() && static_cast<Index>(options.errors.size()) != n)
         throw std::invalid_argument("cycle residual: " + std::to_string(options.errors.size()) +
-                                    " error scales, the model has " + std::to_string(n) + " coordinates");
+                                    " error scales, the section has " + std::to_string(n) + " coordinates");
     check_forms(n, options);
     for (std::size_t c = 0; c < cycles.size(); ++c) {
         const Cycle& cycle = cycles[c];
@@ -93,12 +95,12 @@ void check(const models::System& system, const std::vector<Cycle>& cycles, const
 
 bool rests(const SectionMap& map, const VectorXd& theta, std::span<const Index> free, const MatrixXd& nodes,
            const VectorXd& scale) {
-    if (nodes.cols() != 1) return false;
+    if (nodes.cols() != 1 || map.place().plane) return false;
     const models::System& system = map.system();
     const VectorXd point = nodes.col(0);
     const auto image = map(point, theta, free, false);
     const auto near = [&](const VectorXd& other) {
-        return (wrapped_difference(system, other, point).array() / scale.array()).abs().maxCoeff() < nearness;
+        return (map.difference(other, point).array() / scale.array()).abs().maxCoeff() < nearness;
     };
     // Every fixed point of a map is at rest: only that it stays where it is for all parameters makes it tell nothing.
     const bool can_rest = system.kind() != models::Kind::map;
@@ -127,6 +129,8 @@ bool rests(const SectionMap& map, const VectorXd& theta, std::span<const Index> 
 /// instability makes of it. Clean series give points better than that; without this share the residuals of such points
 /// would measure our integrator, and their rounding would stop the minimiser before it has converged.
 constexpr double computed_orbit_error = 1e-10;
+/// The same of T.
+constexpr double computed_time_error = 1e-11;
 
 /// Points with their covariance, as far as they take part.
 void take_positions(const Cycle& cycle, const VectorXd& scale, const CycleTargetOptions& options, CycleTarget& target) {
@@ -136,6 +140,15 @@ void take_positions(const Cycle& cycle, const VectorXd& scale, const CycleTarget
         const double error = computed_orbit_error * scale(k % scale.size());
         target.covariance(k, k) += error * error;
     }
+}
+
+void take_time(const Cycle& cycle, const CycleTargetOptions& options, CycleTarget& target) {
+    if (!std::isfinite(cycle.time)) return;
+    if (options.weights == CycleWeights::covariance) {
+        if (!(cycle.time_sd > 0.0) || !std::isfinite(cycle.time_sd)) return;
+        target.time_sd = std::hypot(cycle.time_sd, computed_time_error * cycle.time);
+    }
+    target.time = cycle.time;
 }
 
 void take_multipliers(const Cycle& cycle, const CycleTargetOptions& options, CycleTarget& target) {
@@ -168,9 +181,9 @@ void take_multipliers(const Cycle& cycle, const CycleTargetOptions& options, Cyc
 
 CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::span<const Index> free,
                             const std::vector<Cycle>& cycles, const CycleTargetOptions& options) {
-    check(map.system(), cycles, options);
-    const VectorXd scale = target_scale(map.system(), cycles);
-    const PointReading reading(map.system(), options.sensor, map.phase(), map.flow());
+    check(map, cycles, options);
+    const VectorXd scale = target_scale(map.coordinates(), cycles);
+    const PointReading reading(map, options.sensor);
     CycleTargets result;
     for (std::size_t c = 0; c < cycles.size(); ++c) {
         const Cycle& cycle = cycles[c];
@@ -192,19 +205,24 @@ CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::s
         target.positions = options.positions && !resting;
         if (target.positions) take_positions(cycle, scale, options, target);
         if (options.multipliers) take_multipliers(cycle, options, target);
-        if (target.positions || !target.multipliers.empty()) result.targets.push_back(std::move(target));
+        if (options.times) take_time(cycle, options, target);
+        if (target.positions || !target.multipliers.empty() || std::isfinite(target.time))
+            result.targets.push_back(std::move(target));
     }
     const auto has_multipliers = [](const CycleTarget& target) { return !target.multipliers.empty(); };
     if (options.multipliers && std::none_of(result.targets.begin(), result.targets.end(), has_multipliers))
         throw std::invalid_argument("cycle residual: multipliers are to take part, but none was measured");
+    const auto has_time = [](const CycleTarget& target) { return std::isfinite(target.time); };
+    if (options.times && std::none_of(result.targets.begin(), result.targets.end(), has_time))
+        throw std::invalid_argument("cycle residual: times are to take part, but none was measured");
     return result;
 }
 
-std::vector<estimator::Group> target_groups(const models::System& system, const std::string& prefix,
+std::vector<estimator::Group> target_groups(const SectionMap& map, const std::string& prefix,
                                             const CycleTargetOptions& options) {
     std::vector<estimator::Group> groups;
-    for (std::size_t i = 0; i < system.coordinates().size(); ++i) {
-        const models::Coordinate& coordinate = system.coordinates()[i];
+    for (std::size_t i = 0; options.positions && i < map.coordinates().size(); ++i) {
+        const models::Coordinate& coordinate = map.coordinates()[i];
         estimator::Group group;
         group.name = prefix + "." + std::string(coordinate.name);
         group.factor = options.weights == CycleWeights::covariance;
@@ -218,14 +236,16 @@ std::vector<estimator::Group> target_groups(const models::System& system, const 
         }
         groups.push_back(std::move(group));
     }
-    if (options.multipliers) {
+    const auto add = [&](const std::string& name, const std::string& unit, const estimator::ErrorScale& scale) {
         estimator::Group group;
-        group.name = prefix + ".ln_multiplier";
-        group.unit = "1";
+        group.name = prefix + "." + name;
         group.factor = options.weights == CycleWeights::covariance;
-        group.scale = options.multiplier_error;
+        group.unit = group.factor ? "1" : unit;
+        group.scale = scale;
         groups.push_back(std::move(group));
-    }
+    };
+    if (options.multipliers) add("ln_multiplier", "1", options.multiplier_error);
+    if (options.times) add("time", "s", options.time_error);
     return groups;
 }
 
@@ -237,10 +257,10 @@ std::vector<int> record_groups(Index dimension, Index points, int first) {
     return groups;
 }
 
-VectorXd target_scale(const models::System& system, const std::vector<Cycle>& cycles) {
-    VectorXd scale = VectorXd::Zero(system.dimension());
+VectorXd target_scale(std::span<const models::Coordinate> coordinates, const std::vector<Cycle>& cycles) {
+    VectorXd scale = VectorXd::Zero(static_cast<Index>(coordinates.size()));
     for (Index i = 0; i < scale.size(); ++i) {
-        if (system.coordinates()[static_cast<std::size_t>(i)].angle) {
+        if (coordinates[static_cast<std::size_t>(i)].angle) {
             scale(i) = 2.0 * std::numbers::pi;
             continue;
         }

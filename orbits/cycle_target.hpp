@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -28,6 +30,9 @@ struct CycleTargetOptions {
     bool multipliers = false;  ///< ln|multiplier| takes part, group "cycles.ln_multiplier"
     /// Error of ln|multiplier|: a factor on the analysis' covariance, or with weights "equal" its sd.
     estimator::ErrorScale multiplier_error;
+    /// T takes part where it was measured (Cycle::time): autonomous flows; group "cycles.time" [s].
+    bool times = false;
+    estimator::ErrorScale time_error;  ///< likewise
     /// How the series was read that the points come from: they are readings of the model's states.
     models::Sensor sensor;
     std::vector<estimator::ErrorScale> errors;  ///< one per coordinate; empty: estimated, started from the residuals
@@ -51,9 +56,11 @@ struct CycleTarget {
     /// The multipliers that take part, as indices into those of the model's orbit (largest modulus first): of a complex
     /// pair the first; empty: none.
     std::vector<std::size_t> multipliers;
-    std::vector<bool> pair;                 ///< whether each is the first of a complex pair
-    Eigen::VectorXd ln_multiplier;          ///< ln|multiplier| as measured, same length
-    Eigen::MatrixXd multiplier_covariance;  ///< of these; empty = identity
+    std::vector<bool> pair;                                  ///< whether each is the first of a complex pair
+    Eigen::VectorXd ln_multiplier;                           ///< ln|multiplier| as measured, same length
+    Eigen::MatrixXd multiplier_covariance;                   ///< of these; empty = identity
+    double time = std::numeric_limits<double>::quiet_NaN();  ///< [s]; nan: takes no part
+    double time_sd = 1.0;                                    ///< weights "equal": 1
 };
 
 /// The targets of an estimate, and the cycles that say nothing about parameters.
@@ -71,7 +78,7 @@ struct CycleTargets {
 /// Chooses the cycles that take part. A cycle of period 1 is a state of rest when the orbit solved from its point at
 /// the start parameters, or the point one period later, is at rest for ever (System::at_rest), or when that orbit does
 /// not move with any of the free parameters; a fixed point of a map only by the latter. (Longer prime periods cannot be
-/// at rest.)
+/// at rest, nor can what crosses a plane.)
 ///
 /// A multiplier takes part when it was measured: finite, and with weights "covariance" known within a sd of
 /// `largest_multiplier_sd` (the logarithm of a value with larger normal errors is biased, and skew). Of complex pairs
@@ -81,23 +88,25 @@ struct CycleTargets {
 /// @param free   free parameters.
 /// @throws std::invalid_argument naming the cycle and the rule: wrong shapes, not finite, a covariance that is missing
 ///         or not symmetric positive definite (weights "covariance"), wrong number of errors, a distribution or a full
-///         covariance that does not go with the weights, multipliers that no cycle has, neither positions nor
-///         multipliers, a sensor that reads formulas.
+///         covariance that does not go with the weights, multipliers or times that no cycle has, neither positions nor
+///         multipliers nor times, times of another than an autonomous flow, a sensor that reads formulas.
 [[nodiscard]] CycleTargets select_targets(const SectionMap& map, const Eigen::VectorXd& theta,
                                           std::span<const Eigen::Index> free, const std::vector<Cycle>& cycles,
                                           const CycleTargetOptions& options);
 
 inline constexpr double largest_multiplier_sd = 0.5;
 
-/// Group "prefix.coordinate" per coordinate, with the errors of the options: factors (unit 1) for weights "covariance",
-/// sds in the coordinate's unit for "equal". With multipliers also "prefix.ln_multiplier".
-[[nodiscard]] std::vector<estimator::Group> target_groups(const models::System& system, const std::string& prefix,
+/// Group "prefix.coordinate" per coordinate (unless positions are withheld), with the errors of the options: factors
+/// (unit 1) for weights "covariance", sds in the coordinate's unit for "equal". With multipliers also
+/// "prefix.ln_multiplier", with times "prefix.time".
+[[nodiscard]] std::vector<estimator::Group> target_groups(const SectionMap& map, const std::string& prefix,
                                                           const CycleTargetOptions& options);
 
 /// Groups of n p records in the order of points, coordinate fastest: first, first + 1, .., again and again.
 [[nodiscard]] std::vector<int> record_groups(Eigen::Index dimension, Eigen::Index points, int first);
 
 /// Typical size of each coordinate: 2 pi for angles, else the range of the measured points about 0 (1 when all are 0).
-[[nodiscard]] Eigen::VectorXd target_scale(const models::System& system, const std::vector<Cycle>& cycles);
+[[nodiscard]] Eigen::VectorXd target_scale(std::span<const models::Coordinate> coordinates,
+                                           const std::vector<Cycle>& cycles);
 
 }  // namespace orbid::orbits

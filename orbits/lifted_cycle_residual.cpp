@@ -1,6 +1,8 @@
 #include "orbits/lifted_cycle_residual.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -23,27 +25,34 @@ constexpr double usual_error = 1e-3;
 CycleTargetOptions points_of(CycleTargetOptions options) {
     options.positions = true;
     options.multipliers = false;
+    options.times = false;
     return options;
 }
 
 }  // namespace
 
 LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
-                                         const std::vector<Cycle>& cycles, double phase, const VectorXd& start,
-                                         const VectorXd& matching_sd, const LiftedCycleOptions& options)
+                                         const std::vector<Cycle>& cycles, const SectionPlace& place,
+                                         const VectorXd& start, const LiftedCycleOptions& options)
     : system_(std::move(system)),
       binding_(std::move(binding)),
-      map_(*system_, phase, options.flow),
-      reading_(*system_, options.targets.sensor, phase, options.flow),
-      exact_(options.exact),
+      map_(*system_, place, options.flow),
+      reading_(map_, options.targets.sensor),
+      options_(options),
       targets_(select_targets(map_, binding_.values(start), binding_.parameter, cycles, points_of(options.targets))),
+      scale_(target_scale(map_.coordinates(), cycles)),
       cycle_count_(cycles.size()) {
-    const Index n = system_->dimension();
-    const VectorXd range = target_scale(*system_, cycles);
+    if (!(options.matching_end > 0.0 && options.matching_end <= 1.0))
+        throw std::invalid_argument("LiftedCycleResidual: matching_end must be in (0, 1]");
+    if (!(options.matching_factor > 0.0 && options.matching_factor < 1.0))
+        throw std::invalid_argument("LiftedCycleResidual: matching_factor must be in (0, 1)");
+    if (!(options.matching_start >= 0.0))
+        throw std::invalid_argument("LiftedCycleResidual: matching_start must be >= 0");
+    const Index n = map_.dimension();
     const bool factor = options.targets.weights == CycleWeights::covariance;
     VectorXd size(n);
     for (Index i = 0; i < n; ++i) {
-        size(i) = factor ? 1.0 : usual_error * range(i);
+        size(i) = factor ? 1.0 : usual_error * scale_(i);
         if (options.targets.errors.empty()) continue;
         const estimator::ErrorScale& told = options.targets.errors[static_cast<std::size_t>(i)];
         if (!told.estimate) size(i) = told.value;
@@ -52,9 +61,10 @@ LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> s
     points.name = "cycles.points";
     points.unit = "1";
     points.scale.estimate = false;
+    points.distribution = options.points;
     groups_.push_back(std::move(points));
-    for (std::size_t i = 0; i < system_->coordinates().size() && !exact_; ++i) {
-        const models::Coordinate& coordinate = system_->coordinates()[i];
+    for (std::size_t i = 0; i < map_.coordinates().size() && !options_.exact; ++i) {
+        const models::Coordinate& coordinate = map_.coordinates()[i];
         estimator::Group group;
         group.name = "matching." + std::string(coordinate.name);
         group.unit = coordinate.unit;
@@ -67,8 +77,9 @@ LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> s
         estimator::BlockLayout block;
         block.label = target.label;
         block.group.assign(static_cast<std::size_t>(n * p), 0);
-        if (exact_) {
+        if (options_.exact) {
             block.constraints = n * p;
+            block.constraint_size = scale_.replicate(p, 1);
         } else {
             const std::vector<int> matching = record_groups(n, p, 1);
             block.group.insert(block.group.end(), matching.begin(), matching.end());
@@ -81,32 +92,24 @@ LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> s
         layout_.push_back(std::move(block));
         start_.emplace_back(target.nodes.reshaped());
     }
-    match_with(matching_sd);
+    const double defect = (matching_defect(start, start_).array() / scale_.array()).maxCoeff();
+    match_with(std::clamp(options.matching_start > 0.0 ? options.matching_start : defect, options.matching_end, 1.0));
 }
 
-void LiftedCycleResidual::match_with(const VectorXd& matching_sd) {
-    const Index n = system_->dimension();
-    if (matching_sd.size() != n || !matching_sd.allFinite() || !(matching_sd.minCoeff() > 0.0))
-        throw std::invalid_argument("LiftedCycleResidual: matching_sd must hold one finite value > 0 per coordinate");
-    for (estimator::BlockLayout& block : layout_)
-        if (exact_) block.constraint_size = matching_sd.replicate(block.constraints / n, 1);
-    for (Index i = 0; i < n && !exact_; ++i)
-        groups_[static_cast<std::size_t>(1 + i)].scale.value = matching_sd(i);
+void LiftedCycleResidual::match_with(double matching) {
+    matching_ = matching;
+    for (std::size_t i = 1; i < groups_.size(); ++i)
+        groups_[i].scale.value = matching * scale_(static_cast<Index>(i) - 1);
 }
 
-LiftedCycleResidual LiftedCycleResidual::tightened(const VectorXd& matching_sd, std::vector<VectorXd> latents) const {
-    LiftedCycleResidual copy = *this;
-    copy.match_with(matching_sd);
-    if (latents.empty()) return copy;
-    if (latents.size() != layout_.size())
-        throw std::invalid_argument("LiftedCycleResidual: " + std::to_string(latents.size()) + " latent vectors for " +
-                                    std::to_string(layout_.size()) + " cycles");
-    for (std::size_t b = 0; b < latents.size(); ++b)
-        if (latents[b].size() != layout_[b].latents || !latents[b].allFinite())
-            throw std::invalid_argument("LiftedCycleResidual: latent states of " + layout_[b].label + " must be " +
-                                        std::to_string(layout_[b].latents) + " finite numbers");
-    copy.start_ = std::move(latents);
-    return copy;
+estimator::RefreshReport LiftedCycleResidual::refresh(const VectorXd&, const std::vector<VectorXd>&, const VectorXd&) {
+    estimator::RefreshReport report;
+    if (!provisional()) return report;
+    const double next = matching_ * options_.matching_factor;
+    const bool there = next < options_.matching_end * (1.0 + 1e-9);  // but for rounding
+    match_with(there ? options_.matching_end : next);
+    report.changed = true;
+    return report;
 }
 
 bool LiftedCycleResidual::evaluate_points(std::size_t block, const MatrixXd& nodes, const VectorXd& values,
@@ -117,7 +120,7 @@ bool LiftedCycleResidual::evaluate_points(std::size_t block, const MatrixXd& nod
     const Index records = nodes.size();
     const auto root = roots_[block].triangularView<Eigen::Lower>();
     value.e.head(records) =
-        root.solve(VectorXd(wrapped_difference(*system_, targets_.targets[block].points, read->values).reshaped()));
+        root.solve(VectorXd(map_.difference(targets_.targets[block].points, read->values).reshaped()));
     if (!derivatives) return true;
     MatrixXd by_nodes = MatrixXd::Zero(records, records);
     MatrixXd by_theta(records, binding_.estimated_count);
@@ -135,11 +138,11 @@ std::vector<estimator::BlockValue> LiftedCycleResidual::evaluate(const VectorXd&
                                                                  bool derivatives) const {
     const VectorXd values = binding_.values(theta);
     return evaluate_blocks(*system_, values, layout_, [&](std::size_t b, estimator::BlockValue& block) {
-        const Index n = system_->dimension();
+        const Index n = map_.dimension();
         const Index p = targets_.targets[b].points.cols();
         const Index records = n * p;
         const MatrixXd nodes = latents[b].reshaped(n, p);
-        const Index rows = exact_ ? records : 2 * records;
+        const Index rows = options_.exact ? records : 2 * records;
         block.e.resize(rows);
         VectorXd defect(records);
         MatrixXd by_theta, by_nodes;
@@ -154,13 +157,13 @@ std::vector<estimator::BlockValue> LiftedCycleResidual::evaluate(const VectorXd&
             const auto image = map_(nodes.col(j), values, binding_.parameter, derivatives);
             if (!image) return false;
             const Index next = (j + 1) % p;
-            defect.segment(n * j, n) = wrapped_difference(*system_, nodes.col(next), image->state);
+            defect.segment(n * j, n) = map_.difference(nodes.col(next), image->state);
             if (!derivatives) continue;
             by_theta.middleRows(n * j, n) = -binding_.spread(image->by_free);
             by_nodes.block(n * j, n * next, n, n) += MatrixXd::Identity(n, n);
             by_nodes.block(n * j, n * j, n, n) -= image->by_x;
         }
-        if (exact_) {
+        if (options_.exact) {
             block.c = std::move(defect);
             block.c_theta = std::move(by_theta);
             block.c_z = std::move(by_nodes);
@@ -175,17 +178,32 @@ std::vector<estimator::BlockValue> LiftedCycleResidual::evaluate(const VectorXd&
 }
 
 VectorXd LiftedCycleResidual::matching_defect(const VectorXd& theta, const std::vector<VectorXd>& latents) const {
-    const Index n = system_->dimension();
+    const Index n = map_.dimension();
     VectorXd square = VectorXd::Zero(n);
     double count = 0.0;
     for (const estimator::BlockValue& block : evaluate(theta, latents, false)) {
         if (block.status != estimator::BlockStatus::ok || block.e.size() == 0) continue;
-        const VectorXd all = exact_ ? block.c : VectorXd(block.e.tail(block.e.size() / 2));
+        const VectorXd all = options_.exact ? block.c : VectorXd(block.e.tail(block.e.size() / 2));
         const MatrixXd defects = all.reshaped(n, all.size() / n);
         square += defects.rowwise().squaredNorm();
         count += static_cast<double>(defects.cols());
     }
     return (square / std::max(count, 1.0)).cwiseSqrt();
+}
+
+std::vector<double> LiftedCycleResidual::distances(const VectorXd& theta, const std::vector<VectorXd>& latents) const {
+    const VectorXd values = binding_.values(theta);
+    std::vector<double> result;
+    for (std::size_t b = 0; b < layout_.size(); ++b) {
+        if (!layout_[b].active) continue;
+        const MatrixXd& points = targets_.targets[b].points;
+        const auto read = reading_(latents[b].reshaped(points.rows(), points.cols()), values, {}, false);
+        result.push_back(std::numeric_limits<double>::infinity());
+        if (!read) continue;
+        const MatrixXd apart = scale_.cwiseInverse().asDiagonal() * map_.difference(points, read->values);
+        result.back() = std::sqrt(apart.squaredNorm() / static_cast<double>(apart.size()));
+    }
+    return result;
 }
 
 std::vector<MatrixXd> LiftedCycleResidual::nodes(const std::vector<VectorXd>& latents) const {

@@ -13,35 +13,48 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Amplifications that move by less than this change no weight that matters.
+/// Weights and scales that move by less than this change no estimate that matters.
 constexpr double same_weight = 0.1;
-/// Rounds of weights: the first two bring what they can.
-constexpr int most_refreshes = 3;
+/// Rounds of weights: 4 to 8 are usual from far off.
+constexpr int most_refreshes = 15;
+/// Least scale of a prediction, of the range: below it the next stage does better, and Cauchy's errors grow sharp.
+constexpr double least_scale = 1e-4;
+/// The median of |e| of normal errors times this is their sd.
+constexpr double normal_median = 1.4826;
+
+double median(std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
 
 }  // namespace
 
 OnePeriodResidual::OnePeriodResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
-                                     const std::vector<Cycle>& cycles, double phase, const VectorXd& start,
+                                     const std::vector<Cycle>& cycles, const SectionPlace& place, const VectorXd& start,
                                      const OnePeriodOptions& options)
     : system_(std::move(system)),
       binding_(std::move(binding)),
-      map_(*system_, phase, options.flow),
-      reading_(*system_, options.targets.sensor, phase, options.flow),
+      map_(*system_, place, options.flow),
+      reading_(map_, options.targets.sensor),
       floor_(options.floor) {
     if (!(options.floor > 0.0)) throw std::invalid_argument("OnePeriodResidual: floor must be > 0");
     CycleTargetOptions target_options = options.targets;
     target_options.weights = CycleWeights::equal;  // scales in the coordinate's unit; no covariance is needed
     target_options.positions = true;
     target_options.multipliers = false;
+    target_options.times = false;
     target_options.errors.clear();
     target_options.forms.clear();
     target_options.covariances.clear();
     const VectorXd theta = binding_.values(start);
     targets_ = select_targets(map_, theta, binding_.parameter, cycles, target_options);
-    groups_ = target_groups(*system_, "one_period", target_options);
-    for (estimator::Group& group : groups_)
+    groups_ = target_groups(map_, "one_period", target_options);
+    for (estimator::Group& group : groups_) {
         group.distribution = options.errors;
-    range_ = target_scale(*system_, cycles);
+        group.scale = {false, 1.0, estimator::FlatPrior{}};
+    }
+    range_ = target_scale(map_.coordinates(), cycles);
     for (const CycleTarget& target : targets_.targets) {
         estimator::BlockLayout block;
         block.label = target.label;
@@ -53,20 +66,35 @@ OnePeriodResidual::OnePeriodResidual(std::shared_ptr<const models::System> syste
 }
 
 double OnePeriodResidual::weigh(const VectorXd& values) {
-    double change = 1.0;
+    std::vector<double> changes;
+    std::vector<std::vector<double>> sizes(static_cast<std::size_t>(range_.size()));
     for (std::size_t b = 0; b < layout_.size(); ++b) {
+        if (!layout_[b].active) continue;
         const MatrixXd& nodes = targets_.targets[b].nodes;
         const Index n = nodes.rows();
         for (Index j = 0; j < nodes.cols(); ++j) {
             const auto image = map_(nodes.col(j), values, {}, true);
-            if (!image) continue;  // the floor alone; evaluate() will say that it cannot be predicted
+            if (!image) continue;  // as before; evaluate() will say that it cannot be predicted
+            const Index next = (j + 1) % nodes.cols();
             const MatrixXd gain = range_.cwiseInverse().asDiagonal() * image->by_x * range_.asDiagonal();
-            const VectorXd deviation = (floor_ * floor_ + gain.rowwise().squaredNorm().array()).sqrt();
-            auto kept = layout_[b].deviation.segment(n * ((j + 1) % nodes.cols()), n);
-            const VectorXd ratio = deviation.cwiseQuotient(kept);
-            change = std::max({change, ratio.maxCoeff(), ratio.cwiseInverse().maxCoeff()});
-            kept = deviation;
+            const VectorXd error = map_.difference(nodes.col(next), image->state);
+            for (Index i = 0; i < n; ++i) {
+                double& deviation = layout_[b].deviation(n * next + i);
+                const double now = std::hypot(floor_, gain.row(i).norm());
+                changes.push_back(std::abs(std::log(now / deviation)));
+                deviation = now;
+                sizes[static_cast<std::size_t>(i)].push_back(std::abs(error(i)) / now);
+            }
         }
+    }
+    if (changes.empty()) return 0.0;
+    double change = median(std::move(changes));
+    for (std::size_t i = 0; i < sizes.size(); ++i) {
+        double& scale = groups_[i].scale.value;
+        const double now =
+            std::max(normal_median * median(std::move(sizes[i])), least_scale * range_(static_cast<Index>(i)));
+        change = std::max(change, std::abs(std::log(now / scale)));
+        scale = now;
     }
     return change;
 }
@@ -75,11 +103,14 @@ estimator::RefreshReport OnePeriodResidual::refresh(const VectorXd& theta, const
                                                     const VectorXd&) {
     estimator::RefreshReport report;
     const VectorXd values = binding_.values(theta);
-    if (refreshed_ >= most_refreshes || !in_domain(*system_, values)) return report;
-    ++refreshed_;
-    for (CycleTarget& target : targets_.targets)
-        target.nodes = reading_.states(target.points, values);
-    report.changed = weigh(values) > 1.0 + same_weight;
+    if (!provisional_) return report;
+    if (in_domain(*system_, values)) {
+        for (CycleTarget& target : targets_.targets)
+            target.nodes = reading_.states(target.points, values);
+        provisional_ = weigh(values) > same_weight;
+    }
+    if (++refreshed_ >= most_refreshes) provisional_ = false;
+    report.changed = true;
     return report;
 }
 
@@ -101,7 +132,7 @@ std::vector<estimator::BlockValue> OnePeriodResidual::evaluate(const VectorXd& t
             const auto image = map_(nodes.col(j), values, binding_.parameter, derivatives);
             if (!image) return false;
             const Index next = (j + 1) % p;
-            block.e.segment(n * next, n) = wrapped_difference(*system_, nodes.col(next), image->state);
+            block.e.segment(n * next, n) = map_.difference(nodes.col(next), image->state);
             if (derivatives) block.e_theta.middleRows(n * next, n) = -binding_.spread(image->by_free);
         }
         return true;

@@ -24,17 +24,18 @@ struct OnePeriodOptions {
 ///     e_j = x^meas_{j+1} - Phi(x^meas_j; theta),   j mod p, angles wrapped
 ///
 /// No latent states, no orbit that could be lost, and no trajectory longer than a period: the first stage, for starts
-/// far from the truth. A block per cycle, groups "one_period.<coordinate>" with estimated scales in the coordinate's
-/// unit; the deviation of a record is sqrt(floor^2 + |its row of X_j|^2) (scaled to unit ranges), X_j the derivative of
-/// the section map at the start parameters or those of the last refresh(): what a point is worth falls with how
-/// strongly its error and the model's are amplified. Of points that are readings: their states at the start parameters.
+/// far from the truth. A block per cycle, groups "one_period.<coordinate>". The deviation of a record is
+/// sqrt(floor^2 + |its row of X_j|^2) (scaled to unit ranges), X_j the derivative of the section map: what a point is
+/// worth falls with how strongly its error and the model's are amplified. Scales are 1.4826 times the median of |e|
+/// over its deviation, but at least 1e-4 of the range. Both, and the states of points that are readings, are those at
+/// the start parameters or the last refresh(); provisional() until neither moves by a tenth.
 class OnePeriodResidual final : public estimator::Residual {
 public:
     /// @param system, cycles  the system is kept by pointer, what is needed of the cycles is copied.
     /// @param start           the estimator's vector at the start.
     /// @throws std::invalid_argument as select_targets, or floor not > 0.
     OnePeriodResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
-                      const std::vector<Cycle>& cycles, double phase, const Eigen::VectorXd& start,
+                      const std::vector<Cycle>& cycles, const SectionPlace& place, const Eigen::VectorXd& start,
                       const OnePeriodOptions& options = {});
 
     [[nodiscard]] std::string_view type() const override { return "one_period"; }
@@ -45,9 +46,10 @@ public:
     [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    /// States and amplifications at theta; changed while one of these moves by a tenth, at most three times.
+    /// States, amplifications and scales at theta.
     estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
                                      const Eigen::VectorXd& scales) override;
+    [[nodiscard]] bool provisional() const override { return provisional_; }
     void suspend(std::size_t block) override { layout_.at(block).active = false; }
 
     /// How badly theta predicts, robustly: sum over all records of ln(1 + (e / (0.02 range))^2). A prediction that is
@@ -59,7 +61,7 @@ public:
     [[nodiscard]] const std::vector<std::size_t>& at_rest() const { return targets_.at_rest; }
 
 private:
-    /// Deviations of all records at these parameters; the largest ratio of a new one to the old.
+    /// Deviations of all records and scales at these parameters; how much the typical one moved (ln).
     double weigh(const Eigen::VectorXd& values);
 
     std::shared_ptr<const models::System> system_;
@@ -68,6 +70,7 @@ private:
     PointReading reading_;
     double floor_;
     int refreshed_ = 0;
+    bool provisional_ = true;
     CycleTargets targets_;
     Eigen::VectorXd range_;
     std::vector<estimator::Group> groups_;

@@ -5,8 +5,6 @@
 
 #include <Eigen/LU>
 
-#include "orbits/section_map.hpp"
-
 namespace orbid::orbits {
 namespace {
 
@@ -21,9 +19,9 @@ constexpr double settled = 1e-12;
 
 }  // namespace
 
-PointReading::PointReading(const models::System& system, const models::Sensor& sensor, double phase,
-                           const models::FlowOptions& flow)
-    : system_(&system), sensor_(sensor), phase_(phase), flow_(flow) {
+PointReading::PointReading(const SectionMap& map, const models::Sensor& sensor) : map_(map), sensor_(sensor) {
+    if (map.place().plane && sensor.type != models::Sensor::Type::state)
+        throw std::invalid_argument("cycle residual: crossings of a plane are read as states");
     if (sensor.type == models::Sensor::Type::function)
         throw std::invalid_argument("cycle residual: points read by formulas do not stand for states");
 }
@@ -31,20 +29,21 @@ PointReading::PointReading(const models::System& system, const models::Sensor& s
 std::optional<PointReadings> PointReading::operator()(const MatrixXd& states, const VectorXd& theta,
                                                       std::span<const Index> free, bool derivatives) const {
     if (!states.allFinite()) return std::nullopt;
-    const std::vector<double> phases(static_cast<std::size_t>(states.cols()), phase_);
+    const std::vector<double> phases(static_cast<std::size_t>(states.cols()), map_.phase());
     std::optional<std::span<const Index>> directions;
     if (derivatives) directions = free;
-    const models::ReadingResult read = system_->readings(sensor_, states, phases, theta, directions, flow_);
+    const models::ReadingResult read =
+        map_.system().readings(sensor_, map_.states(states), phases, theta, directions, map_.flow());
     if (read.status != models::FlowStatus::ok || !read.readings.allFinite() || !read.derivatives.allFinite())
         return std::nullopt;
     PointReadings result;
-    result.values = read.readings;
+    result.values = map_.points(read.readings);
     if (!derivatives) return result;
-    const Index n = states.rows();
+    const Index n = map_.system().dimension();
     const Index d = n + static_cast<Index>(free.size());
     for (Index j = 0; j < states.cols(); ++j) {
-        result.by_x.emplace_back(read.derivatives.middleCols(j * d, n));
-        result.by_free.emplace_back(read.derivatives.middleCols(j * d + n, d - n));
+        result.by_x.push_back(map_.points(map_.directions(read.derivatives.middleCols(j * d, n))));
+        result.by_free.push_back(map_.points(read.derivatives.middleCols(j * d + n, d - n)));
     }
     return result;
 }
@@ -56,7 +55,7 @@ MatrixXd PointReading::states(const MatrixXd& readings, const VectorXd& theta) c
         for (int step = 0; step < most_steps; ++step) {
             const auto read = (*this)(x, theta, {}, true);
             if (!read) break;
-            const VectorXd error = wrapped_difference(*system_, readings.col(j), read->values);
+            const VectorXd error = map_.difference(readings.col(j), read->values);
             const VectorXd move = read->by_x[0].partialPivLu().solve(error);
             if (!move.allFinite()) break;
             x += move;

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "models/system.hpp"
+#include "orbits/section_map.hpp"
 
 namespace orbid::orbits {
 
@@ -19,15 +19,15 @@ struct PointReadings {
 };
 
 /// Section points as an instrument reads them: y = sensor(x, phase; theta) + error.
-///
-/// The system is kept by pointer.
 class PointReading {
 public:
-    /// @throws std::invalid_argument for a sensor that reads formulas: points of cycles stand for whole states.
-    PointReading(const models::System& system, const models::Sensor& sensor, double phase,
-                 const models::FlowOptions& flow);
+    /// @throws std::invalid_argument for a sensor that reads formulas: points of cycles stand for whole states;
+    /// crossings
+    ///         of a plane that are read by anything but the plain state.
+    PointReading(const SectionMap& map, const models::Sensor& sensor);
 
-    /// Readings of the columns of `states`; empty when they cannot be had. @param theta full parameter vector.
+    /// Readings of section points, the columns of `states`; empty when they cannot be had. @param theta full parameter
+    /// vector.
     [[nodiscard]] std::optional<PointReadings> operator()(const Eigen::MatrixXd& states, const Eigen::VectorXd& theta,
                                                           std::span<const Eigen::Index> free, bool derivatives) const;
 
@@ -36,10 +36,8 @@ public:
     [[nodiscard]] Eigen::MatrixXd states(const Eigen::MatrixXd& readings, const Eigen::VectorXd& theta) const;
 
 private:
-    const models::System* system_;
+    SectionMap map_;
     models::Sensor sensor_;
-    double phase_;
-    models::FlowOptions flow_;
 };
 
 }  // namespace orbid::orbits

@@ -92,22 +92,13 @@ inline estimator::Estimate estimate_from_cycles(const CycleCase& c, const std::v
     orbits::OnePeriodResidual one_period(c.system, c.binding, cycles, 0.0, starts(parameters));
     move_to(estimated(estimator::estimate(parameters, {&one_period}, {}, rough)));
 
-    const Eigen::VectorXd range = orbits::target_scale(*c.system, cycles);
-    const orbits::LiftedCycleResidual lifted(c.system, c.binding, cycles, 0.0, starts(parameters), range);
-    std::vector<Eigen::VectorXd> latents = lifted.initial_latents();
-    constexpr double end = 1e-8;
-    double matching =
-        std::max(end, (lifted.matching_defect(starts(parameters), latents).array() / range.array()).maxCoeff());
-    while (true) {
-        auto stage = lifted.tightened(matching * range, latents);
-        const auto estimate = estimator::estimate(parameters, {&stage}, {}, rough);
-        if (estimate.status == estimator::EstimateStatus::failed) break;
-        move_to(estimated(estimate));
-        latents = estimate.latents.front();
-        if (matching <= end) break;
-        matching = std::max(0.1 * matching, end);
-    }
-    orbits::CycleResidual reduced(c.system, c.binding, cycles, 0.0, starts(parameters), lifted.nodes(latents));
+    orbits::LiftedCycleOptions tails;
+    tails.points = estimator::StudentErrors{};
+    orbits::LiftedCycleResidual lifted(c.system, c.binding, cycles, 0.0, starts(parameters), tails);
+    const auto stages = estimator::estimate(parameters, {&lifted}, {}, rough);
+    move_to(estimated(stages));
+    orbits::CycleResidual reduced(c.system, c.binding, cycles, 0.0, starts(parameters),
+                                  lifted.nodes(stages.latents.front()));
     return estimator::estimate(parameters, {&reduced});
 }
 

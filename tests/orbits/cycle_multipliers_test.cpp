@@ -76,9 +76,11 @@ TEST_CASE("cycle multipliers: the reference's at the truth, exact derivatives, s
             CAPTURE(k, residual.layout()[b].label);
             const VectorXd difference = (above[b].e - below[b].e).tail(2) / (2.0 * h);
             // Truncation 1e-10 x third derivative relative to the first (1e5 for ln|multiplier|), rounding 1e-10 /
-            // 1e-5.
+            // 1e-5. A state of rest lies on the surface where friction switches: its crossings, located from velocities
+            // of 1e-13, leave up to 9e-4 of second derivatives (measured), of the values nothing.
+            const bool rest = residual.cycle_of(b) == 2 || residual.cycle_of(b) == 5;
             CHECK((difference - at[b].e_theta.col(k).tail(2)).cwiseAbs().maxCoeff() <
-                  1e-4 * at[b].e_theta.col(k).tail(2).cwiseAbs().maxCoeff() + 1e-5 / c.truth()(k));
+                  (rest ? 1e-2 : 1e-4) * at[b].e_theta.col(k).tail(2).cwiseAbs().maxCoeff() + 1e-5 / c.truth()(k));
         }
     }
 }
@@ -146,7 +148,8 @@ TEST_CASE("cycle multipliers alone give length and frictions", "[orbits][cycles]
     const auto cycles = with_multipliers(c.table, tests::measured_cycles(c.table, 1e-4, 3), 5e-4, 3);
     orbits::CycleResidual residual(c.system, c.binding, cycles, 0.0, tests::starts(c.parameters), {},
                                    with(false, true));
-    CHECK(residual.layout()[0].group == std::vector<int>{2, 2});
+    REQUIRE(residual.groups().size() == 1);
+    CHECK(residual.layout()[0].group == std::vector<int>{0, 0});
     const auto estimate = estimator::estimate(c.parameters, {&residual});
     REQUIRE(estimate.status == estimator::EstimateStatus::converged);
     const std::vector<double> largest{1e-4, 1e-2, 2e-3};

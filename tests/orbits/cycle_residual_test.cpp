@@ -74,12 +74,15 @@ TEST_CASE("lifted residual: measurement and matching records, exact derivatives"
     const CycleCase c({{"l", 1.02}, {"k3", 0.7}});
     const auto cycles = tests::measured_cycles(c.table, 1e-3, 1);
     const VectorXd start = tests::starts(c.parameters);
-    const orbits::LiftedCycleResidual residual(c.system, c.binding, cycles, 0.0, start, Eigen::Vector2d(0.1, 0.5));
+    orbits::LiftedCycleOptions loose;
+    loose.matching_start = 0.01;
+    orbits::LiftedCycleResidual residual(c.system, c.binding, cycles, 0.0, start, loose);
     REQUIRE(residual.groups().size() == 3);
     CHECK(residual.groups()[0].name == "cycles.points");
     CHECK_FALSE(residual.groups()[0].scale.estimate);
     CHECK(residual.groups()[2].name == "matching.phi_dot");
-    CHECK(residual.groups()[2].scale.value == 0.5);
+    CHECK(residual.groups()[2].scale.value == 0.01 * residual.scale()(1));
+    CHECK(residual.provisional());
     CHECK(residual.structure() == estimator::LatentStructure::independent_blocks);
 
     std::vector<VectorXd> latents = residual.initial_latents();
@@ -103,12 +106,33 @@ TEST_CASE("lifted residual: measurement and matching records, exact derivatives"
         CHECK((difference - at[b].e_z.col(k)).cwiseAbs().maxCoeff() < 1e-3);
     }
 
-    const auto tighter = residual.tightened(Eigen::Vector2d(1e-3, 1e-2), latents);
-    CHECK(tighter.groups()[1].scale.value == 1e-3);
     CHECK(residual.nodes(latents)[cycles.size() - 1].cols() == 3);
     CHECK(residual.nodes(latents)[2].size() == 0);  // (0, 0): at rest
-    CHECK_THROWS_WITH(residual.tightened(Eigen::Vector2d(1e-3, 0.0), {}), tests::ContainsSubstring("matching_sd"));
-    CHECK_THROWS_AS(residual.tightened(Eigen::Vector2d(1.0, 1.0), {VectorXd::Zero(2)}), std::invalid_argument);
+
+    int rounds = 0;
+    while (residual.provisional()) {
+        CHECK(residual.refresh(start, latents, {}).changed);
+        ++rounds;
+    }
+    CHECK(rounds == 6);  // tenfold from 1e-2 to 1e-8
+    CHECK(residual.groups()[1].scale.value == 1e-8 * residual.scale()(0));
+    CHECK_FALSE(residual.refresh(start, latents, {}).changed);
+    const orbits::LiftedCycleResidual told(c.system, c.binding, cycles, 0.0, start);
+    const VectorXd defect = residual.matching_defect(start, latents).cwiseQuotient(residual.scale());
+    CHECK(told.groups()[1].scale.value == defect.maxCoeff() * residual.scale()(0));
+
+    const auto refused = [&](const orbits::LiftedCycleOptions& options, const std::string& rule) {
+        CHECK_THROWS_WITH(orbits::LiftedCycleResidual(c.system, c.binding, cycles, 0.0, start, options),
+                          tests::ContainsSubstring(rule));
+    };
+    loose.matching_factor = 1.0;
+    refused(loose, "matching_factor");
+    loose.matching_factor = 0.1;
+    loose.matching_end = 0.0;
+    refused(loose, "matching_end");
+    loose.matching_end = 1e-8;
+    loose.matching_start = -1.0;
+    refused(loose, "matching_start");
 }
 
 TEST_CASE("cycle residual: the error of the points at the truth, exact derivatives", "[orbits]") {

@@ -80,8 +80,7 @@ TEST_CASE("cycles of readings: zero at the truth, exact derivatives, nodes are s
 
     orbits::LiftedCycleOptions lifted_options;
     lifted_options.targets = options.targets;
-    const orbits::LiftedCycleResidual lifted(c.system, c.binding, told, 0.0, c.truth(), Eigen::Vector2d(0.1, 0.5),
-                                             lifted_options);
+    const orbits::LiftedCycleResidual lifted(c.system, c.binding, told, 0.0, c.truth(), lifted_options);
     const auto latents = lifted.initial_latents();
     const auto start = lifted.evaluate(c.truth(), latents, true);
     for (std::size_t b = 0; b < start.size(); ++b) {
@@ -110,7 +109,7 @@ TEST_CASE("cycles of readings: zero at the truth, exact derivatives, nodes are s
                       tests::ContainsSubstring("formulas"));
 }
 
-TEST_CASE("cycles of readings: unbiased with the sensor, biased without", "[orbits][cycles][sensor]") {
+TEST_CASE("cycles of readings: unbiased with the sensor, inconsistent without", "[orbits][cycles][sensor]") {
     const CycleCase c({{"l", 1.01}, {"k3", 1.1}});
     const auto cycles = read_cycles(c, 1e-5, 2);
     orbits::CycleResidualOptions options;
@@ -123,11 +122,11 @@ TEST_CASE("cycles of readings: unbiased with the sensor, biased without", "[orbi
     const auto biased = estimator::estimate(c.parameters, {&blind});
     for (std::size_t i = 0; i < 2; ++i) {
         const double truth = c.truth()(static_cast<Index>(i));
-        CAPTURE(estimate.parameters[i].name, estimate.parameters[i].value / truth, estimate.parameters[i].sd / truth,
-                biased.parameters[i].value / truth);
+        CAPTURE(estimate.parameters[i].name, estimate.parameters[i].value / truth, estimate.parameters[i].sd / truth);
         CHECK(std::abs(estimate.parameters[i].value - truth) < 4.0 * estimate.parameters[i].sd);
-        CHECK(std::abs(biased.parameters[i].value - truth) > 10.0 * estimate.parameters[i].sd);
     }
     for (const estimator::EstimatedScale& scale : estimate.scales)
         CHECK(std::abs(scale.value - 1.0) < 5.0 * scale.uncertainty);
+    // Taken for states, quotients are off by up to 0.1 rad/s: a hundred times their errors.
+    CHECK(biased.scales[1].value > 10.0);
 }
