@@ -1,6 +1,6 @@
 #include "orbits/shooting_residual.hpp"
 
-#include <numbers>
+#include <limits>
 
 #include "orbits/node_state.hpp"
 #include "tests/catch.hpp"
@@ -18,8 +18,6 @@ using tests::WithinAbs;
 using tests::WithinRel;
 
 namespace {
-
-constexpr double encoder_step = 2.0 * std::numbers::pi / 4096.0;
 
 Series samples(const models::System& system, const Eigen::VectorXd& theta, double step, std::size_t count,
                const Eigen::VectorXd& start, const models::Sensor& sensor = {}) {
