@@ -59,6 +59,16 @@ std::string sensors_text(const models::System& system) {
     return quotient ? "state function angle_difference" : "state function";
 }
 
+std::string parameter_row(std::string_view name, std::string_view unit, std::string_view domain, std::string_view value,
+                          std::string_view description) {
+    return fmt::format("  {:<9} {:<9} {:<17} {:<14} {}\n", name, unit, domain, value, description);
+}
+
+std::string parameter_row(const models::Parameter& parameter) {
+    return parameter_row(parameter.name, parameter.unit, models::rule(parameter.domain),
+                         fmt::format("{}", parameter.default_value), parameter.description);
+}
+
 }  // namespace
 
 std::vector<std::string> model_names() {
@@ -101,10 +111,17 @@ std::string model_page(std::string_view name) {
     line("inputs", units_text(system->inputs()));
     line("sensors", sensors_text(*system));
     text += "\nparameters:\n";
-    text += fmt::format("  {:<10}{:<10}{:<18}{:<14}{}\n", "name", "unit", "domain", "default", "");
-    for (const models::Parameter& parameter : system->parameters()) {
-        text += fmt::format("  {:<10}{:<10}{:<18}{:<14}{}\n", parameter.name, parameter.unit,
-                            models::rule(parameter.domain), parameter.default_value, parameter.description);
+    text += parameter_row("name", "unit", "domain", "default", "");
+    for (const models::Parameter& parameter : system->parameters())
+        text += parameter_row(parameter);
+    for (const auto& variant : entry->variants) {
+        std::string further;
+        for (const models::Parameter& parameter : models::make_system(name, variant)->parameters()) {
+            const auto known = system->parameters();
+            if (std::none_of(known.begin(), known.end(), [&](const auto& p) { return p.name == parameter.name; }))
+                further += parameter_row(parameter);
+        }
+        if (!further.empty()) text += fmt::format("  besides, in the variant {}:\n{}", variant, further);
     }
     return text;
 }

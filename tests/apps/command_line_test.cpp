@@ -67,3 +67,14 @@ TEST_CASE("help, models, new and check print what they say", "[apps][command]") 
     CHECK_THAT(check.out, ContainsSubstring("1048576 sections on 4 trajectories, 16.8 MB") &&
                               ContainsSubstring("l, k2, k3 from cycles"));
 }
+
+TEST_CASE("the page of a model lists what its variants have besides", "[apps]") {
+    const Outcome page = outcome({"models", "double_pendulum"});
+    REQUIRE(page.code == 0);
+    const auto besides = page.out.find("besides, in the variant friction_and_drag:");
+    REQUIRE(besides != std::string::npos);
+    CHECK(page.out.find("  drag ") > besides);
+    CHECK(page.out.find("  offset2 ") < besides);
+    // Variants with the same parameters have nothing to list.
+    CHECK(outcome({"models", "parametric_pendulum"}).out.find("besides") == std::string::npos);
+}
