@@ -63,7 +63,12 @@ public:
         std::copy(start, start + n, x.begin());
         for (std::size_t j = 0; j < std::min(d, n); ++j)
             x[n + j * n + j] = 1.0;
-        if constexpr (E::switching) side_ = x[1] < 0.0 ? -1.0 : 1.0;
+        if constexpr (E::switching) {
+            side_ = x[1] < 0.0 ? -1.0 : 1.0;
+            held_ = x[1] == 0.0;
+            for (std::size_t j = 0; held_ && j < d; ++j)
+                x[n + j * n + 1] = 0.0;
+        }
         const double begin = t;
         double step = 0.01;
         for (std::size_t k = 0; k < durations.size(); ++k) {
@@ -82,6 +87,10 @@ private:
         const auto f = [this](const State& y, State& slope, double at) { rhs(y, slope, at); };
         for (int tries = 0; t < until; ++tries) {
             if (tries == 20000 || !std::isfinite(x[0])) return false;
+            if (held_) {
+                wait(x, t, until);
+                continue;
+            }
             const State before = x;
             const double start = t;
             double ds = std::min(step, until - t);
@@ -92,24 +101,36 @@ private:
             }
             step = cut ? std::max(step, ds) : ds;
             if (until - t < 1e-14) t = until;
-            if constexpr (E::switching)
-                if (side_ * x[1] < 0.0 && !cross(x, t, before, start)) return false;
+            if constexpr (E::switching) {
+                if (!(side_ * x[1] < 0.0)) continue;
+                if (side_ * before[1] > 0.0) {
+                    cross(x, t, before, start);
+                } else {
+                    // From the surface and back to it in one step.
+                    step = 0.5 * (t - start);
+                    x = before;
+                    t = start;
+                }
+            }
         }
         return std::all_of(x.begin(), x.end(), [](double a) { return std::isfinite(a); });
     }
 
     /// Back to where the velocity is zero, and to the other side or into sticking.
-    bool cross(State& x, double& t, const State& before, double start) {
+    void cross(State& x, double& t, const State& before, double start) {
         double ds = (t - start) * std::abs(before[1]) / (std::abs(before[1]) + std::abs(x[1]));
         const auto f = [this](const State& y, State& slope, double at) { rhs(y, slope, at); };
         State slope;
-        for (int newton = 0; newton < 8; ++newton) {
+        double low = 0.0, high = t - start;
+        for (int newton = 0; newton < 60; ++newton) {
             x = before;
             Stepper().do_step(f, x, start, ds);
             rhs(x, slope, start + ds);
+            (side_ * x[1] > 0.0 ? low : high) = ds;
             const double change = -x[1] / slope[1];
             if (std::abs(change) < 1e-13) break;
-            ds = std::clamp(ds + change, 0.0, 2.0 * (t - start));
+            ds += change;
+            if (!(ds > low && ds < high)) ds = 0.5 * (low + high);
         }
         t = start + ds;
         x[1] = 0.0;
@@ -118,11 +139,33 @@ private:
         side_ = -side_;
         rhs(x, slope, t);
         const double leaving = slope[1];
-        // Held by friction: no transient of the experiment is that slow.
-        if (!(arriving * leaving > 0.0)) return false;
+        held_ = !(arriving * leaving > 0.0);
         for (std::size_t j = 0; j < d; ++j)
-            x[n + j * n + 1] *= leaving / arriving;
-        return true;
+            x[n + j * n + 1] *= held_ ? 0.0 : leaving / arriving;
+    }
+
+    /// Held by friction, until the forcing is stronger: looked at every millisecond, then bisected.
+    void wait(const State& x, double& t, double until) {
+        const auto released = [&](double at) {
+            for (const double side : {1.0, -1.0}) {
+                State slope;
+                side_ = side;
+                rhs(x, slope, at);
+                if (side * slope[1] > 0.0) return true;
+            }
+            return false;
+        };
+        double free = std::min(t + 1e-3, until);
+        if (!released(free)) {
+            t = free;
+            return;
+        }
+        for (int halving = 0; halving < 40; ++halving) {
+            const double middle = 0.5 * (t + free);
+            (released(middle) ? free : t) = middle;
+        }
+        t = free;
+        held_ = !released(free);
     }
 
     void rhs(const State& y, State& slope, double t) const {
@@ -152,6 +195,7 @@ private:
     const double* theta_;
     double tolerance_;
     double side_ = 1.0;
+    bool held_ = false;
 };
 
 }  // namespace orbid::bench
