@@ -162,6 +162,7 @@ private:
         fit_.chi2 = weighted.cwiseProduct(residual).sum();
         if (fit_.passes.size() > 0) fit_.model_error.update(fit_.map.basis(), fit_.states, weighted, smoother);
         move_states(smoother, weighted);
+        if (last) put_back(factor);
 
         std::vector<double> root = factor.inverse_factor();
         fit_.freedom = 0.0;
@@ -171,6 +172,19 @@ private:
         fit_.passes.push_back(
             {fit_.model_share, fit_.chi2, fit_.freedom, state_sd_, step.cwiseAbs().maxCoeff(), smoother.gated()});
         if (last) fit_.root = std::move(root);
+    }
+
+    // Twicing (Tukey, Exploratory Data Analysis, 1977): the prior has pulled the coefficients c away from what the data
+    // say by (N + P)^-1 P c; put back once, its pull is of second order. At noise 5e-3 it shifted all cycles together:
+    // a length estimated from 142 of them was 0.073 % too large, then 0.058 %; their positions became 5 % better.
+    // (A tenth of the weights instead: 0.047 %, but 14 cycles fewer and multipliers 30 % worse.)
+    void put_back(const TiledCholesky& factor) {
+        const Eigen::VectorXd& c = fit_.map.coefficients();
+        Eigen::VectorXd pull = ridge * c;
+        for (const PatchRoughness& roughness : roughness_)
+            pull += roughness.times(c);
+        factor.solve(pull.data());
+        fit_.map.set_coefficients(c + pull);
     }
 
     SeriesStep linearised(std::size_t t, double share2, MapValue& value) const {

@@ -4,6 +4,7 @@
 #include <random>
 
 #include "models/registry.hpp"
+#include "periodic/solve_orbit.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/map_series.hpp"
 #include "tests/orbits/true_cycles.hpp"
@@ -122,6 +123,41 @@ TEST_CASE("harvest: cycles of the pendulum that do not recur within a narrow box
         REQUIRE(found.cycles[i].mirror);
         CHECK(found.cycles.at(*found.cycles[i].mirror).mirror == i);
     }
+}
+
+TEST_CASE("harvest: crossings of a plane, of which the series lacks a coordinate", "[orbits]") {
+    const auto system = models::make_system("lorenz");
+    const Eigen::VectorXd theta = system->default_parameters();
+    const models::Section plane{Eigen::Vector3d(0.0, 0.0, 1.0), 27.0, 1};
+    orbits::VirtualExperimentOptions experiment;
+    experiment.plan = orbits::SectionPlan{.sections = 20000, .transient = 100, .section = plane};
+    auto series = simulate(*system, theta, experiment).series;
+    series.coordinates.pop_back();
+    for (orbits::Segment& segment : series.segments)
+        segment.values = segment.values.topRows(2).eval();
+    orbits::HarvestOptions options;
+    options.search.method = orbits::CycleSearchOptions::Method::local_maps;
+    options.search.periods = {2, 3};
+    options.search_points = 20000;
+    options.section = plane;
+    // Orbits through the wings A and B: AB, and AAB with its mirror image ABB.
+    const auto found = harvest(series, *system, theta, {}, options);
+    CHECK(found.orbits == 3);
+    REQUIRE(found.cycles.size() == 3);
+    for (const Cycle& cycle : found.cycles) {
+        CAPTURE(cycle.period);
+        periodic::StartingSolution start;
+        start.points = Eigen::MatrixXd::Constant(3, cycle.period, 27.0);
+        start.points.topRows(2) = cycle.points;
+        start.section = plane;
+        const auto orbit = periodic::solve_orbit(*system, theta, start, {});
+        REQUIRE(orbit.status == periodic::OrbitStatus::converged);
+        const Eigen::MatrixXd error = orbit.points.topRows(2) - cycle.points;
+        for (Eigen::Index k = 0; k < error.size(); ++k)
+            CHECK(std::abs(error(k % 2, k / 2)) < 4.0 * std::sqrt(cycle.covariance(k, k)) + 1e-8);
+        CHECK(std::abs(cycle.time / orbit.time - 1.0) < 1e-4);
+    }
+    CHECK(harvest(series, *system, theta, found.cycles, options).candidates == 0);
 }
 
 TEST_CASE("harvest: wrong calls are refused", "[orbits]") {
