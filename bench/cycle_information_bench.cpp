@@ -2,9 +2,9 @@
 // information at the true parameters beside the scatter of estimates from the model's own orbits with simulated errors.
 //   cycle_information_bench cycles.json orbits [replicates, default 100] [error, default 5e-3]
 //       cycles of periods up to 1, 2, .. 5 with at least three recurrences, positions alone; free: l; m; k2 and k3
-//   cycle_information_bench cycles.json multipliers [replicates, default 100]
+//   cycle_information_bench cycles.json multipliers [replicates, default 100] [e d, default five pairs]
 //       all cycles, free as in Tables I-III: positions with errors e (share of the range), ln|multiplier| with errors
-//       d, alone and together
+//       d, alone and together (0 replicates: the information only)
 //   cycle_information_bench cycles.json measured
 //       estimates from the cycles as measured, the same three ways
 // cycles.json: of configs/pendulum_table3.json ("orbid orbits").
@@ -109,6 +109,14 @@ Study study(const bench::MeasuredOrbits& measured, const Errors& errors, int rep
 }
 
 void print(const bench::MeasuredOrbits& measured, const std::string& what, const Study& found, int replicates) {
+    if (replicates == 0) {
+        fmt::print("{:<34} {:>5} values", what, found.values);
+        for (Index i = 0; i < found.bound.size(); ++i)
+            fmt::print(" | {} bound {:.3g} %", measured.parameters[static_cast<std::size_t>(i)].name,
+                       100.0 * found.bound(i));
+        fmt::print("\n");
+        return;
+    }
     fmt::print("{:<34} {:>5} values, {}/{} converged", what, found.values, found.converged, replicates);
     for (Index i = 0; i < found.bound.size(); ++i)
         fmt::print(" | {} bound {:.3g} % scatter / bound {:.2f} sd / bound {:.2f} covered {:.0f} %",
@@ -132,9 +140,7 @@ void orbit_sets(const std::string& file, int replicates, double error) {
     }
 }
 
-void multipliers(const std::string& file, int replicates) {
-    const std::vector<std::pair<double, double>> errors{
-        {1e-6, 1e-3}, {1e-4, 1e-3}, {1e-3, 1e-3}, {1e-3, 1e-2}, {5e-3, 0.1}};
+void multipliers(const std::string& file, int replicates, const std::vector<std::pair<double, double>>& errors) {
     for (const auto& free : tables) {
         const auto measured = bench::measured_orbits(job, file, free);
         for (const auto& [e, d] : errors) {
@@ -189,7 +195,10 @@ int main(int count, char** arguments) {
     if (mode == "orbits") {
         orbit_sets(arguments[1], replicates, count > 4 ? std::atof(arguments[4]) : 5e-3);
     } else if (mode == "multipliers") {
-        multipliers(arguments[1], replicates);
+        std::vector<std::pair<double, double>> errors{
+            {1e-6, 1e-3}, {1e-4, 1e-3}, {1e-3, 1e-3}, {1e-3, 1e-2}, {5e-3, 0.1}};
+        if (count > 5) errors = {{std::atof(arguments[4]), std::atof(arguments[5])}};
+        multipliers(arguments[1], replicates, errors);
     } else if (mode == "measured") {
         as_measured(arguments[1]);
     } else {
