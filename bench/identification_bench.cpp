@@ -204,6 +204,7 @@ void run_pendulum(std::size_t sections) {
 
 int main(int argc, char** argv) {
     using namespace orbid::bench;
+    std::setvbuf(stdout, nullptr, _IOLBF, 1024);  // it takes its time
     std::size_t pendulum_sections = 5000, iteration_sections = 42754;
     std::set<std::string> parts;
     for (int i = 1; i < argc; ++i) {
