@@ -62,16 +62,24 @@ void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual
         if (values[b].e.size() == 0) continue;
         const orbits::Cycle& cycle = search.cycles[residual.cycle_of(b)];
         const auto& layout = residual.layout()[b];
+        Eigen::Index position = 0;  // points come first, coordinate fastest
         for (Eigen::Index i = 0; i < values[b].e.size(); ++i) {
-            const auto& coordinate = coordinates[static_cast<std::size_t>(i % n)];
             const auto& group = residual.groups()[static_cast<std::size_t>(layout.group[static_cast<std::size_t>(i)])];
             const auto* scale = scale_of(estimate, group.name);
             const double shape = layout.shape.size() > 0 ? std::sqrt(layout.shape(i, i)) : 1.0;
-            const double observed = cycle.points(i % n, i / n);
-            rows.push_back({experiment, fmt::format("cycle {}", residual.cycle_of(b)), std::string(coordinate.name),
-                            at_section(work, i / n), observed,
-                            nearest_prediction(observed, values[b].e[i], coordinate.angle),
-                            scale != nullptr ? scale->value * shape : nan});
+            const double sd = scale != nullptr ? scale->value * shape : nan;
+            const std::string label = fmt::format("cycle {}", residual.cycle_of(b));
+            if (group.name == "cycles.ln_multiplier") {
+                const double ln_multiplier = residual.target(b).ln_multiplier[i - position];
+                rows.push_back({experiment, label, "ln_multiplier", at_section(work, 0), ln_multiplier,
+                                ln_multiplier - values[b].e[i], sd});
+                continue;
+            }
+            const auto& coordinate = coordinates[static_cast<std::size_t>(position % n)];
+            const double observed = cycle.points(position % n, position / n);
+            rows.push_back({experiment, label, std::string(coordinate.name), at_section(work, position / n), observed,
+                            nearest_prediction(observed, values[b].e[i], coordinate.angle), sd});
+            ++position;
         }
     }
 }
@@ -103,6 +111,49 @@ void add_series_rows(const Job& job, std::size_t experiment, const orbits::Serie
     }
 }
 
+void add_shooting_rows(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
+                       const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                       std::vector<ResidualRow>& rows) {
+    const orbits::Series& series = residual.series();
+    const orbits::ShootingPlan& plan = residual.plan();
+    const bool forced = job.model.system->kind() == models::Kind::forced;
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (values[b].e.size() == 0) continue;
+        const orbits::PlannedNode& node = plan.nodes[b];
+        const orbits::Segment& segment = series.segments[node.segment];
+        const auto readings = plan.of(b);
+        for (std::size_t r = 0; r < readings.size(); ++r) {
+            const orbits::PlannedReading& reading = readings[r];
+            const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(reading.coordinate)];
+            const auto count = static_cast<double>(reading.sample);
+            double at = forced ? series.phase + 2.0 * std::numbers::pi * count : count;
+            if (segment.times.size() > 0) at = segment.times[reading.sample];
+            const auto* scale = scale_of(estimate, residual.groups()[static_cast<std::size_t>(reading.group)].name);
+            rows.push_back({job.data[experiment].name, segment.label, std::string(coordinate.name), at, reading.value,
+                            reading.value - values[b].e[static_cast<Eigen::Index>(r)],
+                            scale != nullptr ? scale->value * reading.deviation : nan});
+        }
+    }
+}
+
+void add_first_nodes(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
+                     const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
+                     ResultContext& context) {
+    const auto coordinates = job.model.system->coordinates();
+    const auto& nodes = residual.plan().nodes;
+    for (std::size_t b = 0; b < latents.size() && b < nodes.size(); ++b) {
+        if (b > 0 && nodes[b - 1].segment == nodes[b].segment) continue;
+        InitialState initial{job.data[experiment].name, residual.series().segments[nodes[b].segment].label, {}};
+        for (Eigen::Index i = 0; i < latents[b].size(); ++i) {
+            const auto& coordinate = coordinates[static_cast<std::size_t>(i)];
+            const bool known = b < sds.size() && sds[b].size() == latents[b].size();
+            initial.values.push_back({std::string(coordinate.name), std::string(coordinate.unit), latents[b][i],
+                                      known ? sds[b][i] : nan, true});
+        }
+        context.initial_states.push_back(std::move(initial));
+    }
+}
+
 void add_initial_states(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
                         const estimator::Estimate& estimate, const std::vector<std::vector<Eigen::Index>>& parameters,
                         const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
@@ -127,9 +178,11 @@ void add_initial_states(const Job& job, std::size_t experiment, const orbits::Se
 }
 
 void add_predictions(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
-                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, ResultContext& context) {
+                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, bool with_fitted,
+                     ResultContext& context) {
     const DataJob& data = job.data[experiment];
-    std::vector<std::size_t> segments = fitted_segments(residual.series(), data);
+    std::vector<std::size_t> segments;
+    if (with_fitted) segments = fitted_segments(residual.series(), data);
     const auto fitted = segments.size();
     const auto predicted = segments_with(residual.series(), data, data.predict);
     segments.insert(segments.end(), predicted.begin(), predicted.end());

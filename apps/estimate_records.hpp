@@ -11,6 +11,7 @@
 #include "orbits/cycle_residual.hpp"
 #include "orbits/cycle_search.hpp"
 #include "orbits/series_residual.hpp"
+#include "orbits/shooting_residual.hpp"
 
 namespace orbid::apps {
 
@@ -36,9 +37,22 @@ void add_initial_states(const Job& job, std::size_t experiment, const orbits::Se
                         const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
                         ResultContext& context);
 
-/// How well the fitted segments, then those only predicted, are predicted.
-/// @param theta  the estimate, as the estimator's vector.
+/// One row per reading of the fitted segments, in time order; of a difference sensor both readings of the angle. Times
+/// of sections as phase of the forcing [rad] where the record has no times.
+void add_shooting_rows(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
+                       const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                       std::vector<ResidualRow>& rows);
+
+/// The first node of every fitted segment.
+void add_first_nodes(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
+                     const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
+                     ResultContext& context);
+
+/// How well the fitted segments, then those only predicted, are predicted from one initial state each.
+/// @param theta        the estimate, as the estimator's vector.
+/// @param with_fitted  false: those only predicted alone.
 void add_predictions(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
-                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, ResultContext& context);
+                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, bool with_fitted,
+                     ResultContext& context);
 
 }  // namespace orbid::apps

@@ -11,11 +11,11 @@
 
 namespace orbid::apps {
 
-namespace {
-
 orbits::ErrorForm error_form(const ErrorJob& error) {
     return {error.distribution, error.floor, !error.sd_column.empty()};
 }
+
+namespace {
 
 /// Groups of a residual that has one per coordinate of `coordinates`, in that order.
 std::vector<estimator::JointCovariance> joint_covariances(const std::vector<CovarianceJob>& jobs,
@@ -55,35 +55,6 @@ orbits::InitialStateRule initial_rule(const InitialValueJob& job, const std::vec
     return rule;
 }
 
-std::unique_ptr<orbits::SeriesResidual> series_residual(const Job& job, std::size_t experiment,
-                                                        const EstimateSetup& setup, const Experiment& measured) {
-    const orbits::Series& series = measured.series;
-    const DataJob& data = job.data[experiment];
-    orbits::SeriesResidualOptions options;
-    options.name = job.estimate->series->data.size() > 1 ? "series." + data.name : "series";
-    options.sensor = data.sensor;
-    options.inputs = measured.inputs;
-    for (const Eigen::Index coordinate : data.observe) {
-        options.observe.emplace_back(job.model.system->coordinates()[static_cast<std::size_t>(coordinate)].name);
-        for (const ErrorJob& error : job.estimate->series->errors) {
-            if (error.coordinate != coordinate) continue;
-            options.errors.push_back(error.scale);
-            options.forms.push_back(error_form(error));
-        }
-    }
-    options.covariances = joint_covariances(job.estimate->series->covariances, data.observe);
-    options.segments = fitted_segments(series, data);
-    for (std::size_t i = 0; i < data.initial_state.size(); ++i)
-        options.initial.push_back(initial_rule(data.initial_state[i], setup.initial[experiment][i]));
-    options.start = setup.start();
-    try {
-        return std::make_unique<orbits::SeriesResidual>(job.model.system, setup.experiments[experiment], series,
-                                                        options);
-    } catch (const std::invalid_argument& error) {
-        throw orbits::DataError(fmt::format("{}: {}", data.name, error.what()));
-    }
-}
-
 /// Starts of initial values that the job leaves to the data.
 void guess_starts(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
                   EstimateSetup& setup) {
@@ -107,12 +78,47 @@ void guess_starts(const Job& job, std::size_t experiment, const orbits::SeriesRe
 
 }  // namespace
 
+std::unique_ptr<orbits::SeriesResidual> single_shooting(const Job& job, std::size_t experiment,
+                                                        const EstimateSetup& setup, const Experiment& measured) {
+    const orbits::Series& series = measured.series;
+    const DataJob& data = job.data[experiment];
+    orbits::SeriesResidualOptions options;
+    options.name = job.estimate->series->data.size() > 1 ? "series." + data.name : "series";
+    options.sensor = data.sensor;
+    options.inputs = measured.inputs;
+    for (const Eigen::Index coordinate : data.observe) {
+        options.observe.emplace_back(job.model.system->coordinates()[static_cast<std::size_t>(coordinate)].name);
+        const auto& errors = job.estimate->series->errors;
+        const auto error = std::find_if(errors.begin(), errors.end(),
+                                        [&](const ErrorJob& one) { return one.coordinate == coordinate; });
+        // With nodes, the rate of a difference sensor has no errors of its own.
+        options.errors.push_back(error == errors.end() ? estimator::ErrorScale{true, 0.0, estimator::FlatPrior{}}
+                                                       : error->scale);
+        options.forms.push_back(error == errors.end() ? orbits::ErrorForm{} : error_form(*error));
+    }
+    options.covariances = joint_covariances(job.estimate->series->covariances, data.observe);
+    options.segments = fitted_segments(series, data);
+    for (std::size_t i = 0; i < data.initial_state.size(); ++i)
+        options.initial.push_back(initial_rule(data.initial_state[i], setup.initial[experiment][i]));
+    options.start = setup.start();
+    try {
+        return std::make_unique<orbits::SeriesResidual>(job.model.system, setup.experiments[experiment], series,
+                                                        options);
+    } catch (const std::invalid_argument& error) {
+        throw orbits::DataError(fmt::format("{}: {}", data.name, error.what()));
+    }
+}
+
 std::vector<estimator::Residual*> JobResiduals::all() const {
     std::vector<estimator::Residual*> list;
     if (cycles) list.push_back(cycles.get());
     for (const auto& residual : series)
         list.push_back(residual.get());
+    for (const auto& residual : shooting)
+        list.push_back(residual.get());
     if (waveform.residual) list.push_back(waveform.residual.get());
+    for (const auto& residual : prediction)
+        list.push_back(residual.get());
     return list;
 }
 
@@ -127,10 +133,16 @@ std::vector<std::vector<std::string>> fitted_labels(const Job& job, const std::v
     return labels;
 }
 
-orbits::CycleTargetOptions cycle_targets(const CyclesResidualJob& job) {
+orbits::CycleTargetOptions cycle_targets(const Job& whole) {
+    const CyclesResidualJob& job = *whole.estimate->cycles;
     orbits::CycleTargetOptions targets;
     targets.periods = job.periods;
     targets.weights = job.covariance ? orbits::CycleWeights::covariance : orbits::CycleWeights::equal;
+    targets.positions = job.positions;
+    targets.multipliers = job.multipliers;
+    targets.multiplier_error = job.multiplier_error;
+    // Cycles of a file are states.
+    if (!whole.orbits->file) targets.sensor = whole.data[whole.orbits->data].sensor;
     std::vector<Eigen::Index> coordinates;
     for (const ErrorJob& error : job.errors) {
         targets.errors.push_back(error.scale);
@@ -142,16 +154,17 @@ orbits::CycleTargetOptions cycle_targets(const CyclesResidualJob& job) {
 }
 
 void add_series(const Job& job, const std::vector<Experiment>& data, EstimateSetup& setup, JobResiduals& residuals) {
-    if (!job.estimate->series) return;
+    if (!job.estimate->series || job.estimate->series->interval) return;
     for (const std::size_t experiment : job.estimate->series->data) {
-        residuals.series.push_back(series_residual(job, experiment, setup, data[experiment]));
+        residuals.series.push_back(single_shooting(job, experiment, setup, data[experiment]));
         residuals.experiments.push_back(experiment);
         guess_starts(job, experiment, *residuals.series.back(), setup);
     }
 }
 
 void check_enough_readings(const Job& job, const EstimateSetup& setup, const JobResiduals& residuals) {
-    if (residuals.cycles || (residuals.series.empty() && !residuals.waveform.residual)) return;
+    const bool counted = !residuals.series.empty() || !residuals.shooting.empty() || residuals.waveform.residual;
+    if (residuals.cycles || !counted) return;
     std::size_t readings = 0;
     std::size_t initial_values = 0;
     std::string names;
@@ -160,6 +173,14 @@ void check_enough_readings(const Job& job, const EstimateSetup& setup, const Job
         for (const estimator::BlockLayout& block : residuals.series[i]->layout()) {
             readings += block.group.size();
             initial_values += static_cast<std::size_t>(block.latents);
+        }
+    }
+    for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
+        names += (names.empty() ? "" : ", ") + job.data[residuals.shooting_experiments[i]].name;
+        for (const estimator::BlockLayout& block : residuals.shooting[i]->layout()) {
+            // Matched nodes are no unknowns of their own: only those that end a segment are.
+            readings += block.linked_from < 0 ? block.group.size() : static_cast<std::size_t>(block.linked_from);
+            if (block.next < 0) initial_values += static_cast<std::size_t>(block.latents);
         }
     }
     for (std::size_t b = 0; b < residuals.waveform.places.size(); ++b) {

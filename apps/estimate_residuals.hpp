@@ -10,30 +10,44 @@
 #include "apps/job.hpp"
 #include "estimator/residual.hpp"
 #include "orbits/cycle_residual.hpp"
+#include "orbits/prediction_residual.hpp"
 #include "orbits/series_residual.hpp"
+#include "orbits/shooting_residual.hpp"
 
 namespace orbid::apps {
 
 /// The residuals of a job, each kept by its own type: results are read back from them.
 struct JobResiduals {
     std::unique_ptr<orbits::CycleResidual> cycles;
-    std::vector<std::unique_ptr<orbits::SeriesResidual>> series;
-    std::vector<std::size_t> experiments;  ///< of `series`: index into Job::data
+    std::vector<std::unique_ptr<orbits::SeriesResidual>> series;  ///< by single shooting
+    std::vector<std::size_t> experiments;                         ///< of `series`: index into Job::data
+    std::vector<std::unique_ptr<orbits::ShootingResidual>> shooting;
+    std::vector<std::size_t> shooting_experiments;  ///< of `shooting`
+    std::vector<std::unique_ptr<orbits::PredictionResidual>> prediction;
     JobWaveform waveform;
 
-    /// Cycles, then series, then the waveform.
+    /// Cycles, then series by single and by multiple shooting, then the waveform; predictions last.
     [[nodiscard]] std::vector<estimator::Residual*> all() const;
 };
+
+/// How the errors of a coordinate are distributed.
+[[nodiscard]] orbits::ErrorForm error_form(const ErrorJob& error);
 
 /// Labels of the fitted segments of every experiment that a series residual uses; empty for the others.
 /// @throws orbits::DataError naming a segment that is not there.
 [[nodiscard]] std::vector<std::vector<std::string>> fitted_labels(const Job& job, const std::vector<Experiment>& data);
 
-/// What the measured cycles weigh with, and how their errors are distributed.
-[[nodiscard]] orbits::CycleTargetOptions cycle_targets(const CyclesResidualJob& job);
+/// What the measured cycles weigh with, how their errors are distributed and how their points were read.
+[[nodiscard]] orbits::CycleTargetOptions cycle_targets(const Job& job);
 
-/// Adds a series residual per experiment of the job, and fills in the starts of initial values that the job leaves to
-/// the data.
+/// An experiment from one initial state per segment.
+/// @throws orbits::DataError when the data cannot serve it, naming the experiment.
+[[nodiscard]] std::unique_ptr<orbits::SeriesResidual> single_shooting(const Job& job, std::size_t experiment,
+                                                                      const EstimateSetup& setup,
+                                                                      const Experiment& measured);
+
+/// Adds a residual by single shooting per experiment of a series without nodes, and fills in the starts of initial
+/// values that the job leaves to the data.
 /// @throws orbits::DataError when the data cannot serve it, naming the experiment.
 void add_series(const Job& job, const std::vector<Experiment>& data, EstimateSetup& setup, JobResiduals& residuals);
 

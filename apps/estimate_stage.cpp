@@ -4,16 +4,17 @@
 
 #include <fmt/format.h>
 
+#include "apps/criticism_stage.hpp"
 #include "apps/cycle_file.hpp"
-#include "apps/cycle_start.hpp"
 #include "apps/estimate_records.hpp"
 #include "apps/estimate_residuals.hpp"
 #include "apps/estimate_setup.hpp"
+#include "apps/estimate_strategy.hpp"
 #include "apps/first_use.hpp"
+#include "apps/matching_check.hpp"
 #include "apps/orbit_file.hpp"
 #include "apps/orbits_stage.hpp"
 #include "apps/posterior_stage.hpp"
-#include "apps/segment_choice.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "orbits/cycle_residual.hpp"
 #include "orbits/data_error.hpp"
@@ -22,6 +23,12 @@
 namespace orbid::apps {
 
 namespace {
+
+void count_cycles(const orbits::CycleSearch& search, ResultContext& context) {
+    context.orbits_found.clear();
+    for (const orbits::Cycle& cycle : search.cycles)
+        ++context.orbits_found[cycle.period];
+}
 
 void describe_data(const Workspace& work, const std::vector<Experiment>& data, const orbits::CycleSearch& search,
                    ResultContext& context) {
@@ -32,8 +39,7 @@ void describe_data(const Workspace& work, const std::vector<Experiment>& data, c
         context.data_segments += experiment.series.segments.size();
         context.captured.insert(context.captured.end(), experiment.captured.begin(), experiment.captured.end());
     }
-    for (const orbits::Cycle& cycle : search.cycles)
-        ++context.orbits_found[cycle.period];
+    count_cycles(search, context);
     context.orbits_missing = search.missing;
     context.fingerprint =
         stage_fingerprint(work.document, {"/model", "/seed", "/section", "/data", "/orbits", "/estimate"});
@@ -61,16 +67,86 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
     work.folder.store(name, orbits_text(cycle_file_head(work.job, fingerprint), orbits, names));
 }
 
+/// The estimate has a value for every record.
+bool is_evaluated(const StageRun& run) {
+    const std::size_t count = run.residuals.all().size();
+    return run.estimate.residuals.size() == count && run.estimate.latents.size() == count;
+}
+
+/// Rows of residuals.csv, and what result.json says segment by segment; stores orbits and plots.
+std::vector<ResidualRow> describe_records(const StageInput& input, const StageRun& run, ResultContext& context) {
+    const Workspace& work = input.work;
+    const Job& job = work.job;
+    const estimator::Estimate& estimate = run.estimate;
+    const JobResiduals& residuals = run.residuals;
+    std::vector<ResidualRow> rows;
+    if (!is_evaluated(run)) return rows;
+    Eigen::VectorXd theta(static_cast<Eigen::Index>(estimate.parameters.size()));
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
+        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
+    const auto sds = [&](std::size_t index) {
+        return index < estimate.latent_sds.size() ? estimate.latent_sds[index] : std::vector<Eigen::VectorXd>{};
+    };
+    std::size_t index = 0;
+    if (residuals.cycles) {
+        add_cycle_rows(work, *residuals.cycles, input.search, estimate, estimate.residuals[index++], rows);
+        if (!job.periodic)
+            store_orbits(work, *residuals.cycles, input.search, input.cycle_binding, theta, context.fingerprint);
+    }
+    for (std::size_t i = 0; i < residuals.series.size(); ++i, ++index) {
+        const std::size_t experiment = residuals.experiments[i];
+        add_series_rows(job, experiment, *residuals.series[i], estimate, estimate.residuals[index], rows);
+        add_initial_states(job, experiment, *residuals.series[i], estimate, input.setup.initial[experiment],
+                           estimate.latents[index], sds(index), context);
+        add_predictions(job, experiment, *residuals.series[i], estimate, theta, true, context);
+    }
+    for (std::size_t i = 0; i < residuals.shooting.size(); ++i, ++index) {
+        const std::size_t experiment = residuals.shooting_experiments[i];
+        add_shooting_rows(job, experiment, *residuals.shooting[i], estimate, estimate.residuals[index], rows);
+        add_first_nodes(job, experiment, *residuals.shooting[i], estimate.latents[index], sds(index), context);
+        const bool samples = job.data[experiment].sampling() == orbits::Series::Sampling::samples;
+        if (job.data[experiment].predict.empty() || !samples) continue;
+        // Segments that took no part: single shooting over each.
+        const auto single = single_shooting(job, experiment, input.setup, input.data[experiment]);
+        add_predictions(job, experiment, *single, estimate, theta, false, context);
+    }
+    if (residuals.waveform.residual) {
+        add_waveform_rows(job, residuals.waveform, estimate, estimate.residuals[index], rows);
+        add_steady_states(job, residuals.waveform, theta, estimate.latents[index], sds(index), context);
+        for (const auto& plot : waveform_plots(job, residuals.waveform, theta, estimate.latents[index]))
+            work.folder.store(plot.first, plot.second);
+    }
+    return rows;
+}
+
+/// What is said of the matching of nodes, and of other models.
+void criticise_result(const StageInput& input, const StrategyRun& strategy, StrategyResults& results) {
+    const Job& job = input.work.job;
+    const StageRun& best = *strategy.best;
+    const auto chosen =
+        std::find_if(strategy.stages.begin(), strategy.stages.end(), [](const StageResult& one) { return one.chosen; });
+    if (chosen == strategy.stages.end() || !is_evaluated(best)) return;
+    const StageJob& stage = job.estimate->strategy[static_cast<std::size_t>(chosen - strategy.stages.begin())];
+    results.matching = matching_results(input, best, !input.work.interruption.asked());
+    if (!job.estimate->criticism.any() || input.work.interruption.asked()) return;
+    if (stage.kind == StageJob::Kind::prediction || !best.succeeded()) {
+        input.work.progress.say("other models are not compared: there is no estimate to compare them with");
+        return;
+    }
+    results.criticism = criticise(input, stage, best);
+}
+
 }  // namespace
 
-EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment>& data,
+EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment>& data, const SearchedSection* section,
                              const orbits::CycleSearch& search) {
     const Job& job = work.job;
+    const bool staged = job.estimate->strategy.size() > 1;
     EstimateSetup setup = estimate_setup(job, fitted_labels(job, data));
     EstimateOutcome outcome;
     describe_data(work, data, search, outcome.context);
 
-    work.progress.begin("estimate");
+    if (!staged) work.progress.begin("estimate");
     estimator::EstimateOptions options;
     options.variance = job.estimate->variance;
     options.joint_priors = job.estimate->joint_priors;
@@ -82,121 +158,46 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
         work.progress.at(iteration, fmt::format("objective {:.6g}", objective));
     };
 
-    JobResiduals residuals;
-    add_series(job, data, setup, residuals);
-    for (const std::string& lost : add_waveform(job, data, setup, setup.start(), residuals.waveform))
+    JobResiduals prepared;
+    add_series(job, data, setup, prepared);
+    for (const std::string& lost : add_waveform(job, data, setup, setup.start(), prepared.waveform))
         work.progress.say(lost);
-    std::vector<estimator::FreeParameter> parameters = setup.parameters;
-    const models::ParameterBinding& cycle_binding =
-        job.orbits && !job.orbits->file ? setup.experiments[job.orbits->data] : setup.model;
-    if (const auto flow = first_flow(job, data, search, setup, residuals, cycle_binding)) {
+    const models::ParameterBinding& cycle_binding = searched_binding(job, setup);
+    if (const auto flow = first_flow(job, data, search, setup, prepared, cycle_binding)) {
         work.progress.log(compare_derivatives(*flow));
-    }
-    CycleStart start;
-    if (job.estimate->cycles && !search.cycles.empty()) {
-        const auto targets = cycle_targets(*job.estimate->cycles);
-        CycleStartOptions start_options;
-        start_options.estimate = options;
-        start_options.log = [&](const std::string& line) { work.progress.log(line); };
-        start = start_from_cycles({job.model.system, cycle_binding, search.cycles, job.section_phase, targets},
-                                  parameters, start_options);
-        for (std::size_t i = 0; i < parameters.size(); ++i)
-            parameters[i].start = start.theta[static_cast<Eigen::Index>(i)];
-        orbits::CycleResidualOptions cycle_options;
-        cycle_options.targets = targets;
-        residuals.cycles = std::make_unique<orbits::CycleResidual>(
-            job.model.system, cycle_binding, search.cycles, job.section_phase, start.theta, start.nodes, cycle_options);
-    }
-    check_enough_readings(job, setup, residuals);
-    if (residuals.all().empty()) {
-        if (work.interruption.asked()) {
-            outcome.estimate.status = estimator::EstimateStatus::interrupted;
-            outcome.estimate.message = "interrupted before the estimate";
-        } else {
-            outcome.estimate.message = "no cycle was found: there is nothing to estimate from";
-        }
-        work.progress.end(outcome.estimate.message);
-        work.folder.store("result.json", result_text(outcome.estimate, outcome.context));
-        return outcome;
     }
 
     PosteriorResults& posterior = outcome.context.posterior;
-    for (const auto& parameter : parameters)
+    for (const auto& parameter : setup.parameters)
         posterior.parameters.push_back(parameter.name);
-    if (job.estimate->multi_start.starts > 1) {
-        search_starts(work, residuals, setup.derived, options, parameters, posterior);
-        if (residuals.cycles) {
-            // Its solutions are those around the first start.
-            orbits::CycleResidualOptions cycle_options;
-            cycle_options.targets = cycle_targets(*job.estimate->cycles);
-            Eigen::VectorXd best(static_cast<Eigen::Index>(parameters.size()));
-            for (std::size_t i = 0; i < parameters.size(); ++i)
-                best[static_cast<Eigen::Index>(i)] = parameters[i].start;
-            residuals.cycles = std::make_unique<orbits::CycleResidual>(
-                job.model.system, cycle_binding, search.cycles, job.section_phase, best, start.nodes, cycle_options);
-        }
-        if (residuals.waveform.residual) {
-            Eigen::VectorXd best(static_cast<Eigen::Index>(parameters.size()));
-            for (std::size_t i = 0; i < parameters.size(); ++i)
-                best[static_cast<Eigen::Index>(i)] = parameters[i].start;
-            for (const std::string& lost : add_waveform(job, data, setup, best, residuals.waveform))
-                work.progress.say(lost);
-        }
-        work.progress.begin("estimate");
-    }
-    const auto all = residuals.all();
+    StageInput input{work, data, section, setup, cycle_binding, prepared, options, search, &posterior, {}};
+    const StrategyRun strategy =
+        run_strategy(input, job.estimate->strategy, setup.parameters, [&](const StrategyRun& run) {
+            if (!staged) return;
+            outcome.context.strategy.stages = run.stages;
+            work.folder.store("result.json",
+                              result_text(strategy_estimate(run, work.interruption.asked()), outcome.context));
+        });
     estimator::Estimate& estimate = outcome.estimate;
-    estimate = estimator::estimate(parameters, all, setup.derived, options);
-    estimate.iterations += start.iterations;
-    estimate.evaluations += start.evaluations;
-    // The user's start is the job's, not that of the last stage.
-    for (std::size_t i = 0; i < setup.parameters.size() && i < estimate.parameters.size(); ++i) {
-        estimate.parameters[i].start = setup.parameters[i].start;
+    estimate = strategy_estimate(strategy, work.interruption.asked());
+    if (!strategy.best || strategy.best->residuals.all().empty()) {
+        work.progress.end(estimate.message);
+        work.folder.store("result.json", result_text(estimate, outcome.context));
+        return outcome;
     }
-    const Eigen::VectorXd job_start = setup.start();
-    for (std::size_t i = 0; i < setup.derived.size() && i < estimate.derived.size(); ++i) {
-        estimate.derived[i].start = setup.derived[i].value(job_start);
+    count_cycles(input.search, outcome.context);
+    const StageRun& best = *strategy.best;
+    outcome.context.evidence.reason = "there is no estimate";
+    work.folder.store("residuals.csv", residuals_text(describe_records(input, best, outcome.context)));
+    const auto all = best.residuals.all();
+    if (is_evaluated(best)) {
+        posterior.diagnostics = diagnose_residuals(all, best.estimate);
+        outcome.context.evidence = evidence_of(job, best.parameters, all, options, best.estimate);
     }
-    work.progress.end(fmt::format("{} after {} iterations", estimator::name(estimate.status), estimate.iterations));
-
-    Eigen::VectorXd theta(static_cast<Eigen::Index>(estimate.parameters.size()));
-    for (Eigen::Index i = 0; i < theta.size(); ++i)
-        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
-    std::vector<ResidualRow> rows;
-    const bool evaluated = estimate.residuals.size() == all.size() && estimate.latents.size() == all.size();
-    if (residuals.cycles && evaluated) {
-        add_cycle_rows(work, *residuals.cycles, search, estimate, estimate.residuals.front(), rows);
-        if (!job.periodic)
-            store_orbits(work, *residuals.cycles, search, cycle_binding, theta, outcome.context.fingerprint);
-    }
-    for (std::size_t i = 0; evaluated && i < residuals.series.size(); ++i) {
-        const std::size_t index = i + (residuals.cycles ? 1 : 0);
-        const std::size_t experiment = residuals.experiments[i];
-        add_series_rows(job, experiment, *residuals.series[i], estimate, estimate.residuals[index], rows);
-        const bool has_sds = index < estimate.latent_sds.size();
-        add_initial_states(job, experiment, *residuals.series[i], estimate, setup.initial[experiment],
-                           estimate.latents[index],
-                           has_sds ? estimate.latent_sds[index] : std::vector<Eigen::VectorXd>{}, outcome.context);
-        add_predictions(job, experiment, *residuals.series[i], estimate, theta, outcome.context);
-    }
-    if (residuals.waveform.residual && evaluated) {
-        add_waveform_rows(job, residuals.waveform, estimate, estimate.residuals.back(), rows);
-        const bool has_sds = estimate.latent_sds.size() == all.size();
-        add_steady_states(job, residuals.waveform, theta, estimate.latents.back(),
-                          has_sds ? estimate.latent_sds.back() : std::vector<Eigen::VectorXd>{}, outcome.context);
-        for (const auto& plot : waveform_plots(job, residuals.waveform, theta, estimate.latents.back()))
-            work.folder.store(plot.first, plot.second);
-    }
-    if (evaluated) {
-        posterior.diagnostics = diagnose_residuals(all, estimate);
-        outcome.context.evidence = evidence_of(job, parameters, all, options, estimate);
-    } else {
-        outcome.context.evidence.reason = "there is no estimate";
-    }
-    work.folder.store("residuals.csv", residuals_text(rows));
     // Stored before what may take long, and again with it.
     work.folder.store("result.json", result_text(estimate, outcome.context));
-    explore_posterior(work, parameters, all, setup.derived, options, estimate, posterior);
+    criticise_result(input, strategy, outcome.context.strategy);
+    explore_posterior(work, best.parameters, all, setup.derived, options, estimate, posterior);
     if (work.interruption.asked() && estimate.status != estimator::EstimateStatus::interrupted) {
         estimate.status = estimator::EstimateStatus::interrupted;
         estimate.message = "interrupted after the estimate, which is complete";

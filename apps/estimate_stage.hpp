@@ -4,6 +4,7 @@
 
 #include "apps/data_stage.hpp"
 #include "apps/result_file.hpp"
+#include "apps/searched_section.hpp"
 #include "apps/workspace.hpp"
 #include "estimator/estimate.hpp"
 #include "orbits/cycle_search.hpp"
@@ -19,9 +20,10 @@ struct EstimateOutcome {
 /// Estimates the job's parameters from its residuals, stores result.json and residuals.csv (and orbits.json, the orbits
 /// computed from cycles, unless the job's "periodic" block fills that).
 ///
-/// @param search  cycles of the orbits stage; empty when no residual needs them.
+/// @param section  what was searched for cycles; nullptr: nothing was.
+/// @param search   cycles of the orbits stage; empty when no residual needs them.
 /// @throws orbits::DataError when the data cannot serve the residuals.
 [[nodiscard]] EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment>& data,
-                                           const orbits::CycleSearch& search);
+                                           const SearchedSection* section, const orbits::CycleSearch& search);
 
 }  // namespace orbid::apps

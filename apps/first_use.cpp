@@ -4,8 +4,10 @@
 
 #include <fmt/format.h>
 
+#include "apps/segment_choice.hpp"
 #include "models/derivative_check.hpp"
 #include "orbits/phase_rate.hpp"
+#include "orbits/transition.hpp"
 
 namespace orbid::apps {
 
@@ -28,6 +30,24 @@ std::optional<FlowStart> of_series(const Experiment& experiment, const orbits::S
     for (Eigen::Index k = 1; k < std::min(segment.times.size(), most_intervals + 1); ++k)
         flow.durations.push_back(segment.times[k] - segment.times[0]);
     if (flow.durations.empty()) return std::nullopt;
+    return flow;
+}
+
+/// Over one interval of a series with nodes.
+std::optional<FlowStart> of_transition(const Job& job, std::size_t experiment, const Experiment& measured,
+                                       const models::ParameterBinding& binding, const Eigen::VectorXd& start) {
+    FlowStart flow;
+    flow.theta = binding.values(start);
+    flow.free = binding.parameter;
+    const DataJob& data = job.data[experiment];
+    const auto list = orbits::transitions(*job.model.system, flow.theta, measured.series, data.sensor,
+                                          fitted_segments(measured.series, data), 1, 1, job.seed);
+    if (list.empty()) return std::nullopt;
+    if (!measured.inputs.empty()) flow.system = job.model.system->with_input(measured.inputs[list.front().segment]);
+    flow.state = list.front().from;
+    flow.phase = list.front().phase;
+    flow.durations = {list.front().duration};
+    flow.clock = orbits::transition_clock(*job.model.system, measured.series);
     return flow;
 }
 
@@ -72,6 +92,9 @@ std::optional<FlowStart> first_flow(const Job& job, const std::vector<Experiment
         flow = of_waveform(*residuals.waveform.residual, setup.start());
     } else if (job.estimate->cycles && !search.cycles.empty()) {
         flow = of_cycle(*job.model.system, search.cycles.front(), job.section_phase, cycle_binding, setup.start());
+    } else if (job.estimate->series) {
+        const std::size_t experiment = job.estimate->series->data.front();
+        flow = of_transition(job, experiment, data[experiment], setup.experiments[experiment], setup.start());
     }
     if (flow && !flow->system) flow->system = job.model.system;
     if (flow && !(flow->state.allFinite() && flow->theta.allFinite())) return std::nullopt;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -216,12 +217,32 @@ struct CovarianceJob {
 struct CyclesResidualJob {
     std::vector<int> periods;
     bool covariance = true;        ///< weights: the analysis' covariance times a factor; false: equal, a sd
+    bool positions = true;         ///< the points are data
+    bool multipliers = false;      ///< ln|multiplier| is data; one of the two at least
     std::vector<ErrorJob> errors;  ///< one per coordinate of the model, in their order
     std::vector<CovarianceJob> covariances;
+    estimator::ErrorScale multiplier_error{true, 0.0, estimator::FlatPrior{}};  ///< as ErrorJob::scale
 };
 
-/// Sampled data with exact matching: one free initial state per segment over the whole segment.
+/// How well the end of one interval of a series has to meet the beginning of the next.
+struct MatchingJob {
+    enum class Kind {
+        automatic,  ///< exact
+        exact,      ///< to far below the errors of the readings
+        given,      ///< normal errors of a known sd
+        estimated   ///< normal errors, their sd estimated
+    };
+    Kind kind = Kind::automatic;
+    double sd = 0.0;  ///< given: share of each coordinate's range, > 0
+};
+
+/// A recorded series, by single or multiple shooting.
 struct SeriesResidualJob {
+    static constexpr std::size_t automatic_interval = 0;  ///< chosen by how errors grow
+    /// Sampling intervals (sections) from node to node. Nothing: one free initial state per segment, the flow over all
+    /// of it (single shooting).
+    std::optional<std::size_t> interval;
+    MatchingJob matching;           ///< not read without an interval: nothing is to be matched
     std::vector<std::size_t> data;  ///< indices into Job::data
     std::vector<ErrorJob> errors;   ///< one per coordinate observed in any of them, ascending
     std::vector<CovarianceJob> covariances;
@@ -246,6 +267,32 @@ enum class ResidualType { cycles, series, waveform };
 
 /// As jobs write them, in the order of ResidualType.
 inline const std::vector<std::string> residual_type_names{"cycles", "series", "waveform"};
+
+/// One step of an estimate; it starts from the best of those before it.
+struct StageJob {
+    enum class Kind {
+        prediction,  ///< parameters alone, by predictions over one interval from states that the readings say
+        residuals,   ///< the residuals named, together
+        harvest      ///< cycles that the model at hand points to are added, then as the stage of the cycles
+    };
+    Kind kind = Kind::residuals;
+    std::vector<ResidualType> residuals;  ///< in their order; empty for `prediction`
+
+    [[nodiscard]] bool uses(ResidualType type) const {
+        return std::find(residuals.begin(), residuals.end(), type) != residuals.end();
+    }
+    /// "prediction", "harvest", "series", "cycles + series".
+    [[nodiscard]] std::string name() const;
+};
+
+/// Other models that the estimate is compared with.
+struct CriticismJob {
+    std::vector<std::string> variants;  ///< of the model, other than the job's
+    std::vector<Eigen::Index> without;  ///< parameters of the estimate, held at 0 one at a time
+    double held_out = 0.0;              ///< share of the data left out in turn and predicted; 0: none
+
+    [[nodiscard]] bool any() const { return !variants.empty() || !without.empty() || held_out > 0.0; }
+};
 
 /// Estimates from several starts; 1 = from the job's alone.
 struct MultiStartJob {
@@ -277,7 +324,10 @@ struct EstimateJob {
     std::optional<CyclesResidualJob> cycles;
     std::optional<SeriesResidualJob> series;
     std::optional<WaveformResidualJob> waveform;
-    std::vector<ResidualType> strategy;  ///< in this order; names every residual present, once
+    bool automatic = false;          ///< "strategy": "auto"
+    std::vector<StageJob> strategy;  ///< in this order; every residual present takes part in one of them
+    bool scan = false;               ///< the prediction begins with a coarse scan of the parameters over their bounds
+    CriticismJob criticism;
     estimator::Variance variance = estimator::Variance::restricted;
     MultiStartJob multi_start;
     SampleJob sample;

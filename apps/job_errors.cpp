@@ -252,6 +252,18 @@ void read_covariance(const ValueReader& value, const ErrorUse& use, const Job& j
 
 }  // namespace
 
+estimator::ErrorScale read_multiplier_error(const ValueReader& value) {
+    estimator::ErrorScale scale{true, 0.0, estimator::FlatPrior{}};
+    ObjectReader object(value);
+    // Other distributions would need other curvatures than those that the analysis' covariance gives.
+    if (const auto distribution = object.find("distribution")) (void)distribution->choice({"normal"});
+    if (const auto sd = object.find("sd")) {
+        read_number_or_estimate(*sd, 0.0, is_positive, "> 0", scale.estimate, scale.value, scale.prior);
+    }
+    object.finish();
+    return scale;
+}
+
 void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, std::vector<ErrorJob>& errors,
                  std::vector<CovarianceJob>& covariances) {
     errors.clear();
@@ -269,8 +281,12 @@ void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, st
             within = member;
             continue;
         }
-        if (name == "ln_multiplier") {
-            member.report_later("errors of multipliers");
+        if (name == "ln_multiplier" && use.records != ErrorUse::Records::series) {
+            if (use.multipliers == nullptr) {
+                member.report("needs \"multipliers\": true: they are no data yet");
+            } else {
+                *use.multipliers = read_multiplier_error(member);
+            }
             continue;
         }
         ErrorJob read;

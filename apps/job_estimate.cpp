@@ -135,40 +135,6 @@ void read_derived(const ValueReader& value, const Job& job, EstimateJob& estimat
     }
 }
 
-void read_strategy(ObjectReader& object, EstimateJob& estimate) {
-    std::vector<ResidualType> present;
-    if (estimate.cycles) present.push_back(ResidualType::cycles);
-    if (estimate.series) present.push_back(ResidualType::series);
-    if (estimate.waveform) present.push_back(ResidualType::waveform);
-    const auto value = object.find("strategy");
-    if (!value) {
-        estimate.strategy = present;
-        return;
-    }
-    if (value->is(JsonValue::Kind::string)) {
-        if (value->value().text == "auto") {
-            value->report_later();
-        } else {
-            value->report_kind("a list of \"cycles\", \"series\" and \"waveform\"");
-        }
-        return;
-    }
-    for (const ValueReader& item : value->items()) {
-        const auto choice = item.choice(residual_type_names, {"harvest", "stage0"});
-        if (!choice) continue;
-        const auto type = static_cast<ResidualType>(*choice);
-        if (std::find(present.begin(), present.end(), type) == present.end()) {
-            item.report(fmt::format("there is no residual of type {} in \"residuals\"", item.value().text));
-        } else if (std::find(estimate.strategy.begin(), estimate.strategy.end(), type) != estimate.strategy.end()) {
-            item.report(fmt::format("\"{}\" is listed twice", item.value().text));
-        }
-        estimate.strategy.push_back(type);
-    }
-    if (value->is(JsonValue::Kind::array) && estimate.strategy.size() < present.size()) {
-        value->report("must name every type of \"residuals\"");
-    }
-}
-
 void check_experiments(const ValueReader& at, const Job& job, const EstimateJob& estimate) {
     const auto names = parameter_names(job);
     const auto is_free = [&](Eigen::Index index) {
@@ -218,8 +184,15 @@ void read_estimate(ObjectReader& root, Job& job) {
     }
     if (const auto priors = object.find("joint_priors")) read_joint_priors(*priors, job, estimate);
     if (const auto derived = object.find("derived")) read_derived(*derived, job, estimate);
-    if (const auto residuals = object.require("residuals", "[ { \"type\": \"cycles\" } ], for example")) {
+    const auto strategy = object.find("strategy");
+    estimate.automatic = strategy && strategy->is(JsonValue::Kind::string) && strategy->value().text == "auto";
+    if (const auto residuals = object.find("residuals")) {
         read_residuals(*residuals, job, estimate);
+    } else if (estimate.automatic) {
+        add_usual_residuals(*strategy, job, estimate);
+    } else {
+        (void)object.require("residuals",
+                             "[ { \"type\": \"cycles\" } ], for example; with \"strategy\": \"auto\" not needed");
     }
     if (const auto variance = object.find("variance")) {
         using estimator::Variance;
@@ -227,8 +200,14 @@ void read_estimate(ObjectReader& root, Job& job) {
         if (const auto choice = variance->choice({"ml", "restricted", "integrated"}))
             estimate.variance = kinds[*choice];
     }
-    read_strategy(object, estimate);
+    if (object.find("residuals") || estimate.automatic) {
+        read_strategy(object, job, estimate);
+    } else {
+        // What is missing is reported; that the stages lack it would only say so again.
+        (void)object.find("scan");
+    }
     read_posterior(object, job, estimate);
+    read_criticism(object, job, estimate);
     object.finish();
     job.estimate = std::move(estimate);
 }

@@ -55,6 +55,15 @@ void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& es
 /// Names of the model's estimated parameters in the result: k2, or k2@run1 where one is free per experiment.
 [[nodiscard]] std::vector<std::string> estimated_parameter_names(const Job& job, const EstimateJob& estimate);
 void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate);
+/// "matching" and "interval" of a series residual, after its data. `staged`: the strategy chooses where it is silent.
+void read_shooting(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series);
+/// What "auto" uses where no residuals are named: cycles where they are searched or given, and the data as series.
+/// What is wrong with them is reported at `at`.
+void add_usual_residuals(const ValueReader& at, const Job& job, EstimateJob& estimate);
+/// "strategy" and "scan", after the residuals.
+void read_strategy(ObjectReader& object, const Job& job, EstimateJob& estimate);
+/// "criticism", after the parameters and residuals.
+void read_criticism(ObjectReader& object, const Job& job, EstimateJob& estimate);
 /// A residual of type "waveform", without its type.
 void read_waveform(ObjectReader& object, const Job& job, EstimateJob& estimate);
 /// "multi_start", "posterior", "profile", "marginals"; after the parameters and residuals.
@@ -64,9 +73,13 @@ void read_posterior(ObjectReader& object, const Job& job, EstimateJob& estimate)
 struct ErrorUse {
     enum class Records { cycles, cycles_with_covariance, series };
     Records records = Records::series;
-    std::vector<Eigen::Index> coordinates;  ///< that have errors
-    std::vector<std::size_t> data;          ///< series: indices into Job::data
+    std::vector<Eigen::Index> coordinates;         ///< that have errors
+    std::vector<std::size_t> data;                 ///< series: indices into Job::data
+    estimator::ErrorScale* multipliers = nullptr;  ///< where those of "ln_multiplier" go; none: they are no data
 };
+
+/// Errors of ln|multiplier|: a sd, or with weights "covariance" a factor on the analysis' covariance.
+[[nodiscard]] estimator::ErrorScale read_multiplier_error(const ValueReader& value);
 
 /// "errors" and "covariance" of a residual: one entry per coordinate of `use`; those not named are normal with an
 /// estimated sd.

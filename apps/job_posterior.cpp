@@ -65,6 +65,8 @@ std::vector<std::string> error_names(const Job& job, const EstimateJob& estimate
     std::vector<std::string> names;
     if (estimate.cycles) {
         add_error_names(job, "cycles", estimate.cycles->errors, estimate.cycles->covariances, names);
+        if (estimate.cycles->multipliers && estimate.cycles->multiplier_error.estimate)
+            names.emplace_back("cycles.ln_multiplier.scale");
     }
     if (estimate.waveform) {
         add_error_names(job, "waveform", estimate.waveform->errors, estimate.waveform->covariances, names);
@@ -139,6 +141,8 @@ void read_posterior(ObjectReader& object, const Job& job, EstimateJob& estimate)
         ObjectReader inner(*value);
         if (const auto starts = inner.find("starts")) {
             estimate.multi_start.starts = starts->whole(1, most_starts).value_or(1);
+            if (estimate.multi_start.starts > 1 && estimate.strategy.size() > 1)
+                starts->report("several starts go with one stage; the stages of a strategy find their own");
         }
         if (const auto seed = inner.find("seed")) {
             estimate.multi_start.seed = seed->whole(0, largest_exact_whole).value_or(job.seed);

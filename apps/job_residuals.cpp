@@ -16,12 +16,6 @@ void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
         object.self().report(
             fmt::format("cycles of the model {}, which is autonomous: {}", job.model.name, not_in_this_version));
     if (searched) cycles.periods = job.orbits->search.periods;
-    // Points of a difference quotient carry its bias; compared with states they would bias the parameters. Formulas
-    // are refused where the series is searched.
-    if (searched && job.orbits->data < job.data.size() &&
-        job.data[job.orbits->data].sensor.type == models::Sensor::Type::angle_difference) {
-        object.self().report(fmt::format("cycles read by a sensor \"angle_difference\": {}", not_in_this_version));
-    }
     if (const auto periods = object.find("periods")) {
         cycles.periods = read_periods(*periods).value_or(cycles.periods);
         for (const int period : cycles.periods) {
@@ -33,13 +27,14 @@ void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
         }
     }
     if (const auto weights = object.find("weights")) cycles.covariance = weights->choice({"covariance", "equal"}) != 1;
-    if (const auto positions = object.find("positions")) {
-        if (positions->boolean() == false) positions->report("must be true: there is no other datum in this version");
-    }
-    if (const auto multipliers = object.find("multipliers")) {
-        if (multipliers->boolean() == true) multipliers->report_later();
-    }
+    const auto positions = object.find("positions");
+    if (positions) cycles.positions = positions->boolean().value_or(true);
+    if (const auto multipliers = object.find("multipliers"))
+        cycles.multipliers = multipliers->boolean().value_or(false);
+    if (!cycles.positions && !cycles.multipliers)
+        positions->report("must be true without \"multipliers\": true: nothing is left to compare");
     ErrorUse use;
+    if (cycles.multipliers) use.multipliers = &cycles.multiplier_error;
     use.records = cycles.covariance ? ErrorUse::Records::cycles_with_covariance : ErrorUse::Records::cycles;
     for (std::size_t i = 0; i < coordinate_names(job).size(); ++i)
         use.coordinates.push_back(static_cast<Eigen::Index>(i));
@@ -58,16 +53,22 @@ void read_series_data(const ValueReader& value, const Job& job, SeriesResidualJo
             value.report(fmt::format("there are no data named \"{}\"{}", name, suggestion(name, known)));
             continue;
         }
-        const auto index = static_cast<std::size_t>(at - known.begin());
-        if (job.data[index].sampling() == Sampling::section) {
-            value.report(
-                fmt::format("\"{}\" is a section series; as a series residual: {}", name, not_in_this_version));
-        }
-        series.data.push_back(index);
+        series.data.push_back(static_cast<std::size_t>(at - known.begin()));
     }
     if (value.is(JsonValue::Kind::array) && value.value().items.empty())
         value.report("must name at least one experiment");
     std::sort(series.data.begin(), series.data.end());
+}
+
+/// Errors that link readings of different intervals, or of several coordinates, are those of whole segments.
+void check_short_intervals(const ValueReader& at, const SeriesResidualJob& series) {
+    const bool lasting = std::any_of(series.errors.begin(), series.errors.end(), [](const ErrorJob& error) {
+        return std::holds_alternative<estimator::AutoregressiveErrors>(error.distribution);
+    });
+    if (lasting) at.report("errors \"ar1\" last over many intervals: use \"interval\": \"segment\"");
+    if (!series.covariances.empty())
+        at.report(fmt::format("a full covariance with nodes within a segment: {}; use \"interval\": \"segment\"",
+                              not_in_this_version));
 }
 
 void read_series(ObjectReader& object, const Job& job, EstimateJob& estimate) {
@@ -75,36 +76,33 @@ void read_series(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     if (const auto data = object.find("data")) {
         read_series_data(*data, job, series);
     } else {
-        for (std::size_t i = 0; i < job.data.size(); ++i) {
-            if (job.data[i].sampling() == Sampling::samples) series.data.push_back(i);
+        // Samples where there are some: sections beside them are usually there to be searched for cycles.
+        for (const Sampling sampling : {Sampling::samples, Sampling::section}) {
+            if (!series.data.empty()) break;
+            for (std::size_t i = 0; i < job.data.size(); ++i) {
+                if (job.data[i].sampling() == sampling) series.data.push_back(i);
+            }
         }
-        if (series.data.empty()) object.self().report("needs sampled data: an entry of \"data\" with samples");
+        if (series.data.empty()) object.self().report("needs an entry of \"data\"");
     }
-    // Exact matching with "auto" or "segment": one free initial state per segment, the flow over all of it.
-    if (const auto matching = object.find("matching")) {
-        if (matching->is(JsonValue::Kind::object)) {
-            matching->report_later("matching with a variance");
-        } else {
-            (void)matching->choice({"exact"}, {"auto"});
-        }
-    }
-    if (const auto interval = object.find("interval")) {
-        if (interval->is(JsonValue::Kind::number)) {
-            interval->report_later("nodes within a segment");
-        } else {
-            (void)interval->choice({"auto", "segment"});
-        }
-    }
+    read_shooting(object, job, estimate.automatic, series);
     ErrorUse use;
     use.records = ErrorUse::Records::series;
     use.data = series.data;
     for (const std::size_t index : series.data) {
-        for (const Eigen::Index coordinate : job.data[index].observe)
-            use.coordinates.push_back(coordinate);
+        const models::Sensor& sensor = job.data[index].sensor;
+        for (const Eigen::Index coordinate : job.data[index].observe) {
+            // A rate that is a difference of two readings of an angle has their errors, none of its own. (Over a whole
+            // segment it is compared as a reading.)
+            const bool is_second_reading = series.interval && coordinate == static_cast<Eigen::Index>(sensor.rate) &&
+                                           sensor.type == models::Sensor::Type::angle_difference;
+            if (!is_second_reading) use.coordinates.push_back(coordinate);
+        }
     }
     std::sort(use.coordinates.begin(), use.coordinates.end());
     use.coordinates.erase(std::unique(use.coordinates.begin(), use.coordinates.end()), use.coordinates.end());
     read_errors(object, use, job, series.errors, series.covariances);
+    if (series.interval) check_short_intervals(object.self(), series);
     if (estimate.series) object.self().report(fmt::format("a second residual of type series: {}", not_in_this_version));
     estimate.series = std::move(series);
 }

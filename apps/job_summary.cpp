@@ -82,17 +82,52 @@ std::string periodic_lines(const Job& job) {
     return text;
 }
 
-std::string estimate_line(const Job& job) {
+std::string series_line(const Job& job) {
+    const SeriesResidualJob& series = *job.estimate->series;
     std::vector<std::string> names;
-    for (const FreeParameterJob& free : job.estimate->parameters)
-        names.push_back(free.value.name);
-    std::vector<std::string_view> residuals;
-    for (const ResidualType type : job.estimate->strategy) {
-        residuals.push_back(residual_type_names[static_cast<std::size_t>(type)]);
+    for (const std::size_t index : series.data)
+        names.push_back(job.data[index].name);
+    std::string text = fmt::format("  series     {}: ", fmt::join(names, ", "));
+    if (!series.interval) return text + "one trajectory per segment\n";
+    text += *series.interval == SeriesResidualJob::automatic_interval
+                ? "nodes as far apart as errors allow"
+                : fmt::format("a node every {} points", *series.interval);
+    switch (series.matching.kind) {
+        case MatchingJob::Kind::given:
+            return text + fmt::format(", matched with a sd of {:.3g} of the range\n", series.matching.sd);
+        case MatchingJob::Kind::estimated:
+            return text + ", matched with a sd that is estimated\n";
+        case MatchingJob::Kind::exact:
+            return text + ", matched exactly\n";
+        case MatchingJob::Kind::automatic:
+            break;
     }
-    return fmt::format("  estimate   {} from {}\n",
-                       names.empty() ? "error scales only" : fmt::format("{}", fmt::join(names, ", ")),
-                       fmt::join(residuals, ", then "));
+    return text + "\n";
+}
+
+std::string estimate_lines(const Job& job) {
+    const EstimateJob& estimate = *job.estimate;
+    std::vector<std::string> names;
+    for (const FreeParameterJob& free : estimate.parameters)
+        names.push_back(free.value.name);
+    std::vector<std::string> stages;
+    for (const StageJob& stage : estimate.strategy)
+        stages.push_back(stage.name() +
+                         (stage.kind == StageJob::Kind::prediction && estimate.scan ? " with a scan" : ""));
+    std::string text = fmt::format("  estimate   {} from {}\n",
+                                   names.empty() ? "error scales only" : fmt::format("{}", fmt::join(names, ", ")),
+                                   fmt::join(stages, ", then "));
+    if (estimate.series) text += series_line(job);
+    const CriticismJob& criticism = estimate.criticism;
+    std::vector<std::string> models;
+    for (const std::string& variant : criticism.variants)
+        models.push_back("variant " + variant);
+    for (const Eigen::Index parameter : criticism.without)
+        models.push_back(
+            fmt::format("without {}", job.model.system->parameters()[static_cast<std::size_t>(parameter)].name));
+    if (!models.empty()) text += fmt::format("  against    {}\n", fmt::join(models, ", "));
+    if (criticism.held_out > 0.0) text += fmt::format("  held out   {:.3g} of the data in turn\n", criticism.held_out);
+    return text;
 }
 
 }  // namespace
@@ -111,7 +146,7 @@ std::string job_summary(const Job& job) {
                             job.data[job.orbits->data].name);
     }
     if (job.periodic) text += periodic_lines(job);
-    if (job.estimate) text += estimate_line(job);
+    if (job.estimate) text += estimate_lines(job);
     return text;
 }
 

@@ -35,6 +35,8 @@ namespace detail {
 /// "errors" and "covariance" of a residual.
 void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::vector<CovarianceJob>& covariances,
                 nlohmann::ordered_json& residual);
+/// A sd as errors have it: a number, or { "estimate": { "start", "prior" } }.
+[[nodiscard]] nlohmann::ordered_json scale_document(const estimator::ErrorScale& scale);
 [[nodiscard]] nlohmann::ordered_json prior_document(const estimator::Prior& prior);
 [[nodiscard]] nlohmann::ordered_json joint_priors_document(const std::vector<estimator::JointNormalPrior>& priors);
 /// A tied parameter has nothing but its tie.

@@ -50,15 +50,18 @@ void add_distribution(const estimator::ErrorDistribution& distribution, Json& ob
 
 }  // namespace
 
+nlohmann::ordered_json scale_document(const estimator::ErrorScale& scale) {
+    // <= 0 while estimated: from the residuals.
+    return value_document(scale.estimate, scale.value, scale.value > 0.0, scale.prior);
+}
+
 void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::vector<CovarianceJob>& covariances,
                 Json& residual) {
     Json object = Json::object();
     for (const ErrorJob& error : errors) {
         Json entry = Json::object();
         add_distribution(error.distribution, entry);
-        const auto& scale = error.scale;
-        // <= 0 while estimated: from the residuals.
-        Json sd = value_document(scale.estimate, scale.value, scale.value > 0.0, scale.prior);
+        Json sd = scale_document(error.scale);
         if (error.sd_column.empty()) {
             entry["sd"] = std::move(sd);
         } else {

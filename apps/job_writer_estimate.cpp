@@ -70,6 +70,45 @@ Json waveform_document(const Job& job, const WaveformResidualJob& waveform) {
     return object;
 }
 
+Json matching_document(const MatchingJob& matching) {
+    switch (matching.kind) {
+        case MatchingJob::Kind::exact:
+            return "exact";
+        case MatchingJob::Kind::given:
+            return {{"sd", matching.sd}};
+        case MatchingJob::Kind::estimated:
+            return {{"sd", "estimate"}};
+        case MatchingJob::Kind::automatic:
+            break;
+    }
+    return "auto";
+}
+
+Json interval_document(const std::optional<std::size_t>& interval) {
+    if (!interval) return "segment";
+    return *interval == SeriesResidualJob::automatic_interval ? Json("auto") : Json(*interval);
+}
+
+Json stage_document(const StageJob& stage) {
+    if (stage.kind != StageJob::Kind::residuals || stage.residuals.size() == 1) return stage.name();
+    Json together = Json::array();
+    for (const ResidualType type : stage.residuals)
+        together.push_back(residual_type_names[static_cast<std::size_t>(type)]);
+    return together;
+}
+
+Json criticism_document(const Job& job, const CriticismJob& criticism) {
+    Json without = Json::array();
+    for (const Eigen::Index parameter : criticism.without)
+        without.push_back(parameter_name(job, parameter));
+    Json object = Json::object();
+    // An empty list of variants names nothing, and a model that has none refuses the key.
+    if (!criticism.variants.empty()) object["variants"] = criticism.variants;
+    object["without"] = std::move(without);
+    object["held_out"] = criticism.held_out;
+    return object;
+}
+
 Json residuals_document(const Job& job, const EstimateJob& estimate) {
     Json residuals = Json::array();
     if (estimate.cycles) {
@@ -77,18 +116,19 @@ Json residuals_document(const Job& job, const EstimateJob& estimate) {
         // Empty: all periods of a file of cycles.
         if (!estimate.cycles->periods.empty()) cycles["periods"] = estimate.cycles->periods;
         cycles["weights"] = estimate.cycles->covariance ? "covariance" : "equal";
-        cycles["positions"] = true;
-        cycles["multipliers"] = false;
+        cycles["positions"] = estimate.cycles->positions;
+        cycles["multipliers"] = estimate.cycles->multipliers;
         add_errors(job, estimate.cycles->errors, estimate.cycles->covariances, cycles);
+        if (estimate.cycles->multipliers)
+            cycles["errors"]["ln_multiplier"]["sd"] = scale_document(estimate.cycles->multiplier_error);
         residuals.push_back(std::move(cycles));
     }
     if (estimate.series) {
         Json series{{"type", "series"}, {"data", Json::array()}};
         for (const std::size_t index : estimate.series->data)
             series["data"].push_back(job.data[index].name);
-        series["matching"] = "exact";
-        // What "auto" means in this version: a later one may choose otherwise, this job may not.
-        series["interval"] = "segment";
+        series["matching"] = matching_document(estimate.series->matching);
+        series["interval"] = interval_document(estimate.series->interval);
         add_errors(job, estimate.series->errors, estimate.series->covariances, series);
         residuals.push_back(std::move(series));
     }
@@ -114,9 +154,10 @@ Json estimate_document(const Job& job) {
     object["residuals"] = residuals_document(job, estimate);
     object["variance"] = variance_name(estimate.variance);
     object["strategy"] = Json::array();
-    for (const ResidualType type : estimate.strategy) {
-        object["strategy"].push_back(residual_type_names[static_cast<std::size_t>(type)]);
-    }
+    for (const StageJob& stage : estimate.strategy)
+        object["strategy"].push_back(stage_document(stage));
+    if (estimate.scan) object["scan"] = true;
+    if (estimate.criticism.any()) object["criticism"] = criticism_document(job, estimate.criticism);
     object["multi_start"] = {{"starts", estimate.multi_start.starts}, {"seed", estimate.multi_start.seed}};
     const SampleJob& sample = estimate.sample;
     object["posterior"]["sample"] = {{"draws", sample.draws}, {"chains", sample.chains}, {"warm_up", sample.warm_up}};

@@ -55,6 +55,9 @@ public:
     /// The members of an object whose keys are names; empty after another kind has been reported.
     [[nodiscard]] std::vector<std::pair<std::string, ValueReader>> members() const;
 
+    /// Another value read in the place of this one (what a short form stands for); it must live as long as the reader.
+    [[nodiscard]] ValueReader standing_for(const JsonValue& value) const { return {value, pointer_, *problems_}; }
+
     /// Problems found so far in the whole document.
     [[nodiscard]] std::size_t problem_count() const { return problems_->size(); }
 

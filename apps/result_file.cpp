@@ -42,14 +42,6 @@ Json estimated_json(const estimator::Estimated& x, const std::map<std::string, d
     return out;
 }
 
-Json estimated_list(const std::vector<estimator::Estimated>& list, const std::map<std::string, double>& references) {
-    Json out = Json::object();
-    for (const auto& x : list) {
-        out[x.name] = estimated_json(x, references);
-    }
-    return out;
-}
-
 Json parameters_json(const estimator::Estimate& estimate, const std::map<std::string, double>& references) {
     Json out = estimated_list(estimate.parameters, references);
     for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
@@ -211,6 +203,14 @@ Json data_json(const ResultContext& context) {
 
 }  // namespace
 
+Json estimated_list(const std::vector<estimator::Estimated>& list, const std::map<std::string, double>& references) {
+    Json out = Json::object();
+    for (const auto& x : list) {
+        out[x.name] = estimated_json(x, references);
+    }
+    return out;
+}
+
 std::string csv_cell(const std::string& text) {
     if (text.find_first_of(",\"\r\n") == std::string::npos) {
         return text;
@@ -283,14 +283,8 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["correlation"] = {{"names", names}, {"matrix", json_rows(estimate.correlation)}};
     out["covariance"] = {{"names", names}, {"matrix", json_rows(estimate.covariance)}};
     out["identifiability"] = identifiability_json(estimate);
-    out["residuals"] = Json::array();
-    for (const auto& count : estimate.counts) {
-        out["residuals"].push_back({{"type", count.type},
-                                    {"used", count.used},
-                                    {"lost", count.lost},
-                                    {"rejected", count.rejected},
-                                    {"added", count.added}});
-    }
+    out["residuals"] = counts_json(estimate.counts);
+    add_strategy(context.strategy, context.reference, out);
     out["objective"] = estimate.objective;
     out["log_likelihood"] = estimate.log_likelihood;
     out["log_evidence"] = evidence_json(context.evidence);

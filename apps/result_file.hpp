@@ -8,6 +8,7 @@
 
 #include "apps/fingerprint.hpp"
 #include "apps/posterior_results.hpp"
+#include "apps/strategy_results.hpp"
 #include "estimator/estimate.hpp"
 #include "periodic/orbit.hpp"
 
@@ -67,6 +68,7 @@ struct ResultContext {
     std::vector<Capture> captured;
     PosteriorResults posterior;
     LogEvidence evidence;
+    StrategyResults strategy;
     Fingerprint fingerprint;  ///< left out of the file when its hash is empty
 };
 
@@ -82,8 +84,9 @@ struct ResultContext {
 ///
 /// Beside the keys of the contract: per parameter `laplace_sd`, `data_share`, `hessian_ratio`; per error scale
 /// `distribution` and its parameters, `rms`, `lag1`, `correlation_records`, `effective_count`, `estimated`;
-/// `covariance`, `covariances`, `log_evidence`, `diagnostics`, `posterior`, `profile`, `marginals`, `optima`, `rounds`,
-/// `history`, `steady_states` (of waveforms). An interval is null as a whole when one of its ends is undefined.
+/// `covariance`, `covariances`, `log_evidence`, `stages`, `matching`, `criticism`, `diagnostics`, `posterior`,
+/// `profile`, `marginals`, `optima`, `rounds`, `history`, `steady_states` (of waveforms). An interval is null as a
+/// whole when one of its ends is undefined.
 [[nodiscard]] std::string result_text(const estimator::Estimate& estimate, const ResultContext& context);
 
 /// A cell of a table in text: quoted when it holds a comma, a quote or a line end (RFC 4180).

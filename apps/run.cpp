@@ -93,8 +93,8 @@ int run_stages(const Workspace& work) {
     if (loading) data = load_data(work);
 
     orbits::CycleSearch search;
+    std::optional<SearchedSection> section;
     if (searching && !work.interruption.asked()) {
-        std::optional<SearchedSection> section;
         if (is_section_search(job)) section = searched_section(job, data[job.orbits->data].series);
         search = load_cycles(work, section);
         if (wants(work.options, Stage::orbits)) print(cycles_summary(search));
@@ -120,7 +120,7 @@ int run_stages(const Workspace& work) {
         }
     }
     if (estimating) {
-        const EstimateOutcome outcome = run_estimate(work, data, search);
+        const EstimateOutcome outcome = run_estimate(work, data, section ? &*section : nullptr, search);
         print(estimate_summary(outcome.estimate, outcome.context, job.title));
         code = std::max(code, exit_code(outcome.estimate.status));
         // What was asked for and could not be done.

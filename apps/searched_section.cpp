@@ -67,6 +67,24 @@ void cut_samples(const Job& job, SearchedSection& section) {
     section.cut = std::move(cut.series);
 }
 
+/// Reading errors of a record of nothing but an angle and its difference quotient: both come from two readings of the
+/// angle, whose error is that of the encoder's step and of simulated noise; empty for others.
+///
+///     Cov = q [[1, -1/d], [-1/d, 2/d^2]],  q = step^2 / 12 + noise^2,  d = delay    (mathematics.md, "Instrument")
+Eigen::MatrixXd difference_covariance(const DataJob& data, Eigen::Index dimension) {
+    const models::Sensor& sensor = data.sensor;
+    if (sensor.type != models::Sensor::Type::angle_difference || dimension != 2 || !(sensor.step > 0.0)) return {};
+    double q = sensor.step * sensor.step / 12.0;
+    const auto angle = static_cast<Eigen::Index>(sensor.angle);
+    const auto rate = static_cast<Eigen::Index>(sensor.rate);
+    if (data.simulation) q += data.simulation->noise[angle] * data.simulation->noise[angle];
+    Eigen::MatrixXd covariance(2, 2);
+    covariance(angle, angle) = q;
+    covariance(angle, rate) = covariance(rate, angle) = -q / sensor.delay;
+    covariance(rate, rate) = 2.0 * q / (sensor.delay * sensor.delay);
+    return covariance;
+}
+
 }  // namespace
 
 SearchedSection searched_section(const Job& job, const orbits::Series& record) {
@@ -85,7 +103,12 @@ SearchedSection searched_section(const Job& job, const orbits::Series& record) {
         if (section.options.partition && section.options.partition->coordinate > plane)
             --section.options.partition->coordinate;
     }
-    if (sd.size() > 0) section.options.reading_covariance = sd.cwiseAbs2().asDiagonal();
+    if (sd.size() > 0) {
+        section.options.reading_covariance = sd.cwiseAbs2().asDiagonal();
+    } else if (!samples) {
+        section.options.reading_covariance =
+            difference_covariance(job.data[job.orbits->data], section.series().dimension());
+    }
     return section;
 }
 

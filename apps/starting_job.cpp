@@ -57,19 +57,40 @@ std::string coordinate_names(const models::System& system, bool cells) {
     return fmt::format("{}", fmt::join(names, ", "));
 }
 
-std::string data_block(const models::System& system, bool sections, bool cells, bool steady) {
+/// Readings err, or there would be nothing to weigh by where the series itself is fitted.
+std::string noise_line(const models::System& system) {
+    std::vector<std::string> entries;
+    for (const auto& coordinate : system.coordinates())
+        entries.push_back(fmt::format("\"{}\": 0.001", coordinate.name));
+    return fmt::format("      \"noise\": {{ {} }},  // sd of a reading\n", fmt::join(entries, ", "));
+}
+
+std::string data_block(const models::System& system, bool sections, bool cells, std::string_view task) {
+    const bool steady = task == "waveform";
+    const bool automatic = task == "auto";
+    const std::string noise = automatic ? noise_line(system) : std::string();
     if (system.kind() == models::Kind::map) {
         const std::vector<std::string_view> small(system.coordinates().size(), "0.1");
         return fmt::format(R"(  "data": {{
     // Measured data instead: "file": "series.csv", "kind": "section", "columns": {{ "NAME": "HEADER", ... }}
     "simulate": {{
-      "sections": 65536,                          // iterates of all trajectories together
+      "sections": {},                          // iterates of all trajectories together
       "transient": 300,                           // iterates left out at the start
-      "initial": [[{}]]                  // one state per trajectory: {}
+{}      "initial": [[{}]]                  // one state per trajectory: {}
     }}
   }},
 )",
-                           fmt::join(small, ", "), coordinate_names(system, cells));
+                           automatic ? 8192 : 65536, noise, fmt::join(small, ", "), coordinate_names(system, cells));
+    }
+    if (sections && automatic) {
+        return fmt::format(R"(  "data": {{
+    // Measured data instead: "file": "series.csv", "kind": "section", "columns": {{ "NAME": "HEADER", ... }}
+    "simulate": {{
+{}      "sections": 8192, "trajectories": 4, "transient": 300
+    }}
+  }},
+)",
+                           noise);
     }
     if (sections) {
         return R"(  "data": {
@@ -83,7 +104,7 @@ std::string data_block(const models::System& system, bool sections, bool cells, 
     // Measured data instead: "file": "series.csv", "kind": "samples", "columns": {{ "time": "t", "NAME": "HEADER", ... }}
     "simulate": {{
       "samples": {{ "step": 0.01, "count": {} }},      // seconds, samples per trajectory
-{}      "initial": {}                             // one state per trajectory: {}
+{}{}      "initial": {}                             // one state per trajectory: {}
     }}
   }},
 )",
@@ -92,7 +113,7 @@ std::string data_block(const models::System& system, bool sections, bool cells, 
         steady
             ? "      \"transient\": 10000,                         // samples left out: until the motion is periodic\n"
             : "",
-        first_state(system, cells), coordinate_names(system, cells));
+        noise, first_state(system, cells), coordinate_names(system, cells));
 }
 
 /// The first parameter whose default says something: a start 10 % beside it shows an estimate at work.
@@ -103,6 +124,11 @@ const models::Parameter& first_free(const models::System& system) {
     return found == parameters.end() ? parameters.front() : *found;
 }
 
+/// Estimated from cycles of a section, if only among other things.
+bool is_of_cycles(const models::System& system, std::string_view task) {
+    return task == "cycles" || (task == "auto" && system.kind() != models::Kind::autonomous);
+}
+
 /// What a residual holds beside its data.
 std::string residual_keys(const models::System& system, std::string_view task) {
     if (task != "waveform") return fmt::format("\"type\": \"{}\"", task);
@@ -111,8 +137,22 @@ std::string residual_keys(const models::System& system, std::string_view task) {
                        forced ? "\"period\": 1" : "\"time\": 1.0");
 }
 
+/// What is estimated from: residuals, or a strategy that chooses them.
+std::string method_line(const models::System& system, std::string_view task) {
+    if (task != "auto") {
+        return fmt::format(
+            "    \"residuals\": [ {{ {} }} ]      // \"errors\" left out: normal, with standard deviations that are "
+            "estimated\n",
+            residual_keys(system, task));
+    }
+    return "    // Stages: prediction over one interval, cycles and more of them where \"orbits\" are searched, then "
+           "the "
+           "series itself.\n"
+           "    \"strategy\": \"auto\"        // \"scan\": true for starts that are wrong by a factor\n";
+}
+
 std::string estimate_block(const models::System& system, std::string_view task) {
-    const bool cycles = task == "cycles";
+    const bool cycles = is_of_cycles(system, task);
     const bool map = system.kind() == models::Kind::map;
     const std::string orbits =
         fmt::format("  \"orbits\": {{ \"periods\": {} }},       // in {}\n", map ? "[1, 2, 4, 6]" : "[1, 2, 3]",
@@ -123,15 +163,14 @@ std::string estimate_block(const models::System& system, std::string_view task) 
       // The free ones; all others keep their values. "bounds": [lower, upper] and "prior" may be added.
       "{}": {{ "start": {} }}
     }},
-{}    "residuals": [ {{ {} }} ]      // "errors" left out: normal, with standard deviations that are estimated
-  }},
+{}{}  }},
 )",
                        cycles ? orbits : "", free.name, 1.1 * free.default_value,
                        task != "waveform" ? ""
                        : system.kind() == models::Kind::forced
                            ? "    // \"period\": of the steady state, in periods of the forcing.\n"
                            : "    // \"time\": a guess of the period in s.\n",
-                       residual_keys(system, task));
+                       method_line(system, task));
 }
 
 bool is_periodic_task(std::string_view task) {
@@ -141,8 +180,8 @@ bool is_periodic_task(std::string_view task) {
 }  // namespace
 
 const std::vector<std::string>& starting_tasks() {
-    static const std::vector<std::string> tasks{"simulate", "cycles", "series",      "waveform",
-                                                "periodic", "search", "continuation"};
+    static const std::vector<std::string> tasks{"simulate", "auto",     "cycles", "series",
+                                                "waveform", "periodic", "search", "continuation"};
     return tasks;
 }
 
@@ -153,7 +192,7 @@ std::string starting_job(std::string_view model, std::string_view task) {
         throw std::invalid_argument(
             fmt::format("there is no task \"{}\"; tasks: {}", task, fmt::join(starting_tasks(), ", ")));
     }
-    const bool cycles = task == "cycles";
+    const bool cycles = is_of_cycles(*system, task);
     if (is_periodic_task(task) && !system->inputs().empty()) {
         throw std::invalid_argument(
             fmt::format("{} is driven by measured inputs: it has no periodic orbits of its own", model));
@@ -182,7 +221,7 @@ std::string starting_job(std::string_view model, std::string_view task) {
 )",
         model, task, parameter_lines(*system), size_line(size));
     if (is_periodic_task(task)) return text + starting_periodic_block(*system, task) + "}\n";
-    text += data_block(*system, cycles, size.has_value(), task == "waveform");
+    text += data_block(*system, cycles, size.has_value(), task);
     if (task != "simulate") text += estimate_block(*system, task);
     return text + "  \"output\": { \"series\": \"csv\" }      // h5 | csv | none\n}\n";
 }

@@ -6,7 +6,8 @@
 
 namespace orbid::apps {
 
-/// What a new job can be for: "simulate" (sampled data; iterates of a map), "cycles" (parameters from periodic orbits
+/// What a new job can be for: "simulate" (sampled data; iterates of a map), "auto" (parameters by all stages that the
+/// data allow), "cycles" (parameters from periodic orbits
 /// of a section series), "series" (parameters from sampled data); "periodic", "search" and "continuation" (periodic
 /// orbits of the model, without data). The first is what every model can do.
 [[nodiscard]] const std::vector<std::string>& starting_tasks();

@@ -225,16 +225,19 @@ std::string estimate_summary(const estimator::Estimate& estimate, const ResultCo
     out +=
         fmt::format("{}{}{} ({} iterations, {} evaluations)\n", estimator::name(estimate.status),
                     estimate.message.empty() ? "" : ": ", estimate.message, estimate.iterations, estimate.evaluations);
+    out += stages_summary(context.strategy);
     out += titled("Parameters", estimated_table(estimate.parameters));
     out += titled("Derived", estimated_table(estimate.derived));
     out += titled("Against known values", reference_table(estimate, context));
     out += titled("Errors", scale_table(estimate.scales));
     out += titled("Covariances of errors", covariance_table(estimate.covariances));
+    out += matching_summary(context.strategy);
     out += titled("Not determined by the data", null_directions(estimate));
     out += titled("Remarks", remarks(estimate));
     out += titled("Cycles in the data", orbits_line(context));
     out += titled("Used", counts_table(estimate.counts));
     out += titled("Prediction", prediction_table(context.predictions));
+    out += criticism_summary(context.strategy);
     return out + posterior_summary(context.posterior);
 }
 

@@ -73,6 +73,9 @@ public:
     /// Index of a block's cycle in the list that was given.
     [[nodiscard]] std::size_t cycle_of(std::size_t block) const { return targets_.targets.at(block).cycle; }
 
+    /// What a block is compared with.
+    [[nodiscard]] const CycleTarget& target(std::size_t block) const { return targets_.targets.at(block); }
+
     /// Cycles left out because they are states of rest.
     [[nodiscard]] const std::vector<std::size_t>& at_rest() const { return targets_.at_rest; }
 

@@ -44,7 +44,7 @@ PredictionResidual::PredictionResidual(std::vector<std::shared_ptr<const models:
         require(t.from.size() == n && t.to.size() == n && t.duration > 0.0, "a transition of wrong shape or duration");
     for (const models::Coordinate& coordinate : systems_.front()->coordinates()) {
         estimator::Group group;
-        group.name = fmt::format("prediction.{}", coordinate.name);
+        group.name = fmt::format("{}.{}", options_.name, coordinate.name);
         group.unit = coordinate.unit;
         group.scale.value = 0.0;  // from the residuals
         group.distribution = estimator::StudentErrors{{false, 1.0, estimator::FlatPrior{}}};

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -12,6 +13,7 @@
 namespace orbid::orbits {
 
 struct PredictionOptions {
+    std::string name = "prediction";  ///< prefix of group names: "prediction.phi"
     /// Sizes of the errors of the states relative to each other, shape (n), see error_sizes(); empty: 1 each.
     Eigen::VectorXd sizes;
     models::FlowOptions flow{1e-9, 1e-9, 20000};
@@ -24,7 +26,7 @@ struct PredictionOptions {
 ///
 /// The scale s is estimated, one per coordinate: what a transition is worth falls with how strongly errors of its start
 /// are amplified, X at the parameters of the last refresh(), and gross errors hardly count. Groups
-/// "prediction.<coordinate>"; blocks of up to 64 transitions, as a block each would cost more than the flows. A
+/// "<name>.<coordinate>"; blocks of up to 64 transitions, as a block each would cost more than the flows. A
 /// transition that cannot be simulated counts as off by its size, whatever the parameters; a block of which most cannot
 /// fails.
 ///

@@ -144,14 +144,8 @@ TEST_CASE("the way of telling the map is chosen by name", "[apps][job]") {
 }
 
 TEST_CASE("reserved names and values are refused by name", "[apps][job]") {
-    const std::vector<std::pair<std::string, std::string>> later{
-        {"\"multipliers\": false", "\"multipliers\": true"},
-        {"[\"cycles\"]", "\"auto\""},
-        {"\"phase\": 0.0", "\"coordinate\": \"phi\""},
-        {"\"variant\": \"crank\"", "\"equations\": {}"},
-        {"\"weights\": \"covariance\"", "\"errors\": { \"ln_multiplier\": { \"sd\": 0.1 } }"},
-        {"\"type\": \"state\"",
-         "\"type\": \"angle_difference\", \"angle\": \"phi\", \"rate\": \"phi_dot\", \"delay\": 0.015"}};
+    const std::vector<std::pair<std::string, std::string>> later{{"\"phase\": 0.0", "\"coordinate\": \"phi\""},
+                                                                 {"\"variant\": \"crank\"", "\"equations\": {}"}};
     for (const auto& [from, to] : later) {
         CAPTURE(to);
         const auto reading = read_job(job_with(from, to), job_folder / "job.json");

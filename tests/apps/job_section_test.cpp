@@ -99,8 +99,9 @@ TEST_CASE("periodic orbits of autonomous flows, and estimates from their cycles,
     check_only(with(R"("orbits": { "reading_error": { "x": 0.1, "y": 0 } })"), "/orbits/reading_error/y: must be");
     check_only(with(R"("periodic": { "orbits": [ { "period": 1, "points": [[1, 1, 20]] } ] })"),
                "/periodic/orbits/0/points/0: must lie on the section, where z is 27");
-    check_only(with(R"("estimate": { "parameters": {}, "residuals": [ { "type": "series", "data": ["falls"] } ] })"),
-               "\"falls\" is a section series; as a series residual: not in this version");
+    check_only(with(R"("estimate": { "parameters": {},
+                       "residuals": [ { "type": "series", "data": ["falls"], "interval": "segment" } ] })"),
+               "/interval: holds for samples: a section series is followed from section to section");
 }
 
 TEST_CASE("crossings of a section are simulated, stored with their times, and found again", "[apps][run]") {
