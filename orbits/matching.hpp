@@ -41,10 +41,10 @@ inline constexpr double estimated_tightness = 0.1;
     return noise * (noise > noisy_readings ? noisy_tightness : exact_tightness);
 }
 
-/// Share of the matching sd that the next stage keeps. Noise beyond 2e-3 of the range leaves single intervals on the
+/// Share of the matching sd that the next stage keeps. Noise beyond 3e-4 of the range leaves single intervals on the
 /// wrong branch of a fold if it falls tenfold at once.
 [[nodiscard]] inline double next_share(double noise) {
-    return noise > noisy_readings ? 0.4 : 0.1;
+    return noise > 3e-4 ? 0.4 : 0.1;
 }
 
 }  // namespace orbid::orbits

@@ -27,6 +27,7 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
     data->plan = plan_shooting(data->system(), data->series, data->options.segments, data->observed,
                                data->options.sensor, data->interval);
     data_ = data;
+    check_matching();
     guess_nodes(all);
     MatrixXd states(data->system().dimension(), std::ssize(start_));
     for (std::size_t b = 0; b < start_.size(); ++b)
@@ -74,6 +75,7 @@ ShootingResidual ShootingResidual::with(const Matching& matching, std::vector<Ve
                                         const VectorXd& theta) const {
     ShootingResidual other = *this;
     other.matching_ = matching;
+    other.check_matching();
     if (!latents.empty()) {
         assert(latents.size() == start_.size());
         other.start_ = std::move(latents);

@@ -127,6 +127,7 @@ private:
 
     static std::shared_ptr<Data> read(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
                                       Series series, ShootingOptions options);
+    void check_matching() const;
     void guess_nodes(const Eigen::VectorXd& all);
     void make_groups();
     void make_layout();

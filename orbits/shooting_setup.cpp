@@ -135,7 +135,39 @@ void check_forms(const models::System& system, const ShootingOptions& options,
     }
 }
 
+void check_known_sds(const Series& series, const ShootingOptions& options,
+                     const std::vector<ObservedCoordinate>& observed) {
+    for (const ObservedCoordinate& o : observed) {
+        if (!o.known_sds) continue;
+        for (const std::size_t s : options.segments) {
+            const Segment& data = series.segments[s];
+            const bool there =
+                data.deviations.rows() == data.values.rows() && data.deviations.cols() == data.values.cols();
+            for (Index k = 0; k < data.values.cols(); ++k) {
+                if (!std::isfinite(data.values(o.row, k))) continue;
+                require(there && data.deviations(o.row, k) > 0.0 && std::isfinite(data.deviations(o.row, k)),
+                        fmt::format("segment {}: reading {} of {} has no known sd > 0", data.label, k,
+                                    series.coordinates[static_cast<std::size_t>(o.row)].name));
+            }
+        }
+    }
+}
+
 }  // namespace
+
+void ShootingResidual::check_matching() const {
+    const Index n = data_->system().dimension();
+    require(matching_.sd.size() == 0 || matching_.sd.size() == n,
+            fmt::format("{} matching sds for {} coordinates", matching_.sd.size(), n));
+    for (const double sd : matching_.sd)
+        require(sd > 0.0 && std::isfinite(sd), fmt::format("a matching sd is {}, must be > 0", sd));
+    require(matching_.kind == Matching::Kind::exact || matching_.estimate || matching_.sd.size() > 0,
+            "matching with an error of its own needs its sds, or to estimate them");
+    require(!matching_.estimate || matching_.kind != Matching::Kind::exact,
+            "exact matching has no sd that could be estimated: choose normal or Student's t");
+    require(!matching_.constraints || matching_.kind == Matching::Kind::exact,
+            "only exact matching can be done by constraints");
+}
 
 std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<const models::System> system,
                                                                models::ParameterBinding binding, Series series,
@@ -152,6 +184,7 @@ std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<c
     auto data = std::make_shared<Data>();
     data->observed = choose_coordinates(*system, series, options);
     check_forms(*system, options, data->observed);
+    check_known_sds(series, options, data->observed);
     data->instant_sensor = options.sensor;
     if (options.sensor.type == models::Sensor::Type::angle_difference)
         data->instant_sensor.type = models::Sensor::Type::state;
