@@ -27,11 +27,14 @@ struct Matching {
 /// below); ten times tighter costs a stage more, a thousand times tighter digits.
 inline constexpr double exact_tightness = 2e-5;
 
-/// The same for readings with errors beyond noisy_readings of the range. There the posterior over nodes is no normal one
-/// any more (folds): estimates at tighter matching are dearer, and their intervals too short: largest error in sds over
-/// ten series of 5000 sections at noise 5e-3 of the range 3.0 at 0.2, 2.3 at 0.06, 3.2 at 0.02, 5.4 at 0.006.
+/// The same for readings with errors beyond noisy_readings of the range. There the posterior over nodes is no normal
+/// one any more (folds): estimates at tighter matching are dearer, and their intervals too short: largest error in sds
+/// over ten series of 5000 sections at noise 5e-3 of the range 3.0 at 0.2, 2.3 at 0.06, 3.2 at 0.02, 5.4 at 0.006. At
+/// noise 1e-3 (5000 sections) the ratios 2e-5 and 1e-2 gave one record a length 3.4 and 1.8 sds off.
 inline constexpr double noisy_tightness = 1e-2;
-inline constexpr double noisy_readings = 2e-3;
+inline constexpr double noisy_readings = 5e-4;
+/// Errors of readings beyond which intervals may be too short all the same, and reports say so.
+inline constexpr double folding_readings = 2e-3;
 
 /// The same where the matching sd is to be estimated: from here on the estimator decides.
 inline constexpr double estimated_tightness = 0.1;
@@ -41,10 +44,10 @@ inline constexpr double estimated_tightness = 0.1;
     return noise * (noise > noisy_readings ? noisy_tightness : exact_tightness);
 }
 
-/// Share of the matching sd that the next stage keeps. Noise beyond 3e-4 of the range leaves single intervals on the
-/// wrong branch of a fold if it falls tenfold at once.
+/// Share of the matching sd that the next stage keeps. Where readings are noisy single intervals stay on the wrong
+/// branch of a fold if it falls tenfold at once.
 [[nodiscard]] inline double next_share(double noise) {
-    return noise > 3e-4 ? 0.4 : 0.1;
+    return noise > noisy_readings ? 0.4 : 0.1;
 }
 
 }  // namespace orbid::orbits

@@ -50,7 +50,7 @@ MatchingReport matching_report(const ShootingResidual& residual, const VectorXd&
             "{} of {} intervals do not meet the next within three sds of the matching ({:.1f} expected): the "
             "model does not follow the record there, and intervals are too short",
             report.defect.large, report.defect.count, report.expected * count));
-    if (kind == Matching::Kind::exact && report.noise > noisy_readings)
+    if (kind == Matching::Kind::exact && report.noise > folding_readings)
         report.warnings.push_back(fmt::format(
             "readings err by {:.2g} % of the range: the posterior over the trajectory folds, and intervals may "
             "be too short",
