@@ -8,6 +8,8 @@
 
 #include <Eigen/QR>
 
+#include "estimator/block_loop.hpp"
+
 namespace orbid::estimator {
 
 namespace {
@@ -79,100 +81,94 @@ void find_chains(Arrow& arrow, std::vector<bool>& cyclic) {
     }
 }
 
-/// Norms of the columns of link rows that hit the states of each block of a chain.
-std::vector<Eigen::VectorXd> link_norms(const Arrow& arrow, const std::vector<std::size_t>& chain) {
-    std::vector<Eigen::VectorXd> square(arrow.blocks.size());
+/// Norms of the columns of link rows that hit the states of each block of a chain, one block after the other.
+Eigen::VectorXd link_norms(const Arrow& arrow, const std::vector<std::size_t>& chain) {
+    Eigen::Index states = 0;
     for (const std::size_t b : chain)
-        square[b] = Eigen::VectorXd::Zero(arrow.blocks[b].latents);
-    for (const std::size_t b : chain) {
-        const BlockTriangle& block = arrow.blocks[b];
-        if (block.link.rows() == 0) continue;
-        square[b] += block.link.leftCols(block.latents).colwise().squaredNorm().transpose();
-        if (block.next < 0) continue;
-        const auto next = static_cast<std::size_t>(block.next);
-        square[next] +=
-            block.link.middleCols(block.latents, arrow.blocks[next].latents).colwise().squaredNorm().transpose();
+        states += arrow.blocks[b].latents;
+    Eigen::VectorXd square = Eigen::VectorXd::Zero(states);
+    Eigen::Index at = 0;
+    for (std::size_t i = 0; i < chain.size(); ++i) {
+        const BlockTriangle& block = arrow.blocks[chain[i]];
+        const Eigen::Index following = i + 1 < chain.size() ? at + block.latents : 0;
+        const auto add = [&](Eigen::Index column, Eigen::Index to, Eigen::Index count) {
+            for (Eigen::Index j = 0; j < count; ++j) {
+                const double* values = block.link.data() + (column + j) * block.link.rows();
+                for (Eigen::Index k = 0; k < block.link.rows(); ++k)
+                    square[to + j] += values[k] * values[k];
+            }
+        };
+        add(0, at, block.link.rows() > 0 ? block.latents : 0);
+        if (has_next(block)) add(block.latents, following, arrow.blocks[static_cast<std::size_t>(block.next)].latents);
+        at += block.latents;
     }
-    std::vector<Eigen::VectorXd> norm;
-    for (const std::size_t b : chain)
-        norm.emplace_back(square[b].cwiseSqrt());
-    return norm;
+    return square.cwiseSqrt();
 }
 
 /// Damping metric of a chain's blocks, see BlockTriangle::norm.
-void set_norms(Arrow& arrow, const std::vector<std::size_t>& chain, const std::vector<Eigen::VectorXd>& linked) {
+void set_norms(Arrow& arrow, const std::vector<std::size_t>& chain, const Eigen::VectorXd& linked) {
     double own_square = 0.0;
     double link_square = 0.0;
-    const auto add = [](const BlockTriangle& block, const Eigen::VectorXd& link, double& own, double& other) {
+    const auto add = [&linked](const BlockTriangle& block, Eigen::Index at, double& own, double& other) {
         for (Eigen::Index j = 0; j < block.latents; ++j) {
-            if (!(block.norm[j] > 0.0) || !(link[j] > 0.0)) continue;
+            if (!(block.norm[j] > 0.0) || !(linked[at + j] > 0.0)) continue;
             own += block.norm[j] * block.norm[j];
-            other += link[j] * link[j];
+            other += linked[at + j] * linked[at + j];
         }
     };
-    for (std::size_t i = 0; i < chain.size(); ++i) {
-        BlockTriangle& block = arrow.blocks[chain[i]];
+    Eigen::Index at = 0;
+    for (const std::size_t b : chain) {
+        BlockTriangle& block = arrow.blocks[b];
         block.norm = block.triangle.leftCols(block.latents).colwise().norm().transpose();
-        add(block, linked[i], own_square, link_square);
+        add(block, at, own_square, link_square);
+        at += block.latents;
     }
     const double common = link_square > 0.0 ? std::sqrt(own_square / link_square) : 1.0;
-    for (std::size_t i = 0; i < chain.size(); ++i) {
-        BlockTriangle& block = arrow.blocks[chain[i]];
+    at = 0;
+    for (const std::size_t b : chain) {
+        BlockTriangle& block = arrow.blocks[b];
         double own = 0.0;
         double other = 0.0;
-        add(block, linked[i], own, other);
+        add(block, at, own, other);
         const double ratio = other > 0.0 ? std::sqrt(own / other) : common;
         for (Eigen::Index j = 0; j < block.latents; ++j) {
             if (block.norm[j] > 0.0) continue;
-            block.norm[j] = ratio * linked[i][j];
+            block.norm[j] = ratio * linked[at + j];
             if (!(block.norm[j] > 0.0)) block.norm[j] = 1.0;
         }
+        at += block.latents;
     }
 }
 
 /// The nodes of a chain, damped by mu; dead states leave the problem.
-std::vector<ChainNode> chain_nodes(const Arrow& arrow, const std::vector<std::size_t>& chain, double mu) {
-    const std::vector<Eigen::VectorXd> linked = link_norms(arrow, chain);
-    std::vector<ChainNode> nodes;
-    nodes.reserve(chain.size());
+std::vector<ChainNode> chain_nodes(const Arrow& arrow, std::size_t index, double mu) {
+    const std::vector<std::size_t>& chain = arrow.chains[index];
+    const Eigen::VectorXd& linked = arrow.link_norms[index];
+    std::vector<ChainNode> nodes(chain.size());
+    Eigen::Index at = 0;
     for (std::size_t i = 0; i < chain.size(); ++i) {
         const BlockTriangle& block = arrow.blocks[chain[i]];
         const Eigen::Index l = block.latents;
-        ChainNode node;
+        ChainNode& node = nodes[i];
         node.block = chain[i];
         node.latents = l;
-        const Eigen::Index alone = block.next < 0 ? block.link.rows() : 0;
-        const Eigen::Index damping = mu > 0.0 ? l : 0;
-        node.own = Eigen::MatrixXd::Zero(l + alone + damping, block.triangle.cols());
-        node.own.topRows(l) = block.triangle.topRows(l);
-        if (alone > 0) node.own.middleRows(l, alone) = block.link;
-        if (damping > 0) node.own.bottomLeftCorner(l, l).diagonal() = std::sqrt(mu) * block.norm;
-        if (has_next(block)) node.link = block.link;
+        node.own = &block.triangle;
+        if (block.link.rows() > 0) (block.next < 0 ? node.alone : node.link) = &block.link;
+        if (mu > 0.0) node.damping = std::sqrt(mu) * block.norm;
         node.limit = (dead_share * block.triangle.leftCols(l).colwise().norm().transpose())
-                         .cwiseMax(dead_share_of_links * linked[i]);
-        for (Eigen::Index j = 0; j < l; ++j)
-            if (block.dead[static_cast<std::size_t>(j)]) node.own.col(j).setZero();
-        nodes.push_back(std::move(node));
-    }
-    for (std::size_t i = 0; i < chain.size(); ++i) {
-        Eigen::MatrixXd& link = nodes[i].link;
-        if (link.rows() == 0) continue;
-        const BlockTriangle& block = arrow.blocks[chain[i]];
-        const BlockTriangle& next = arrow.blocks[static_cast<std::size_t>(block.next)];
-        for (Eigen::Index j = 0; j < block.latents; ++j)
-            if (block.dead[static_cast<std::size_t>(j)]) link.col(j).setZero();
-        for (Eigen::Index j = 0; j < next.latents; ++j)
-            if (next.dead[static_cast<std::size_t>(j)]) link.col(block.latents + j).setZero();
+                         .cwiseMax(dead_share_of_links * linked.segment(at, l));
+        if (std::find(block.dead.begin(), block.dead.end(), true) != block.dead.end()) node.dead = &block.dead;
+        at += l;
     }
     return nodes;
 }
 
 /// Marks the states that the factorisation found undecided.
 void mark_dead(Arrow& arrow, const ChainFactor& factor) {
-    for (const std::vector<Elimination>& level : factor.levels) {
-        for (const Elimination& step : level) {
+    for (const ChainLevel& level : factor.levels) {
+        for (const Elimination& step : level.steps) {
             for (Eigen::Index k = step.rank; k < step.pivots; ++k) {
-                auto j = static_cast<std::size_t>(step.order[static_cast<std::size_t>(k)]);
+                auto j = static_cast<std::size_t>(level.order[step.first + static_cast<std::size_t>(k)]);
                 auto node = static_cast<std::size_t>(step.node);
                 const auto own = static_cast<std::size_t>(factor.latents[node]);
                 if (j >= own) {
@@ -206,6 +202,14 @@ BlockTriangle block_triangle(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eige
     return block;
 }
 
+BlockTriangle linked_block(Eigen::MatrixXd rows, Eigen::Index latents) {
+    BlockTriangle block;
+    block.latents = latents;
+    block.dead.assign(static_cast<std::size_t>(latents), false);
+    block.triangle = rows.rows() > rows.cols() ? upper_triangle(rows) : std::move(rows);
+    return block;
+}
+
 Arrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters) {
     Arrow arrow;
     arrow.parameters = parameters;
@@ -220,19 +224,27 @@ Arrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters) {
         block.dead.assign(block.dead.size(), false);
     }
     const Eigen::Index width = parameters + 1;
-    if (arrow.blocks.size() == 1) {
+    Eigen::Index alone = 0;
+    for (std::size_t b = 0; b < arrow.blocks.size(); ++b)
+        if (!arrow.linked[b]) ++alone;
+    if (arrow.blocks.size() == 1 && alone == 1) {
         arrow.pool = arrow.blocks[0].triangle.bottomRightCorner(width, width);
     } else {
-        Eigen::MatrixXd stacked(static_cast<Eigen::Index>(arrow.blocks.size()) * width, width);
-        for (std::size_t b = 0; b < arrow.blocks.size(); ++b)
-            stacked.middleRows(static_cast<Eigen::Index>(b) * width, width) =
-                arrow.blocks[b].triangle.bottomRightCorner(width, width);
+        Eigen::MatrixXd stacked(alone * width, width);
+        Eigen::Index row = 0;
+        for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
+            if (arrow.linked[b]) continue;
+            stacked.middleRows(row, width) = arrow.blocks[b].triangle.bottomRightCorner(width, width);
+            row += width;
+        }
         arrow.pool = upper_triangle(stacked);
     }
     for (std::size_t i = 0; i < arrow.chains.size(); ++i) {
-        set_norms(arrow, arrow.chains[i], link_norms(arrow, arrow.chains[i]));
-        arrow.undamped.push_back(factorise_chain(chain_nodes(arrow, arrow.chains[i], 0.0), cyclic[i], parameters));
-        mark_dead(arrow, arrow.undamped.back());
+        arrow.link_norms.push_back(link_norms(arrow, arrow.chains[i]));
+        set_norms(arrow, arrow.chains[i], arrow.link_norms[i]);
+        arrow.undamped.push_back(
+            std::make_shared<const ChainFactor>(factorise_chain(chain_nodes(arrow, i, 0.0), cyclic[i], parameters)));
+        mark_dead(arrow, *arrow.undamped.back());
     }
     return arrow;
 }
@@ -270,11 +282,11 @@ Condensed condense(const Arrow& arrow, double mu) {
     condensed.chains.reserve(arrow.chains.size());
     for (std::size_t i = 0; i < arrow.chains.size(); ++i) {
         if (mu > 0.0)
-            condensed.chains.push_back(
-                factorise_chain(chain_nodes(arrow, arrow.chains[i], mu), arrow.undamped[i].cyclic, arrow.parameters));
+            condensed.chains.push_back(std::make_shared<const ChainFactor>(
+                factorise_chain(chain_nodes(arrow, i, mu), arrow.undamped[i]->cyclic, arrow.parameters)));
         else
             condensed.chains.push_back(arrow.undamped[i]);
-        stacked.middleRows(row, width) = condensed.chains.back().rest;
+        stacked.middleRows(row, width) = condensed.chains.back()->rest;
         row += width;
     }
     const Eigen::MatrixXd pool = row > width ? upper_triangle(stacked) : arrow.pool;
@@ -296,82 +308,109 @@ std::vector<Eigen::VectorXd> latent_steps(const Arrow& arrow, const Condensed& c
         steps[b] = -(top.rightCols(1) + top.middleCols(l, arrow.parameters) * d);
         top.leftCols(l).triangularView<Eigen::Upper>().solveInPlace(steps[b]);
     }
-    for (const ChainFactor& chain : condensed.chains)
-        solve_chain(chain, d, steps);
+    for (const auto& chain : condensed.chains)
+        solve_chain(*chain, d, steps);
     return steps;
 }
 
 ModelChange model_change(const Arrow& arrow, const Eigen::VectorXd& d, const std::vector<Eigen::VectorXd>& d_z) {
-    ModelChange change;
-    const auto add = [&change](const Eigen::VectorXd& moved, const auto& right) {
-        change.linear += moved.dot(right);
-        change.quadratic += moved.squaredNorm();
-    };
-    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
-        const BlockTriangle& block = arrow.blocks[b];
-        const Eigen::Index l = block.latents;
-        add(block.triangle.leftCols(l) * d_z[b] + block.triangle.middleCols(l, arrow.parameters) * d,
-            block.triangle.rightCols(1).col(0));
-        if (block.link.rows() == 0) continue;
-        Eigen::VectorXd moved = block.link.leftCols(l) * d_z[b] +
-                                block.link.middleCols(block.link.cols() - 1 - arrow.parameters, arrow.parameters) * d;
-        if (block.next >= 0) {
-            const Eigen::VectorXd& next = d_z[static_cast<std::size_t>(block.next)];
-            moved += block.link.middleCols(l, next.size()) * next;
+    std::vector<ModelChange> part(pieces_of(arrow.blocks.size()));
+    for_pieces(arrow.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        ModelChange& change = part[piece];
+        Eigen::VectorXd moved;
+        const auto add = [&](const Eigen::MatrixXd& rows, const Eigen::VectorXd& own, const Eigen::VectorXd* next) {
+            moved.setZero(rows.rows());
+            Eigen::Index column = 0;
+            const auto along = [&](const Eigen::VectorXd& x) {
+                for (Eigen::Index j = 0; j < x.size(); ++j, ++column)
+                    for (Eigen::Index k = 0; k < rows.rows(); ++k)
+                        moved[k] += rows(k, column) * x[j];
+            };
+            along(own);
+            if (next != nullptr) along(*next);
+            along(d);
+            for (Eigen::Index k = 0; k < rows.rows(); ++k) {
+                change.linear += moved[k] * rows(k, column);
+                change.quadratic += moved[k] * moved[k];
+            }
+        };
+        for (std::size_t b = begin; b < end; ++b) {
+            const BlockTriangle& block = arrow.blocks[b];
+            add(block.triangle, d_z[b], nullptr);
+            if (block.link.rows() == 0) continue;
+            add(block.link, d_z[b], block.next >= 0 ? &d_z[static_cast<std::size_t>(block.next)] : nullptr);
         }
-        add(moved, block.link.rightCols(1).col(0));
+    });
+    ModelChange sum;
+    for (const ModelChange& change : part) {
+        sum.linear += change.linear;
+        sum.quadratic += change.quadratic;
     }
-    return change;
+    return sum;
 }
 
 double log_abs_determinant(const Condensed& condensed) {
     double sum = 0.0;
     for (const Eigen::MatrixXd& top : condensed.top)
-        sum += top.diagonal().array().abs().log().sum();
-    for (const ChainFactor& chain : condensed.chains)
-        for (const std::vector<Elimination>& level : chain.levels)
-            for (const Elimination& step : level)
-                sum += step.rows.diagonal().array().abs().log().sum();
+        if (top.rows() > 0) sum += top.diagonal().array().abs().log().sum();
+    for (const auto& chain : condensed.chains)
+        sum += log_abs_determinant(*chain);
     return sum;
+}
+
+void visit_covariance(const Arrow& arrow, const Condensed& condensed, const Eigen::MatrixXd& parameter_covariance,
+                      const CovarianceUse& node, const CovarianceUse& link) {
+    const Eigen::Index r = parameter_covariance.rows();
+    for_pieces(arrow.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t) {
+        Eigen::MatrixXd p;
+        for (std::size_t b = begin; b < end; ++b) {
+            if (arrow.linked[b]) continue;
+            const Eigen::Index l = arrow.blocks[b].latents;
+            const auto r_zz = condensed.top[b].leftCols(l).triangularView<Eigen::Upper>();
+            Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(l, l);
+            r_zz.solveInPlace(inverse);
+            const Eigen::MatrixXd gain = -inverse * condensed.top[b].middleCols(l, r);
+            p.resize(l + r, l + r);
+            const Eigen::MatrixXd across = gain * parameter_covariance;
+            const Eigen::MatrixXd own = inverse * inverse.transpose() + across * gain.transpose();
+            p.topLeftCorner(l, l) = 0.5 * (own + own.transpose());
+            p.topRightCorner(l, r) = across;
+            p.bottomLeftCorner(r, l) = across.transpose();
+            p.bottomRightCorner(r, r) = parameter_covariance;
+            for (Eigen::Index j = 0; j < l; ++j) {
+                if (!arrow.blocks[b].dead[static_cast<std::size_t>(j)]) continue;
+                p.row(j).setZero();
+                p.col(j).setZero();
+            }
+            node(b, p);
+        }
+    });
+    for (const auto& chain : condensed.chains)
+        chain_covariance(*chain, parameter_covariance, node, link);
 }
 
 SelectedCovariance covariance_around(const Arrow& arrow, const Condensed& condensed,
                                      const Eigen::MatrixXd& parameter_covariance) {
-    const Eigen::Index r = parameter_covariance.rows();
     SelectedCovariance result;
     result.block.resize(arrow.blocks.size());
     result.link.resize(arrow.blocks.size());
-    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
-        if (arrow.linked[b]) continue;
-        const Eigen::Index l = arrow.blocks[b].latents;
-        const auto r_zz = condensed.top[b].leftCols(l).triangularView<Eigen::Upper>();
-        Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(l, l);
-        r_zz.solveInPlace(inverse);
-        const Eigen::MatrixXd gain = -inverse * condensed.top[b].middleCols(l, r);
-        Eigen::MatrixXd& p = result.block[b];
-        p.resize(l + r, l + r);
-        const Eigen::MatrixXd across = gain * parameter_covariance;
-        const Eigen::MatrixXd own = inverse * inverse.transpose() + across * gain.transpose();
-        p.topLeftCorner(l, l) = 0.5 * (own + own.transpose());
-        p.topRightCorner(l, r) = across;
-        p.bottomLeftCorner(r, l) = across.transpose();
-        p.bottomRightCorner(r, r) = parameter_covariance;
-        for (Eigen::Index j = 0; j < l; ++j) {
-            if (!arrow.blocks[b].dead[static_cast<std::size_t>(j)]) continue;
-            p.row(j).setZero();
-            p.col(j).setZero();
-        }
-    }
-    for (const ChainFactor& chain : condensed.chains)
-        chain_covariance(chain, parameter_covariance, result.block, result.link);
+    const auto into = [](std::vector<Eigen::MatrixXd>& places) {
+        return
+            [&places](std::size_t b, const Eigen::Ref<const Eigen::MatrixXd>& covariance) { places[b] = covariance; };
+    };
+    visit_covariance(arrow, condensed, parameter_covariance, into(result.block), into(result.link));
     return result;
+}
+
+Eigen::MatrixXd inverse_square(const Eigen::MatrixXd& triangle) {
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(triangle.rows(), triangle.rows());
+    triangle.triangularView<Eigen::Upper>().solveInPlace(inverse);
+    return inverse * inverse.transpose();
 }
 
 SelectedCovariance selected_covariance(const Arrow& arrow, const Condensed& condensed,
                                        const Eigen::MatrixXd& parameter_triangle) {
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(parameter_triangle.rows(), parameter_triangle.rows());
-    parameter_triangle.triangularView<Eigen::Upper>().solveInPlace(inverse);
-    return covariance_around(arrow, condensed, inverse * inverse.transpose());
+    return covariance_around(arrow, condensed, inverse_square(parameter_triangle));
 }
 
 }  // namespace orbid::estimator

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include <Eigen/Core>
@@ -14,7 +15,8 @@ namespace orbid::estimator {
 /// those of the common parameters, then the right-hand side; and, in a chain, the rows that link it to another block.
 struct BlockTriangle {
     Eigen::Index latents = 0;
-    /// Upper trapezoid of the orthogonal factorisation, shape (latents + q + 1, latents + q + 1).
+    /// Upper trapezoid of the orthogonal factorisation, shape (latents + q + 1, latents + q + 1); of a linked block the
+    /// rows themselves where they are not more than that.
     Eigen::MatrixXd triangle;
     /// Lengths of the latent columns, > 0, shape (latents): the damping metric D_z. Without links the norms of the
     /// block's own columns (1 where dead). factorise() sets it for linked blocks: own columns as well, so that the
@@ -40,10 +42,12 @@ struct BlockTriangle {
 struct Arrow {
     Eigen::Index parameters = 0;
     std::vector<BlockTriangle> blocks;
-    Eigen::MatrixXd pool;      ///< triangle of all own rows below the latent ones, shape (q + 1, q + 1)
+    Eigen::MatrixXd pool;      ///< triangle of the rows below the latent ones without links, shape (q + 1, q + 1)
     std::vector<bool> linked;  ///< blocks that belong to a chain (a block with link rows is one of its own)
     std::vector<std::vector<std::size_t>> chains;  ///< blocks of each chain in order
-    std::vector<ChainFactor> undamped;             ///< of each chain
+    /// Norm of what links say about each latent state of each chain, one block after the other.
+    std::vector<Eigen::VectorXd> link_norms;
+    std::vector<std::shared_ptr<const ChainFactor>> undamped;  ///< of each chain
 };
 
 /// What is left for the parameters after the latent states took their best values (Schur complement), with the latent
@@ -51,7 +55,7 @@ struct Arrow {
 struct Condensed {
     /// Per block [R_zz | R_z | r_z], shape (latents, latents + q + 1); no rows for linked blocks, see `chains`.
     std::vector<Eigen::MatrixXd> top;
-    std::vector<ChainFactor> chains;
+    std::vector<std::shared_ptr<const ChainFactor>> chains;
     Eigen::MatrixXd r;    ///< upper triangle, shape (q, q)
     Eigen::VectorXd rhs;  ///< shape (q): minimise ||r d + rhs||^2
     double rest = 0.0;    ///< ||.|| that no step can remove
@@ -59,6 +63,9 @@ struct Condensed {
 
 /// Factorises one block's rows [A_z | A | w] (any number of rows). `link` and `next` are set by the caller afterwards.
 [[nodiscard]] BlockTriangle block_triangle(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::Index latents);
+
+/// The same for a block that has link rows, or that one links to: its rows are kept as they are where they are few.
+[[nodiscard]] BlockTriangle linked_block(Eigen::MatrixXd rows, Eigen::Index latents);
 
 /// Puts the blocks together and factorises the chains. In chains a latent state is dead if nothing is left of its
 /// column (below 1e-13 of its own rows' norm, or 1e-14 of its norm with the links) when it is eliminated; of several
@@ -92,6 +99,14 @@ struct SelectedCovariance {
     /// empty. Good for links of moderate weight: at tight ones C P C^T is a difference of nearly equal numbers.
     std::vector<Eigen::MatrixXd> link;
 };
+
+/// Hands every block's covariance of (z_b, y) to `node`, and that of (z_b, z_next, y) of blocks with next >= 0 and link
+/// rows to `link` (empty: not wanted), see chain_covariance() and covariance_around(): nothing is kept.
+void visit_covariance(const Arrow& arrow, const Condensed& condensed, const Eigen::MatrixXd& parameter_covariance,
+                      const CovarianceUse& node, const CovarianceUse& link);
+
+/// Covariance R^-1 R^-T of the parameters from the triangle of the condensed problem with prior rows; (0, 0) of (0, 0).
+[[nodiscard]] Eigen::MatrixXd inverse_square(const Eigen::MatrixXd& triangle);
 
 /// Covariance of the latent states around the parameters' (any covariance of them, for instance a sandwich):
 /// z = G y + noise with covariance (R_zz^T R_zz)^-1. Shape (q, q), or (0, 0): parameters held, r = 0. Rows and columns

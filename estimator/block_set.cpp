@@ -6,6 +6,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "estimator/block_loop.hpp"
+
 namespace orbid::estimator {
 
 namespace {
@@ -291,27 +293,46 @@ Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const 
     return errors;
 }
 
+namespace {
+
+/// Change of one law's records without intermediate vectors where it is a sum of squares: long chains have few records
+/// per block.
+double part_change(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law, const Eigen::VectorXd& psi,
+                   const Eigen::VectorXd& from, const Eigen::VectorXd& to) {
+    if (law.joint() || !std::holds_alternative<NormalErrors>(law.distribution))
+        return value_change(law, law_errors(block, part, law, from), law_errors(block, part, law, to), part.observed,
+                            psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size())));
+    double sum = 0.0;
+    for (const Eigen::Index i : part.records) {
+        const double unit = block.deviation.size() > 0 ? 1.0 / block.deviation[i] : 1.0;
+        sum += (to[i] - from[i]) * unit * ((to[i] + from[i]) * unit);
+    }
+    return 0.5 * sum * std::exp(-2.0 * psi[law.first]);
+}
+
+}  // namespace
+
 double value_change(const BlockSet& set, const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi,
                     const std::vector<BlockValue>& from, const std::vector<BlockValue>& to) {
-    double change = 0.0;
-    Eigen::VectorXd scale;
-    for (std::size_t b = 0; b < set.blocks.size(); ++b) {
-        const ActiveBlock& block = set.blocks[b];
-        for (const std::vector<LawPart>* parts : {&block.parts, &block.linked_parts})
-            for (const LawPart& part : *parts) {
-                const ErrorLaw& law = laws[part.law];
-                change += value_change(law, law_errors(block, part, law, from[b].e),
-                                       law_errors(block, part, law, to[b].e), part.observed,
-                                       psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size())));
-            }
-        if (block.cholesky.size() == 0) continue;
-        if (scale.size() == 0) scale = scales_of(laws, psi);
-        Eigen::MatrixXd pair(from[b].e.size(), 2);
-        pair << to[b].e - from[b].e, to[b].e + from[b].e;
-        whiten(block.channel, block.cholesky, scale, pair);
-        change += 0.5 * pair.col(0).dot(pair.col(1));
-    }
-    return change;
+    const Eigen::VectorXd scale = scales_of(laws, psi);
+    std::vector<double> change(pieces_of(set.blocks.size()), 0.0);
+    for_pieces(set.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        for (std::size_t b = begin; b < end; ++b) {
+            const ActiveBlock& block = set.blocks[b];
+            for (const std::vector<LawPart>* parts : {&block.parts, &block.linked_parts})
+                for (const LawPart& part : *parts)
+                    change[piece] += part_change(block, part, laws[part.law], psi, from[b].e, to[b].e);
+            if (block.cholesky.size() == 0) continue;
+            Eigen::MatrixXd pair(from[b].e.size(), 2);
+            pair << to[b].e - from[b].e, to[b].e + from[b].e;
+            whiten(block.channel, block.cholesky, scale, pair);
+            change[piece] += 0.5 * pair.col(0).dot(pair.col(1));
+        }
+    });
+    double sum = 0.0;
+    for (const double part : change)
+        sum += part;
+    return sum;
 }
 
 double violation_change(const BlockSet& set, const std::vector<BlockValue>& from, const std::vector<BlockValue>& to) {

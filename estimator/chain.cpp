@@ -4,17 +4,24 @@
 #include <cmath>
 #include <utility>
 
-#include <oneapi/tbb/parallel_for.h>
-
+#include "estimator/block_loop.hpp"
 #include "estimator/triangle.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
-/// Rows on two neighbouring nodes of the moment, [left | right | common].
+using Rows = Eigen::Map<Eigen::MatrixXd>;
+using ConstRows = Eigen::Map<const Eigen::MatrixXd>;
+
+/// Rows on two neighbouring nodes of the moment, [left | right | common]: an original link, or a place in a pool.
 struct Edge {
-    Eigen::MatrixXd rows;
+    const double* values = nullptr;
+    Eigen::Index rows = 0;
+    Eigen::Index columns = 0;
+    const ChainNode* from = nullptr;  ///< of an original link
+    const ChainNode* to = nullptr;
+    [[nodiscard]] ConstRows matrix() const { return {values, rows, columns}; }
 };
 
 /// What is in work: the nodes left, in order, and the rows between each and the following one.
@@ -22,106 +29,237 @@ struct Reduction {
     const std::vector<ChainNode>& nodes;
     Eigen::Index width;  ///< q + 1
     std::vector<std::size_t> left;
-    std::vector<Edge> edge;  ///< edge[i] between left[i] and left[i + 1] (cyclic: the last and the first)
+    std::vector<Edge> edge;         ///< edge[i] between left[i] and left[i + 1] (cyclic: the last and the first)
+    std::vector<double> pool;       ///< of the edges that are no original links
+    std::vector<double> next_pool;  ///< of those in the making
 };
 
-/// Result of one elimination: the rows kept, what it leaves between the neighbours, and for the parameters alone.
-struct Front {
-    Elimination kept;
-    Edge edge;
-    Eigen::MatrixXd rest;
+/// Small matrices one after the other in the same memory.
+class Workspace {
+public:
+    Rows zero(Eigen::Index rows, Eigen::Index columns) {
+        const auto size = static_cast<std::size_t>(rows * columns);
+        if (values_.size() < size) values_.resize(2 * size);
+        std::fill_n(values_.begin(), size, 0.0);
+        return {values_.data(), rows, columns};
+    }
+    Eigen::Index* order(Eigen::Index count) {
+        if (order_.size() < static_cast<std::size_t>(count)) order_.resize(2 * static_cast<std::size_t>(count));
+        return order_.data();
+    }
+    const double* zeros(Eigen::Index count) {
+        if (zeros_.size() < static_cast<std::size_t>(count)) zeros_.resize(2 * static_cast<std::size_t>(count), 0.0);
+        return zeros_.data();
+    }
+
+private:
+    std::vector<double> values_;
+    std::vector<double> zeros_;
+    std::vector<Eigen::Index> order_;
 };
 
-void cut_to_rank(Elimination& elimination, const Eigen::MatrixXd& a, const PivotedColumns& columns) {
-    const Eigen::Index others = a.cols() - elimination.pivots;
-    elimination.order = columns.order;
-    elimination.rank = columns.rank;
-    elimination.rows.resize(columns.rank, columns.rank + others);
-    for (Eigen::Index k = 0; k < columns.rank; ++k)
-        elimination.rows.col(k) = a.col(columns.order[static_cast<std::size_t>(k)]).head(columns.rank);
-    elimination.rows.rightCols(others) = a.topRightCorner(columns.rank, others);
+/// Rows that only the parameters are left in, kept short.
+class Remainder {
+public:
+    explicit Remainder(Eigen::Index width) : rows_(12 * width, width) {}
+    void add(const Eigen::Ref<const Eigen::MatrixXd>& rows) {
+        if (count_ + rows.rows() > rows_.rows()) {
+            const Eigen::MatrixXd short_rows = triangle();
+            if (short_rows.rows() + rows.rows() > rows_.rows())
+                rows_.resize(2 * (short_rows.rows() + rows.rows()), short_rows.cols());
+            rows_.topRows(short_rows.rows()) = short_rows;
+            count_ = short_rows.rows();
+        }
+        rows_.middleRows(count_, rows.rows()) = rows;
+        count_ += rows.rows();
+    }
+    [[nodiscard]] Eigen::MatrixXd triangle() const { return upper_triangle(rows_.topRows(count_)); }
+
+private:
+    Eigen::MatrixXd rows_;
+    Eigen::Index count_ = 0;
+};
+
+/// Columns of dead states carry nothing.
+template <class Matrix>
+void clear_dead(Matrix&& columns, const ChainNode& node) {
+    if (node.dead == nullptr) return;
+    for (Eigen::Index j = 0; j < node.latents; ++j)
+        if ((*node.dead)[static_cast<std::size_t>(j)]) columns.col(j).setZero();
 }
 
-/// Rows that only the parameters are left in, made short.
-Eigen::MatrixXd remainder(const Eigen::MatrixXd& a, Eigen::Index from, Eigen::Index width) {
-    Eigen::MatrixXd rows = a.bottomRightCorner(std::max<Eigen::Index>(a.rows() - from, 0), width);
-    if (rows.rows() > width) return upper_triangle(rows);
-    return rows;
+Eigen::Index own_rows(const ChainNode& node) {
+    return node.own->rows() + (node.alone != nullptr ? node.alone->rows() : 0) + node.damping.size();
 }
 
-Front eliminate_between(const Reduction& work, std::size_t node, std::size_t left, std::size_t right,
-                        const Edge& before, const Edge& after) {
-    const ChainNode& own = work.nodes[node];
+/// A node's own rows, its states from column `first`, the common columns at the end.
+void put_own(const ChainNode& node, Eigen::Index row, Eigen::Index first, Eigen::Index width, Rows& a) {
+    const Eigen::Index begin = row;
+    for (const Eigen::MatrixXd* rows : {node.own, node.alone}) {
+        if (rows == nullptr) continue;
+        a.block(row, first, rows->rows(), node.latents) = rows->leftCols(node.latents);
+        a.block(row, a.cols() - width, rows->rows(), width) = rows->rightCols(width);
+        row += rows->rows();
+    }
+    for (Eigen::Index k = 0; k < node.damping.size(); ++k)
+        a(row + k, first + k) = node.damping[k];
+    clear_dead(a.block(begin, first, row - begin, node.latents), node);
+}
+
+/// The rows of an edge, its left states from column `left`, the right ones from `right`; they are added.
+void put_edge(const Edge& edge, Eigen::Index row, Eigen::Index left, Eigen::Index l_left, Eigen::Index right,
+              Eigen::Index l_right, Eigen::Index width, Rows& a) {
+    if (edge.rows == 0) return;
+    const ConstRows rows = edge.matrix();
+    a.block(row, left, edge.rows, l_left) += rows.leftCols(l_left);
+    a.block(row, right, edge.rows, l_right) += rows.middleCols(l_left, l_right);
+    a.block(row, a.cols() - width, edge.rows, width) = rows.rightCols(width);
+    if (edge.from == nullptr) return;
+    clear_dead(a.block(row, left, edge.rows, l_left), *edge.from);
+    clear_dead(a.block(row, right, edge.rows, l_right), *edge.to);
+}
+
+/// Keeps the rows of an elimination at its place, columns of the pivots in their order.
+void keep(const Rows& a, const Eigen::Index* order, Elimination& step, ChainLevel& level) {
+    const Eigen::Index others = a.cols() - step.pivots;
+    step.columns = step.rank + others;
+    std::copy_n(order, step.pivots, level.order.begin() + static_cast<std::ptrdiff_t>(step.first));
+    Rows rows(level.values.data() + step.place, step.rank, step.columns);
+    for (Eigen::Index k = 0; k < step.rank; ++k)
+        rows.col(k) = a.col(order[k]).head(step.rank);
+    rows.rightCols(others) = a.topRightCorner(step.rank, others);
+}
+
+/// One node between its neighbours; `made` is the place for the rows that this leaves between them.
+void eliminate_between(const Reduction& work, Elimination& step, const Edge& before, const Edge& after,
+                       ChainLevel& level, Edge& made, double* place, Workspace& space, Remainder& rest) {
+    const ChainNode& own = work.nodes[static_cast<std::size_t>(step.node)];
     const Eigen::Index l = own.latents;
-    const Eigen::Index l_left = work.nodes[left].latents;
-    const Eigen::Index l_right = work.nodes[right].latents;
-    const Eigen::Index n_before = before.rows.rows();
-    const Eigen::Index n_after = after.rows.rows();
-    Eigen::MatrixXd a = Eigen::MatrixXd::Zero(n_before + n_after + own.own.rows(), l + l_left + l_right + work.width);
-    a.block(0, 0, n_before, l) = before.rows.middleCols(l_left, l);
-    a.block(0, l, n_before, l_left) = before.rows.leftCols(l_left);
-    a.topRightCorner(n_before, work.width) = before.rows.rightCols(work.width);
-    a.block(n_before, 0, n_after, l) = after.rows.leftCols(l);
-    a.block(n_before, l + l_left, n_after, l_right) = after.rows.middleCols(l, l_right);
-    a.block(n_before, l + l_left + l_right, n_after, work.width) = after.rows.rightCols(work.width);
-    a.bottomLeftCorner(own.own.rows(), l) = own.own.leftCols(l);
-    a.bottomRightCorner(own.own.rows(), work.width) = own.own.rightCols(work.width);
-
-    Front front;
-    front.kept.node = static_cast<std::ptrdiff_t>(node);
-    front.kept.left = static_cast<std::ptrdiff_t>(left);
-    front.kept.right = static_cast<std::ptrdiff_t>(right);
-    front.kept.pivots = l;
-    const PivotedColumns columns = eliminate(a, 0, 0, own.limit);
-    cut_to_rank(front.kept, a, columns);
+    const Eigen::Index l_left = work.nodes[static_cast<std::size_t>(step.left)].latents;
+    const Eigen::Index l_right = work.nodes[static_cast<std::size_t>(step.right)].latents;
     const Eigen::Index both = l_left + l_right;
-    const PivotedColumns between = eliminate(a, columns.rank, l, Eigen::VectorXd::Zero(both));
-    front.edge.rows = a.block(columns.rank, l, between.rank, both + work.width);
-    front.rest = remainder(a, columns.rank + between.rank, work.width);
-    return front;
+    Rows a = space.zero(before.rows + after.rows + own_rows(own), l + both + work.width);
+    put_edge(before, 0, l, l_left, 0, l, work.width, a);
+    put_edge(after, before.rows, 0, l, l + l_left, l_right, work.width, a);
+    put_own(own, before.rows + after.rows, 0, work.width, a);
+
+    Eigen::Index* order = space.order(std::max(l, both));
+    step.rank = eliminate(a, 0, 0, own.limit.data(), l, order);
+    keep(a, order, step, level);
+    const Eigen::Index between = eliminate(a, step.rank, l, space.zeros(both), both, order);
+    made = {place, between, both + work.width, nullptr, nullptr};
+    Rows(place, between, both + work.width) = a.block(step.rank, l, between, both + work.width);
+    const Eigen::Index from = step.rank + between;
+    if (a.rows() > from) rest.add(a.bottomRightCorner(a.rows() - from, work.width));
 }
 
 /// The one or two nodes that are left.
-Front eliminate_last(const Reduction& work) {
+void eliminate_last(const Reduction& work, ChainLevel& level, Workspace& space, Remainder& rest) {
     const std::size_t first = work.left[0];
     const std::size_t second = work.left.back();
     const bool pair = work.left.size() == 2;
     const Eigen::Index l = work.nodes[first].latents;
     const Eigen::Index l_second = pair ? work.nodes[second].latents : 0;
-    Eigen::Index rows = work.nodes[first].own.rows() + (pair ? work.nodes[second].own.rows() : 0);
+    Eigen::Index rows = own_rows(work.nodes[first]) + (pair ? own_rows(work.nodes[second]) : 0);
     for (const Edge& edge : work.edge)
-        rows += edge.rows.rows();
-    Eigen::MatrixXd a = Eigen::MatrixXd::Zero(rows, l + l_second + work.width);
+        rows += edge.rows;
+    Rows a = space.zero(rows, l + l_second + work.width);
     Eigen::Index row = 0;
     for (std::size_t e = 0; e < work.edge.size(); ++e) {
-        const Eigen::MatrixXd& link = work.edge[e].rows;
-        const Eigen::Index from = e == 0 ? 0 : l;
-        const Eigen::Index to = pair && e == 0 ? l : 0;
+        const Edge& edge = work.edge[e];
         const Eigen::Index l_from = e == 0 ? l : l_second;
-        const Eigen::Index l_to = link.cols() - l_from - work.width;
         // A chain of one node closed in itself: both parts fall on the same columns.
-        a.block(row, from, link.rows(), l_from) += link.leftCols(l_from);
-        a.block(row, to, link.rows(), l_to) += link.middleCols(l_from, l_to);
-        a.block(row, l + l_second, link.rows(), work.width) = link.rightCols(work.width);
-        row += link.rows();
+        const Eigen::Index l_to = pair && e == 0 ? l_second : l;
+        put_edge(edge, row, e == 0 ? 0 : l, l_from, pair && e == 0 ? l : 0, l_to, work.width, a);
+        row += edge.rows;
     }
     Eigen::VectorXd limit(l + l_second);
     for (std::size_t i = 0; i < work.left.size(); ++i) {
         const ChainNode& node = work.nodes[work.left[i]];
-        const Eigen::Index from = i == 0 ? 0 : l;
-        a.block(row, from, node.own.rows(), node.latents) = node.own.leftCols(node.latents);
-        a.block(row, l + l_second, node.own.rows(), work.width) = node.own.rightCols(work.width);
-        limit.segment(from, node.latents) = node.limit;
-        row += node.own.rows();
+        put_own(node, row, i == 0 ? 0 : l, work.width, a);
+        limit.segment(i == 0 ? 0 : l, node.latents) = node.limit;
+        row += own_rows(node);
     }
-    Front front;
-    front.kept.node = static_cast<std::ptrdiff_t>(first);
-    front.kept.partner = pair ? static_cast<std::ptrdiff_t>(second) : -1;
-    front.kept.pivots = l + l_second;
-    const PivotedColumns columns = eliminate(a, 0, 0, limit);
-    cut_to_rank(front.kept, a, columns);
-    front.rest = remainder(a, columns.rank, work.width);
-    return front;
+    Elimination step;
+    step.node = static_cast<std::ptrdiff_t>(first);
+    step.partner = pair ? static_cast<std::ptrdiff_t>(second) : -1;
+    step.pivots = l + l_second;
+    level.values.resize(static_cast<std::size_t>(step.pivots * (step.pivots + work.width)));
+    level.order.resize(static_cast<std::size_t>(step.pivots));
+    Eigen::Index* order = space.order(step.pivots);
+    step.rank = eliminate(a, 0, 0, limit.data(), step.pivots, order);
+    keep(a, order, step, level);
+    level.steps.push_back(step);
+    if (a.rows() > step.rank) rest.add(a.bottomRightCorner(a.rows() - step.rank, work.width));
+}
+
+/// Every second node that has a neighbour on both sides.
+ChainLevel reduce(Reduction& work, bool cyclic, Remainder& rest) {
+    const std::size_t size = work.left.size();
+    const std::size_t count = cyclic ? size / 2 : (size - 1) / 2;
+    ChainLevel level;
+    level.steps.resize(count);
+    std::vector<std::size_t> place(count);
+    std::size_t values = 0;
+    std::size_t order = 0;
+    std::size_t pool = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+        Elimination& step = level.steps[k];
+        const std::size_t i = 2 * k + 1;
+        step.node = static_cast<std::ptrdiff_t>(work.left[i]);
+        step.left = static_cast<std::ptrdiff_t>(work.left[i - 1]);
+        step.right = static_cast<std::ptrdiff_t>(work.left[(i + 1) % size]);
+        step.pivots = work.nodes[work.left[i]].latents;
+        step.place = values;
+        step.first = order;
+        place[k] = pool;
+        const Eigen::Index both = work.nodes[work.left[i - 1]].latents + work.nodes[work.left[(i + 1) % size]].latents;
+        values += static_cast<std::size_t>(step.pivots * (step.pivots + both + work.width));
+        order += static_cast<std::size_t>(step.pivots);
+        pool += static_cast<std::size_t>(both * (both + work.width));
+    }
+    level.values.resize(values);
+    level.order.resize(order);
+    work.next_pool.resize(pool);
+    std::vector<Edge> edges(count);
+    std::vector<Eigen::MatrixXd> rests(pieces_of(count));
+    for_pieces(count, [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        Workspace space;
+        Remainder own(work.width);
+        for (std::size_t k = begin; k < end; ++k)
+            eliminate_between(work, level.steps[k], work.edge[2 * k], work.edge[2 * k + 1], level, edges[k],
+                              work.next_pool.data() + place[k], space, own);
+        rests[piece] = own.triangle();
+    });
+    for (const Eigen::MatrixXd& rows : rests)
+        rest.add(rows);
+    std::vector<std::size_t> left;
+    left.reserve(size / 2 + 2);
+    for (std::size_t i = 0; i < size; i += 2) {
+        left.push_back(work.left[i]);
+        if (i / 2 < count) continue;
+        // The end of an even open chain stays with the node before it; so does an odd ring's last link.
+        if (!cyclic && i + 1 < size) left.push_back(work.left[i + 1]);
+    }
+    // What such a link holds moves along with the pool.
+    for (std::size_t e = 2 * count; e < work.edge.size(); ++e) {
+        edges.push_back(work.edge[e]);
+        if (edges.back().from == nullptr) {
+            // At most one edge stays, so that the pool is not moved under a reference twice.
+            const auto cells = static_cast<std::size_t>(edges.back().rows * edges.back().columns);
+            const std::size_t at = work.next_pool.size();
+            const double* old = work.next_pool.data();
+            work.next_pool.resize(at + cells);
+            std::copy_n(edges.back().values, cells, work.next_pool.begin() + static_cast<std::ptrdiff_t>(at));
+            for (std::size_t k = 0; k + 1 < edges.size(); ++k)
+                if (edges[k].from == nullptr) edges[k].values = work.next_pool.data() + (edges[k].values - old);
+            edges.back().values = work.next_pool.data() + at;
+        }
+    }
+    work.left = std::move(left);
+    work.edge = std::move(edges);
+    std::swap(work.pool, work.next_pool);
+    return level;
 }
 
 }  // namespace
@@ -129,91 +267,95 @@ Front eliminate_last(const Reduction& work) {
 ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Eigen::Index parameters) {
     ChainFactor chain;
     chain.cyclic = cyclic;
-    Reduction work{nodes, parameters + 1, {}, {}};
+    Reduction work{nodes, parameters + 1, {}, {}, {}, {}};
+    chain.block.reserve(nodes.size());
+    chain.latents.reserve(nodes.size());
+    work.left.reserve(nodes.size());
+    work.edge.reserve(nodes.size());
     for (std::size_t i = 0; i < nodes.size(); ++i) {
         chain.block.push_back(nodes[i].block);
         chain.latents.push_back(nodes[i].latents);
         work.left.push_back(i);
-        if (cyclic || i + 1 < nodes.size()) work.edge.push_back({nodes[i].link});
-    }
-    std::vector<Eigen::MatrixXd> rests;
-    while (work.left.size() > 2) {
-        // Every second node that has a neighbour on both sides.
-        const std::size_t size = work.left.size();
-        const std::size_t count = cyclic ? size / 2 : (size - 1) / 2;
-        std::vector<Front> fronts(count);
-        const auto reduce = [&](std::size_t k) {
-            const std::size_t i = 2 * k + 1;
-            fronts[k] = eliminate_between(work, work.left[i], work.left[i - 1], work.left[(i + 1) % size],
-                                          work.edge[i - 1], work.edge[i]);
-        };
-        // A front takes some microseconds at least: a few dozen are worth sharing.
-        if (count >= 32)
-            oneapi::tbb::parallel_for(std::size_t{0}, count, reduce);
-        else
-            for (std::size_t k = 0; k < count; ++k)
-                reduce(k);
-        std::vector<std::size_t> left;
-        std::vector<Edge> edges;
-        std::vector<Elimination> level;
-        for (std::size_t i = 0; i < size; i += 2) {
-            left.push_back(work.left[i]);
-            if (i / 2 < count) {
-                edges.push_back(std::move(fronts[i / 2].edge));
-                level.push_back(std::move(fronts[i / 2].kept));
-                rests.push_back(std::move(fronts[i / 2].rest));
-            } else {
-                // The end of an even open chain stays with the node before it; so does an odd ring's last link.
-                if (i < work.edge.size()) edges.push_back(std::move(work.edge[i]));
-                if (!cyclic && i + 1 < size) left.push_back(work.left[i + 1]);
-            }
+        if (!cyclic && i + 1 == nodes.size()) continue;
+        Edge edge;
+        edge.from = &nodes[i];
+        edge.to = &nodes[(i + 1) % nodes.size()];
+        if (nodes[i].link != nullptr) {
+            edge.values = nodes[i].link->data();
+            edge.rows = nodes[i].link->rows();
+            edge.columns = nodes[i].link->cols();
         }
-        chain.levels.push_back(std::move(level));
-        work.left = std::move(left);
-        work.edge = std::move(edges);
+        work.edge.push_back(edge);
     }
-    Front last = eliminate_last(work);
+    Remainder rest(work.width);
+    while (work.left.size() > 2)
+        chain.levels.push_back(reduce(work, cyclic, rest));
+    Workspace space;
     chain.levels.emplace_back();
-    chain.levels.back().push_back(std::move(last.kept));
-    rests.push_back(std::move(last.rest));
-    Eigen::Index rows = 0;
-    for (const Eigen::MatrixXd& rest : rests)
-        rows += rest.rows();
-    Eigen::MatrixXd stacked(rows, parameters + 1);
-    rows = 0;
-    for (const Eigen::MatrixXd& rest : rests) {
-        stacked.middleRows(rows, rest.rows()) = rest;
-        rows += rest.rows();
-    }
-    chain.rest = upper_triangle(stacked);
+    eliminate_last(work, chain.levels.back(), space, rest);
+    chain.rest = rest.triangle();
     return chain;
 }
 
 void solve_chain(const ChainFactor& chain, const Eigen::VectorXd& d, std::vector<Eigen::VectorXd>& z) {
     const Eigen::Index q = d.size();
     for (auto level = chain.levels.rbegin(); level != chain.levels.rend(); ++level) {
-        for (const Elimination& step : *level) {
-            const Eigen::MatrixXd& rows = step.rows;
-            Eigen::VectorXd right = rows.rightCols(1) + rows.middleCols(rows.cols() - 1 - q, q) * d;
-            Eigen::Index column = step.rank;
-            for (const std::ptrdiff_t neighbour : {step.left, step.right}) {
-                if (neighbour < 0) continue;
-                const Eigen::VectorXd& known = z[chain.block[static_cast<std::size_t>(neighbour)]];
-                right += rows.middleCols(column, known.size()) * known;
-                column += known.size();
+        for_pieces(level->steps.size(), [&](std::size_t begin, std::size_t end, std::size_t) {
+            std::vector<double> right;
+            for (std::size_t s = begin; s < end; ++s) {
+                const Elimination& step = level->steps[s];
+                const Eigen::Map<const Eigen::MatrixXd> rows = level->rows(step);
+                const Eigen::Index rank = step.rank;
+                right.assign(rows.col(rows.cols() - 1).data(), rows.col(rows.cols() - 1).data() + rank);
+                const auto add = [&](Eigen::Index column, double x) {
+                    const double* values = rows.col(column).data();
+                    for (Eigen::Index k = 0; k < rank; ++k)
+                        right[static_cast<std::size_t>(k)] += values[k] * x;
+                };
+                for (Eigen::Index j = 0; j < q; ++j)
+                    add(rows.cols() - 1 - q + j, d[j]);
+                Eigen::Index column = rank;
+                for (const std::ptrdiff_t neighbour : {step.left, step.right}) {
+                    if (neighbour < 0) continue;
+                    const Eigen::VectorXd& known = z[chain.block[static_cast<std::size_t>(neighbour)]];
+                    for (Eigen::Index j = 0; j < known.size(); ++j)
+                        add(column + j, known[j]);
+                    column += known.size();
+                }
+                for (Eigen::Index k = rank; k-- > 0;) {
+                    double sum = right[static_cast<std::size_t>(k)];
+                    for (Eigen::Index j = k + 1; j < rank; ++j)
+                        sum -= rows(k, j) * right[static_cast<std::size_t>(j)];
+                    right[static_cast<std::size_t>(k)] = sum / rows(k, k);
+                }
+                const auto node = static_cast<std::size_t>(step.node);
+                const Eigen::Index l = chain.latents[node];
+                Eigen::VectorXd& own = z[chain.block[node]];
+                own.setZero(l);
+                Eigen::VectorXd* other = nullptr;
+                if (step.partner >= 0) {
+                    const auto partner = static_cast<std::size_t>(step.partner);
+                    other = &z[chain.block[partner]];
+                    other->setZero(chain.latents[partner]);
+                }
+                for (Eigen::Index k = 0; k < rank; ++k) {
+                    const Eigen::Index j = level->order[step.first + static_cast<std::size_t>(k)];
+                    (j < l ? own[j] : (*other)[j - l]) = -right[static_cast<std::size_t>(k)];
+                }
             }
-            rows.leftCols(step.rank).triangularView<Eigen::Upper>().solveInPlace(right);
-            Eigen::VectorXd solution = Eigen::VectorXd::Zero(step.pivots);
-            for (Eigen::Index k = 0; k < step.rank; ++k)
-                solution[step.order[static_cast<std::size_t>(k)]] = -right[k];
-            const auto node = static_cast<std::size_t>(step.node);
-            z[chain.block[node]] = solution.head(chain.latents[node]);
-            if (step.partner >= 0) {
-                const auto partner = static_cast<std::size_t>(step.partner);
-                z[chain.block[partner]] = solution.tail(chain.latents[partner]);
-            }
-        }
+        });
     }
+}
+
+double log_abs_determinant(const ChainFactor& chain) {
+    double sum = 0.0;
+    for (const ChainLevel& level : chain.levels)
+        for (const Elimination& step : level.steps) {
+            const double* diagonal = level.values.data() + step.place;
+            for (Eigen::Index k = 0; k < step.rank; ++k)
+                sum += std::log(std::abs(diagonal[k * (step.rank + 1)]));
+        }
+    return sum;
 }
 
 }  // namespace orbid::estimator

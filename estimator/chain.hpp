@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -8,13 +9,18 @@
 namespace orbid::estimator {
 
 /// One node of a chain: rows on its own latent states, and rows that link it to the next node of the chain. All rows
-/// are weighted; `next` is the following node of the same chain (the first one again in a cyclic chain).
+/// are weighted; `next` is the following node of the same chain (the first one again in a cyclic chain). Matrices are
+/// those of the stacked problem and not copied.
 struct ChainNode {
-    std::size_t block = 0;     ///< which block of the stacked problem this is
-    Eigen::Index latents = 0;  ///< l
-    Eigen::MatrixXd own;       ///< [A_z | A | w], shape (rows, l + q + 1)
-    Eigen::MatrixXd link;      ///< [C_z | C_next | C_theta | c], shape (rows, l + l_next + q + 1); no rows at the end
-    Eigen::VectorXd limit;     ///< a column with less than this left is decided by nothing, shape (l)
+    std::size_t block = 0;                   ///< which block of the stacked problem this is
+    Eigen::Index latents = 0;                ///< l
+    const Eigen::MatrixXd* own = nullptr;    ///< [A_z | A | w], shape (rows, l + q + 1)
+    const Eigen::MatrixXd* alone = nullptr;  ///< further rows of that shape; null: none
+    /// [C_z | C_next | C_theta | c], shape (rows, l + l_next + q + 1); null at the end of an open chain
+    const Eigen::MatrixXd* link = nullptr;
+    Eigen::VectorXd damping;                  ///< row k: damping[k] z_k, shape (l); empty: none
+    Eigen::VectorXd limit;                    ///< a column with less than this left is decided by nothing, shape (l)
+    const std::vector<bool>* dead = nullptr;  ///< states that leave the problem; null: none
 };
 
 /// Elimination of one node between its neighbours of that moment, or of the last one or two nodes of a chain together:
@@ -25,12 +31,24 @@ struct Elimination {
     std::ptrdiff_t partner = -1;  ///< the other node of the last two, else -1
     std::ptrdiff_t left = -1;     ///< neighbours, -1 at the last elimination
     std::ptrdiff_t right = -1;
-    Eigen::Index pivots = 0;          ///< latent states eliminated, l
-    std::vector<Eigen::Index> order;  ///< k-th pivot = order[k]-th latent state; from `rank` on: decided by nothing
-    Eigen::Index rank = 0;
-    /// [R_pivot | R_left | R_right | R_theta | r], shape (rank, l + l_left + l_right + q + 1), columns of R_pivot in
-    /// pivot order and cut to rank: upper triangle, shape (rank, rank).
-    Eigen::MatrixXd rows;
+    Eigen::Index pivots = 0;   ///< latent states eliminated, l
+    Eigen::Index rank = 0;     ///< of them, decided by something
+    Eigen::Index columns = 0;  ///< rank + l_left + l_right + q + 1
+    std::size_t place = 0;     ///< in ChainLevel::values
+    std::size_t first = 0;     ///< in ChainLevel::order
+};
+
+/// Nodes eliminated at the same time: no two are neighbours.
+struct ChainLevel {
+    std::vector<Elimination> steps;
+    std::vector<double> values;       ///< of all rows, one elimination after the other
+    std::vector<Eigen::Index> order;  ///< k-th pivot = order[first + k]-th latent state; from `rank` on: undecided
+
+    /// [R_pivot | R_left | R_right | R_theta | r], shape (rank, columns), columns of R_pivot in pivot order and cut to
+    /// rank: upper triangle, shape (rank, rank).
+    [[nodiscard]] Eigen::Map<const Eigen::MatrixXd> rows(const Elimination& step) const {
+        return {values.data() + step.place, step.rank, step.columns};
+    }
 };
 
 /// Orthogonal factorisation of a chain or cyclic chain of latent states.
@@ -38,8 +56,7 @@ struct ChainFactor {
     bool cyclic = false;
     std::vector<std::size_t> block;     ///< of each node
     std::vector<Eigen::Index> latents;  ///< of each node
-    /// Nodes eliminated level by level: within a level no two are neighbours.
-    std::vector<std::vector<Elimination>> levels;
+    std::vector<ChainLevel> levels;
     Eigen::MatrixXd rest;  ///< triangle of what is left for [d | w], shape (q + 1, q + 1)
 };
 
@@ -55,10 +72,17 @@ struct ChainFactor {
 /// Best latent states for the parameters d, written to z[block]; states that nothing decides are zero.
 void solve_chain(const ChainFactor& chain, const Eigen::VectorXd& d, std::vector<Eigen::VectorXd>& z);
 
-/// Covariance of neighbours: of (z_b, y) for every node into node[block], of (z_b, z_next, y) for every link into
-/// link[block of the node the link starts from], y = the parameters with the covariance given (0, 0: not varied, left
-/// out). States that nothing decides have zeros. Every term is a sum of positive semidefinite ones. Linear cost.
-void chain_covariance(const ChainFactor& chain, const Eigen::MatrixXd& parameter_covariance,
-                      std::vector<Eigen::MatrixXd>& node, std::vector<Eigen::MatrixXd>& link);
+/// Sum of ln|R_jj| over all latent states of the chain.
+[[nodiscard]] double log_abs_determinant(const ChainFactor& chain);
+
+/// Receives a covariance matrix and the block it belongs to; called from several threads, once for each block.
+using CovarianceUse = std::function<void(std::size_t block, const Eigen::Ref<const Eigen::MatrixXd>& covariance)>;
+
+/// Covariance of neighbours: of (z_b, y) for every node to `node`, of (z_b, z_next, y) for every link to `link` (block:
+/// of the node the link starts from; an empty function: not wanted), y = the parameters with the covariance given (0,
+/// 0: not varied, left out). States that nothing decides have zeros. Every term is a sum of positive semidefinite ones.
+/// Linear cost; memory for the links of half the nodes.
+void chain_covariance(const ChainFactor& chain, const Eigen::MatrixXd& parameter_covariance, const CovarianceUse& node,
+                      const CovarianceUse& link);
 
 }  // namespace orbid::estimator

@@ -1,105 +1,204 @@
-#include <map>
 #include <utility>
 
-#include <oneapi/tbb/parallel_for.h>
-
+#include "estimator/block_loop.hpp"
 #include "estimator/chain.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
+using Groups = std::initializer_list<std::pair<Eigen::Index, Eigen::Index>>;
+
+/// Memory of one thread for the matrices of one elimination.
+struct Workspace {
+    Eigen::MatrixXd inverse;
+    Eigen::MatrixXd gain;
+    Eigen::MatrixXd joint;
+    Eigen::MatrixXd picked;
+};
+
 /// Covariance of (pivots, separator) from that of the separator s: z = G s + R^-1 noise, G = -R^-1 R_s.
-Eigen::MatrixXd extended(const Elimination& step, const Eigen::MatrixXd& separator) {
+void extend(const ChainLevel& level, const Elimination& step, const Eigen::Ref<const Eigen::MatrixXd>& separator,
+            Workspace& space) {
     const Eigen::Index l = step.pivots;
     const Eigen::Index s = separator.rows();
-    const auto r = step.rows.leftCols(step.rank).triangularView<Eigen::Upper>();
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(step.rank, step.rank);
-    if (step.rank > 0) r.solveInPlace(inverse);
-    Eigen::MatrixXd gain = -step.rows.middleCols(step.rank, s);
-    if (gain.size() > 0) r.solveInPlace(gain);  // Eigen binds a reference to the first element
-    Eigen::MatrixXd scattered_inverse = Eigen::MatrixXd::Zero(l, step.rank);
-    Eigen::MatrixXd scattered_gain = Eigen::MatrixXd::Zero(l, s);
-    for (Eigen::Index k = 0; k < step.rank; ++k) {
-        const Eigen::Index j = step.order[static_cast<std::size_t>(k)];
-        scattered_inverse.row(j) = inverse.row(k);
-        scattered_gain.row(j) = gain.row(k);
+    const Eigen::Index rank = step.rank;
+    const Eigen::Map<const Eigen::MatrixXd> rows = level.rows(step);
+    Eigen::MatrixXd& inverse = space.inverse;
+    Eigen::MatrixXd& gain = space.gain;
+    Eigen::MatrixXd& joint = space.joint;
+    inverse.setZero(l, rank);
+    gain.setZero(l, s);
+    joint.resize(l + s, l + s);
+    // Plain loops: the matrices are as small as a state, and calls for general ones cost more than the sums.
+    const auto pivot = [&](Eigen::Index k) { return level.order[step.first + static_cast<std::size_t>(k)]; };
+    for (Eigen::Index j = 0; j < rank; ++j) {
+        inverse(pivot(j), j) = 1.0 / rows(j, j);
+        for (Eigen::Index k = j; k-- > 0;) {
+            double sum = 0.0;
+            for (Eigen::Index m = k + 1; m <= j; ++m)
+                sum -= rows(k, m) * inverse(pivot(m), j);
+            inverse(pivot(k), j) = sum / rows(k, k);
+        }
     }
-    Eigen::MatrixXd result(l + s, l + s);
-    const Eigen::MatrixXd across = scattered_gain * separator;
-    const Eigen::MatrixXd own = scattered_inverse * scattered_inverse.transpose() + across * scattered_gain.transpose();
-    result.topLeftCorner(l, l) = 0.5 * (own + own.transpose());
-    result.topRightCorner(l, s) = across;
-    result.bottomLeftCorner(s, l) = across.transpose();
-    result.bottomRightCorner(s, s) = separator;
-    return result;
+    for (Eigen::Index j = 0; j < s; ++j)
+        for (Eigen::Index m = 0; m < rank; ++m) {
+            const double right = rows(m, rank + j);
+            for (Eigen::Index i = 0; i < l; ++i)
+                gain(i, j) -= inverse(i, m) * right;
+        }
+    auto across = joint.topRightCorner(l, s);
+    across.setZero();
+    for (Eigen::Index j = 0; j < s; ++j)
+        for (Eigen::Index m = 0; m < s; ++m) {
+            const double right = separator(m, j);
+            for (Eigen::Index i = 0; i < l; ++i)
+                across(i, j) += gain(i, m) * right;
+        }
+    for (Eigen::Index i = 0; i < l; ++i)
+        for (Eigen::Index j = 0; j <= i; ++j) {
+            double own = 0.0;
+            for (Eigen::Index m = 0; m < rank; ++m)
+                own += inverse(i, m) * inverse(j, m);
+            for (Eigen::Index m = 0; m < s; ++m)
+                own += 0.5 * (across(i, m) * gain(j, m) + across(j, m) * gain(i, m));
+            joint(i, j) = joint(j, i) = own;
+        }
+    for (Eigen::Index j = 0; j < s; ++j)
+        for (Eigen::Index i = 0; i < l; ++i)
+            joint(l + j, i) = across(i, j);
+    joint.bottomRightCorner(s, s) = separator;
 }
 
-/// Rows and columns of three groups in another order; a group may be left out.
-Eigen::MatrixXd picked(const Eigen::MatrixXd& from, const std::vector<std::pair<Eigen::Index, Eigen::Index>>& groups) {
+/// Rows and columns of groups (first, count) in another order; a group may be left out, or stand twice.
+template <class Matrix>
+void pick(const Eigen::MatrixXd& from, const Groups& groups, Matrix&& result) {
+    Eigen::Index column = 0;
+    for (const auto& [first_column, columns] : groups)
+        for (Eigen::Index j = 0; j < columns; ++j, ++column) {
+            Eigen::Index row = 0;
+            for (const auto& [first_row, rows] : groups)
+                for (Eigen::Index i = 0; i < rows; ++i, ++row)
+                    result(row, column) = from(first_row + i, first_column + j);
+        }
+}
+
+Eigen::Index size_of(const Groups& groups) {
     Eigen::Index size = 0;
     for (const auto& group : groups)
         size += group.second;
-    Eigen::MatrixXd result(size, size);
-    Eigen::Index row = 0;
-    for (const auto& rows : groups) {
-        Eigen::Index column = 0;
-        for (const auto& columns : groups) {
-            result.block(row, column, rows.second, columns.second) =
-                from.block(rows.first, columns.first, rows.second, columns.second);
-            column += columns.second;
-        }
-        row += rows.second;
-    }
-    return result;
+    return size;
 }
+
+/// Covariances of (z_left, z_right, y) of the links of a moment, one after the other.
+struct Links {
+    std::vector<double> values;
+    std::vector<std::size_t> place;
+    std::vector<Eigen::Index> size;
+
+    void add(Eigen::Index edge_size) {
+        place.push_back(cells_);
+        size.push_back(edge_size);
+        cells_ += static_cast<std::size_t>(edge_size * edge_size);
+    }
+    void allocate() { values.resize(cells_); }
+    [[nodiscard]] Eigen::Map<Eigen::MatrixXd> operator[](std::size_t i) {
+        return {values.data() + place[i], size[i], size[i]};
+    }
+
+private:
+    std::size_t cells_ = 0;
+};
 
 }  // namespace
 
-void chain_covariance(const ChainFactor& chain, const Eigen::MatrixXd& parameter_covariance,
-                      std::vector<Eigen::MatrixXd>& node, std::vector<Eigen::MatrixXd>& link) {
+void chain_covariance(const ChainFactor& chain, const Eigen::MatrixXd& parameter_covariance, const CovarianceUse& node,
+                      const CovarianceUse& link) {
     const Eigen::Index r = parameter_covariance.rows();
-    // after[i]: covariance of (z_i, z of the following node of the moment, y), one entry per link of the moment.
-    std::vector<Eigen::MatrixXd> after(chain.block.size());
     const auto latents = [&chain](std::ptrdiff_t i) { return chain.latents[static_cast<std::size_t>(i)]; };
     const auto block = [&chain](std::ptrdiff_t i) { return chain.block[static_cast<std::size_t>(i)]; };
+    const auto give = [](const Eigen::MatrixXd& from, const Groups& groups, Workspace& space, std::size_t to,
+                         const CovarianceUse& use) {
+        if (!use) return;
+        const Eigen::Index size = size_of(groups);
+        space.picked.resize(size, size);
+        pick(from, groups, space.picked);
+        use(to, space.picked);
+    };
 
-    const Elimination& last = chain.levels.back().front();
-    const Eigen::MatrixXd whole = extended(last, parameter_covariance);
+    // The last one or two nodes; a link between them is an original one where no level comes before.
+    Workspace top;
+    const ChainLevel& end = chain.levels.back();
+    const Elimination& last = end.steps.front();
+    extend(end, last, parameter_covariance, top);
+    const bool pair = last.partner >= 0;
     const Eigen::Index l = latents(last.node);
-    const Eigen::Index l_partner = last.partner >= 0 ? latents(last.partner) : 0;
+    const Eigen::Index l_partner = pair ? latents(last.partner) : 0;
     const Eigen::Index y = l + l_partner;
-    node[block(last.node)] = picked(whole, {{0, l}, {y, r}});
-    if (last.partner >= 0) {
-        node[block(last.partner)] = picked(whole, {{l, l_partner}, {y, r}});
-        after[static_cast<std::size_t>(last.node)] = whole;
-        if (chain.cyclic)
-            after[static_cast<std::size_t>(last.partner)] = picked(whole, {{l, l_partner}, {0, l}, {y, r}});
-    } else if (chain.cyclic) {
-        after[static_cast<std::size_t>(last.node)] = picked(whole, {{0, l}, {0, l}, {y, r}});
+    give(top.joint, {{0, l}, {y, r}}, top, block(last.node), node);
+    if (pair) give(top.joint, {{l, l_partner}, {y, r}}, top, block(last.partner), node);
+    Links links;
+    const bool bottom = chain.levels.size() == 1;
+    const auto begin_with = [&](const Groups& groups, std::ptrdiff_t from) {
+        if (bottom) {
+            give(top.joint, groups, top, block(from), link);
+            return;
+        }
+        const std::size_t i = links.place.size();
+        links.add(size_of(groups));
+        links.allocate();
+        pick(top.joint, groups, links[i]);
+    };
+    if (pair) begin_with({{0, l}, {l, l_partner}, {y, r}}, last.node);
+    if (pair && chain.cyclic) begin_with({{l, l_partner}, {0, l}, {y, r}}, last.partner);
+    if (!pair && chain.cyclic) begin_with({{0, l}, {0, l}, {y, r}}, last.node);
+
+    for (std::size_t at = chain.levels.size() - 1; at-- > 0;) {
+        const ChainLevel& level = chain.levels[at];
+        const std::size_t count = level.steps.size();
+        const bool original = at == 0;
+        Links next;
+        if (!original) {
+            for (const Elimination& step : level.steps) {
+                next.add(latents(step.left) + latents(step.node) + r);
+                next.add(latents(step.node) + latents(step.right) + r);
+            }
+            for (std::size_t i = count; i < links.place.size(); ++i)
+                next.add(links.size[i]);
+            next.allocate();
+        }
+        for_pieces(count, [&](std::size_t begin, std::size_t finish, std::size_t) {
+            Workspace space;
+            for (std::size_t k = begin; k < finish; ++k) {
+                const Elimination& step = level.steps[k];
+                const Eigen::Index l_own = latents(step.node);
+                const Eigen::Index l_left = latents(step.left);
+                const Eigen::Index l_right = latents(step.right);
+                const Eigen::Index common = l_own + l_left + l_right;
+                extend(level, step, links[k], space);
+                give(space.joint, {{0, l_own}, {common, r}}, space, block(step.node), node);
+                const Groups before{{l_own, l_left}, {0, l_own}, {common, r}};
+                const Groups after{{0, l_own}, {l_own + l_left, l_right}, {common, r}};
+                if (original) {
+                    give(space.joint, before, space, block(step.left), link);
+                    give(space.joint, after, space, block(step.node), link);
+                } else {
+                    pick(space.joint, before, next[2 * k]);
+                    pick(space.joint, after, next[2 * k + 1]);
+                }
+            }
+        });
+        // Links that this level does not cut: the end of an even open chain, the last one of an odd ring.
+        for (std::size_t i = count; i < links.place.size(); ++i) {
+            if (original) {
+                const std::size_t from = chain.cyclic ? chain.block.size() - 1 : chain.block.size() - 2;
+                if (link) link(chain.block[from], links[i]);
+            } else {
+                next[2 * count + (i - count)] = links[i];
+            }
+        }
+        links = std::move(next);
     }
-    for (auto level = chain.levels.rbegin() + 1; level != chain.levels.rend(); ++level) {
-        const auto expand = [&](std::size_t k) {
-            const Elimination& step = (*level)[k];
-            const Eigen::Index l_own = latents(step.node);
-            const Eigen::Index l_left = latents(step.left);
-            const Eigen::Index l_right = latents(step.right);
-            Eigen::MatrixXd& between = after[static_cast<std::size_t>(step.left)];
-            const Eigen::MatrixXd joint = extended(step, between);
-            const Eigen::Index common = l_own + l_left + l_right;
-            node[block(step.node)] = picked(joint, {{0, l_own}, {common, r}});
-            between = picked(joint, {{l_own, l_left}, {0, l_own}, {common, r}});
-            after[static_cast<std::size_t>(step.node)] =
-                picked(joint, {{0, l_own}, {l_own + l_left, l_right}, {common, r}});
-        };
-        if (level->size() >= 32)
-            oneapi::tbb::parallel_for(std::size_t{0}, level->size(), expand);
-        else
-            for (std::size_t k = 0; k < level->size(); ++k)
-                expand(k);
-    }
-    for (std::size_t i = 0; i < after.size(); ++i)
-        link[chain.block[i]] = std::move(after[i]);
 }
 
 }  // namespace orbid::estimator

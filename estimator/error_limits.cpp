@@ -112,12 +112,12 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
         }
     };
     for (std::size_t b = 0; b < rows.size(); ++b) {
-        const Eigen::MatrixXd& linked = standard.linked_rows[b].rows;
+        const Eigen::Ref<const Eigen::MatrixXd> linked = standard.linked_rows(b);
         if (linked.rows() > 0)
             add(rows[b].linked_parts, linked.rightCols(1) + linked.leftCols(d_z[b].size()) * d_z[b] +
                                           linked.middleCols(d_z[b].size(), rows[b].next_latents) *
                                               d_z[static_cast<std::size_t>(rows[b].next)]);
-        const Eigen::MatrixXd& own = standard.rows[b].rows;
+        const Eigen::Ref<const Eigen::MatrixXd> own = standard.own_rows(b);
         if (own.rows() == 0) continue;
         const Eigen::VectorXd left = own.rightCols(1) + own.leftCols(d_z[b].size()) * d_z[b];
         add(rows[b].parts, left);
@@ -132,6 +132,31 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
     for (const ErrorLaw& law : problem.laws)
         if (count[law.first] > 0.0 && square[law.first] > 0.0)
             size[law.first] = psi[law.first] + 0.5 * std::log(square[law.first] / count[law.first]);
+    return size;
+}
+
+Eigen::VectorXd gap_sizes(const Problem& problem, const BlockSet& set, const std::vector<BlockRows>& rows) {
+    const auto count = static_cast<Eigen::Index>(problem.errors.size());
+    double gap = 0.0;
+    double length = 0.0;
+    Eigen::VectorXd own = Eigen::VectorXd::Zero(count);
+    for (const BlockRows& block : rows) {
+        const Eigen::Index states = block.latents + block.next_latents;
+        const auto add = [&](const Eigen::MatrixXd& link) {
+            gap += link.rightCols(1).squaredNorm();
+            length += link.leftCols(states).squaredNorm();
+        };
+        if (block.link.rows() > 0) add(block.link);
+        for (const PartRows& part : block.linked_parts)
+            add(part.records.rows);
+        for (const PartRows& part : block.parts)
+            own[problem.laws[part.law].first] += part.records.rows.leftCols(block.latents).squaredNorm();
+    }
+    Eigen::VectorXd size = Eigen::VectorXd::Constant(count, -infinity);
+    for (const ErrorLaw& law : problem.laws) {
+        const double records = set.count[law.channels.front()] * static_cast<double>(law.channels.size());
+        if (own[law.first] > 0.0) size[law.first] = 0.5 * std::log(gap / length * own[law.first] / records);
+    }
     return size;
 }
 

@@ -29,6 +29,13 @@ struct ErrorLimits {
 [[nodiscard]] Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, const State& state,
                                                const std::vector<BlockRows>& rows, double matching);
 
+/// ln of the error, at the first parameter of each law of records that depend on their own block alone, that would
+/// explain how far neighbours of a chain fail to meet: the rms gap of constraints and linked records over the rms
+/// length of their derivatives with respect to latent states, times that of the law's own. -infinity elsewhere, nan
+/// where nothing links the blocks.
+[[nodiscard]] Eigen::VectorXd gap_sizes(const Problem& problem, const BlockSet& set,
+                                        const std::vector<BlockRows>& rows);
+
 /// Why a full covariance cannot be estimated without a prior; empty when it can: fewer records of each response than
 /// m + q / m + 5 (m responses, q = `determined` parameters), or a covariance about to become singular, because the
 /// responses can be fitted exactly together and the likelihood has no bound.

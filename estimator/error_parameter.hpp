@@ -65,11 +65,21 @@ struct ErrorMinimum {
     std::vector<bool> at_ceiling;  ///< held at its upper limit
 };
 
+/// What a minimisation learned of the curvature of Phi_psi over the free parameters, for the next one.
+struct ErrorCurvature {
+    std::vector<Eigen::Index> free;
+    Eigen::MatrixXd hessian;
+};
+
 /// Fixed-point steps of (M10) from afar, secant steps near the minimum; each accepted step decreases Phi_psi.
 ///
 /// @param floor, ceiling  limits of psi.
+/// @param tolerance       distance to the minimum, in sds, that is good enough; below 1e-12 no figure of a result
+///                        changes.
+/// @param known           curvature to start with and to leave behind; null: computed anew.
 [[nodiscard]] ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi,
-                                           const Eigen::VectorXd& floor, const Eigen::VectorXd& ceiling);
+                                           const Eigen::VectorXd& floor, const Eigen::VectorXd& ceiling,
+                                           double tolerance = 1e-12, ErrorCurvature* known = nullptr);
 
 /// Scales of normal errors at which the expected weight under the conditional density of ln s is the one that steps
 /// use: s^-2 = E[s^-2 | theta]. With Jeffreys' prior this is the minimum of (M9) itself; with another prior the

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "estimator/block_loop.hpp"
+
 namespace orbid::estimator {
 
 namespace {
@@ -52,7 +54,11 @@ void compress(LawRecords& records) {
 Eigen::MatrixXd in_basis(const Eigen::MatrixXd& rows, Eigen::Index before, const Eigen::MatrixXd& basis) {
     Eigen::MatrixXd reduced(rows.rows(), before + basis.cols() + 1);
     reduced.leftCols(before) = rows.leftCols(before);
-    reduced.middleCols(before, basis.cols()).noalias() = rows.middleCols(before, basis.rows()) * basis;
+    // A product of few rows is done entry by entry: the general one takes longer to begin than to multiply.
+    if (rows.rows() < 8)
+        reduced.middleCols(before, basis.cols()).noalias() = rows.middleCols(before, basis.rows()).lazyProduct(basis);
+    else
+        reduced.middleCols(before, basis.cols()).noalias() = rows.middleCols(before, basis.rows()) * basis;
     reduced.rightCols(1) = rows.rightCols(1);
     return reduced;
 }
@@ -70,7 +76,7 @@ std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<ErrorLaw
     for (Eigen::Index i = 0; i < theta.size(); ++i)
         slope[i] = coordinates[static_cast<std::size_t>(i)].slope(theta[i]);
     std::vector<BlockRows> result(set.blocks.size());
-    for (std::size_t b = 0; b < set.blocks.size(); ++b) {
+    const auto linearise_block = [&](std::size_t b) {
         const ActiveBlock& block = set.blocks[b];
         const BlockValue& value = values[b];
         BlockRows& rows = result[b];
@@ -103,20 +109,39 @@ std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<ErrorLaw
             rows.link.rightCols(1) = value.c;
             rows.link = block.constraint_size.cwiseInverse().asDiagonal() * rows.link;
         }
-    }
+    };
+    for_pieces(set.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t) {
+        for (std::size_t b = begin; b < end; ++b)
+            linearise_block(b);
+    });
     return result;
 }
 
 std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen::MatrixXd& basis) {
-    std::vector<BlockRows> result = rows;
-    for (BlockRows& block : result) {
-        for (PartRows& part : block.parts)
-            part.records.rows = in_basis(part.records.rows, block.latents, basis);
-        for (PartRows& part : block.linked_parts)
-            part.records.rows = in_basis(part.records.rows, block.latents + block.next_latents, basis);
-        if (block.rows.size() > 0) block.rows = in_basis(block.rows, block.latents, basis);
-        if (block.link.size() > 0) block.link = in_basis(block.link, block.link.cols() - basis.rows() - 1, basis);
-    }
+    std::vector<BlockRows> result(rows.size());
+    for_pieces(rows.size(), [&](std::size_t begin, std::size_t end, std::size_t) {
+        for (std::size_t b = begin; b < end; ++b) {
+            const BlockRows& from = rows[b];
+            BlockRows& to = result[b];
+            to.latents = from.latents;
+            to.next_latents = from.next_latents;
+            to.next = from.next;
+            to.cholesky = from.cholesky;
+            to.channel = from.channel;
+            const auto turn = [&](const std::vector<PartRows>& parts, Eigen::Index before,
+                                  std::vector<PartRows>& turned) {
+                turned.reserve(parts.size());
+                for (const PartRows& part : parts)
+                    turned.push_back(
+                        {part.law,
+                         {in_basis(part.records.rows, before, basis), part.records.observed, part.records.count}});
+            };
+            turn(from.parts, from.latents, to.parts);
+            turn(from.linked_parts, from.latents + from.next_latents, to.linked_parts);
+            if (from.rows.size() > 0) to.rows = in_basis(from.rows, from.latents, basis);
+            if (from.link.size() > 0) to.link = in_basis(from.link, from.link.cols() - basis.rows() - 1, basis);
+        }
+    });
     return result;
 }
 
@@ -228,39 +253,62 @@ StandardRows<double> standard_rows_derivative(const std::vector<PartRows>& parts
 }
 
 StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<ErrorLaw>& laws,
-                             const Eigen::VectorXd& psi, double matching, Curvature curvature, bool keep_rows) {
+                             const Eigen::VectorXd& psi, double matching, Curvature curvature, bool keep_rows,
+                             bool factorised) {
     StandardArrow result;
-    std::vector<BlockTriangle> blocks;
-    blocks.reserve(rows.size());
     Eigen::Index parameters = 0;
-    for (const BlockRows& block : rows)
-        for (const PartRows& part : block.parts)
-            parameters = part.records.rows.cols() - block.latents - 1;
-    for (const BlockRows& block : rows)
-        for (const PartRows& part : block.linked_parts)
-            parameters = part.records.rows.cols() - block.latents - block.next_latents - 1;
-    for (const BlockRows& block : rows)
-        if (block.rows.size() > 0) parameters = block.rows.cols() - block.latents - 1;
-    for (const BlockRows& block : rows) {
-        StandardRows<double> standard = standard_rows(block, laws, psi, curvature);
-        // Links that no longer hold (an interval on the wrong branch of a fold) are to be mended: with the steps of
-        // far outliers a section series with noise 5e-3 took 200 steps and more, guarded 29.
-        StandardRows<double> linked =
-            standard_rows(block.linked_parts, laws, psi, curvature == Curvature::step ? Curvature::guarded : curvature);
-        result.value += standard.value + linked.value;
-        if (standard.rows.size() == 0) standard.rows.resize(0, block.latents + parameters + 1);
-        if (keep_rows) result.rows.push_back(standard);
-        blocks.push_back(block_triangle(std::move(standard.rows), block.latents));
-        if (block.link.rows() + linked.rows.rows() > 0) {
-            Eigen::MatrixXd& link = blocks.back().link;
-            link.resize(block.link.rows() + linked.rows.rows(), block.latents + block.next_latents + parameters + 1);
-            if (block.link.rows() > 0) link.topRows(block.link.rows()) = block.link / matching;
-            if (linked.rows.rows() > 0) link.bottomRows(linked.rows.rows()) = linked.rows;
-            blocks.back().next = block.next;
-        }
-        if (keep_rows) result.linked_rows.push_back(std::move(linked));
+    std::vector<char> in_chain(rows.size(), 0);
+    for (std::size_t b = 0; b < rows.size(); ++b) {
+        const BlockRows& block = rows[b];
+        if (!block.parts.empty())
+            parameters = block.parts.front().records.rows.cols() - block.latents - 1;
+        else if (!block.linked_parts.empty())
+            parameters = block.linked_parts.front().records.rows.cols() - block.latents - block.next_latents - 1;
+        else if (block.rows.size() > 0)
+            parameters = block.rows.cols() - block.latents - 1;
+        if (block.link.rows() == 0 && block.linked_parts.empty()) continue;
+        in_chain[b] = 1;
+        if (block.next >= 0) in_chain[static_cast<std::size_t>(block.next)] = 1;
     }
-    result.arrow = factorise(std::move(blocks), parameters);
+    std::vector<BlockTriangle> blocks(rows.size());
+    std::vector<double> value(pieces_of(rows.size()), 0.0);
+    if (keep_rows) result.rows.resize(rows.size());
+    result.linked_records.assign(rows.size(), 0);
+    for_pieces(rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        for (std::size_t b = begin; b < end; ++b) {
+            const BlockRows& block = rows[b];
+            StandardRows<double> standard = standard_rows(block, laws, psi, curvature);
+            value[piece] += standard.value;
+            if (standard.rows.size() == 0) standard.rows.resize(0, block.latents + parameters + 1);
+            const bool as_it_is = in_chain[b] != 0 && standard.rows.rows() <= standard.rows.cols();
+            if (keep_rows && !as_it_is) result.rows[b] = standard;
+            blocks[b] = in_chain[b] != 0 ? linked_block(std::move(standard.rows), block.latents)
+                                         : block_triangle(std::move(standard.rows), block.latents);
+            const Eigen::Index constraints = block.link.rows();
+            if (constraints == 0 && block.linked_parts.empty()) continue;
+            // Links that no longer hold (an interval on the wrong branch of a fold) are to be mended: with the steps of
+            // far outliers a section series with noise 5e-3 took 200 steps and more, guarded 29.
+            StandardRows<double> linked = standard_rows(block.linked_parts, laws, psi,
+                                                        curvature == Curvature::step ? Curvature::guarded : curvature);
+            value[piece] += linked.value;
+            result.linked_records[b] = linked.rows.rows();
+            blocks[b].next = block.next;
+            Eigen::MatrixXd& link = blocks[b].link;
+            if (constraints == 0) {
+                link = std::move(linked.rows);
+                continue;
+            }
+            link.resize(constraints + linked.rows.rows(), block.link.cols());
+            link.topRows(constraints) = block.link / matching;
+            if (linked.rows.rows() > 0) link.bottomRows(linked.rows.rows()) = linked.rows;
+        }
+    });
+    for (const double part : value)
+        result.value += part;
+    if (factorised)
+        result.arrow = factorise(std::move(blocks), parameters);
+    else
+        result.arrow.blocks = std::move(blocks);
     return result;
 }
 

@@ -69,12 +69,23 @@ struct BlockRows {
 /// All blocks divided by the errors and factorised; constraints enter as rows divided by `matching`.
 struct StandardArrow {
     Arrow arrow;
-    std::vector<StandardRows<double>> rows;         ///< per block, kept when asked for
-    std::vector<StandardRows<double>> linked_rows;  ///< likewise, of the linked records
-    double value = 0.0;                             ///< sum of the blocks' values
+    /// Per block, kept when asked for; empty where the arrow has them as they are, see own_rows().
+    std::vector<StandardRows<double>> rows;
+    std::vector<Eigen::Index> linked_records;  ///< standard rows of linked records per block
+    double value = 0.0;                        ///< sum of the blocks' values
+
+    /// A block's rows, shape (rows, latents + parameters + 1). Only if rows were kept.
+    [[nodiscard]] Eigen::Ref<const Eigen::MatrixXd> own_rows(std::size_t b) const {
+        return rows[b].rows.size() > 0 ? rows[b].rows : arrow.blocks[b].triangle;
+    }
+    /// Those of its linked records, shape (rows, latents + latents of next + parameters + 1).
+    [[nodiscard]] Eigen::Ref<const Eigen::MatrixXd> linked_rows(std::size_t b) const {
+        return arrow.blocks[b].link.bottomRows(linked_records[b]);
+    }
 };
+/// @param factorised  false: the rows of the blocks alone, enough for model_change().
 [[nodiscard]] StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<ErrorLaw>& laws,
                                            const Eigen::VectorXd& psi, double matching, Curvature curvature,
-                                           bool keep_rows = false);
+                                           bool keep_rows = false, bool factorised = true);
 
 }  // namespace orbid::estimator

@@ -4,10 +4,13 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
+
+#include "estimator/block_loop.hpp"
 
 namespace orbid::estimator {
 
@@ -58,14 +61,14 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
     make_sandwich();
 
     // Latent states with what the uncertainty of theta adds.
-    const std::vector<Eigen::MatrixXd> around = covariance_around(arrow_, condensed_, covariance_).block;
-    for (std::size_t b = 0; b < set.blocks.size(); ++b) {
-        const Eigen::Index l = set.blocks[b].latents;
-        Eigen::VectorXd variance = around[b].diagonal().head(l);
+    latent_sds_.resize(set.blocks.size());
+    const auto take = [&](std::size_t b, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+        const Eigen::Index l = set_.blocks[b].latents;
+        latent_sds_[b] = covariance.diagonal().head(l).cwiseSqrt();
         for (Eigen::Index j = 0; j < l; ++j)
-            if (arrow_.blocks[b].dead[static_cast<std::size_t>(j)]) variance[j] = nan_value;
-        latent_sds_.emplace_back(variance.cwiseSqrt());
-    }
+            if (arrow_.blocks[b].dead[static_cast<std::size_t>(j)]) latent_sds_[b][j] = nan_value;
+    };
+    visit_covariance(arrow_, condensed_, covariance_, take, {});
 }
 
 /// Laplace covariance of the error parameters: the inverse Hessian of Phi_psi with theta and z at their minimum.
@@ -164,134 +167,6 @@ void Posterior::add_error_uncertainty() {
     covariance_ = laplace_;
 }
 
-void Posterior::look_for_autocorrelation() {
-    for (std::size_t c = 0; c < problem_.channels.size(); ++c) {
-        const Channel& channel = problem_.channels[c];
-        const Group& group = problem_.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)];
-        if (!group.ordered) {
-            autocorrelations_.emplace_back();
-            unexplained_.emplace_back();
-            continue;
-        }
-        std::vector<Eigen::VectorXd> sequences;
-        for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
-            const ActiveBlock& block = set_.blocks[b];
-            std::vector<double> own;
-            for (std::size_t i = 0; i < block.channel.size(); ++i)
-                if (block.channel[i] == static_cast<int>(c))
-                    own.push_back(minimum_.evaluation.values[b].e[static_cast<Eigen::Index>(i)]);
-            if (!own.empty())
-                sequences.emplace_back(
-                    Eigen::Map<const Eigen::VectorXd>(own.data(), static_cast<Eigen::Index>(own.size())));
-        }
-        autocorrelations_.push_back(autocorrelation(sequences));
-        unexplained_.push_back(std::holds_alternative<AutoregressiveErrors>(group.distribution)
-                                   ? autocorrelation(innovations(static_cast<int>(c)))
-                                   : autocorrelations_.back());
-    }
-}
-
-/// The innovations of a channel with autoregressive errors, block by block: independent when the law is right.
-std::vector<Eigen::VectorXd> Posterior::innovations(int channel) const {
-    std::vector<Eigen::VectorXd> sequences;
-    for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
-        for (const std::vector<LawPart>* parts : {&set_.blocks[b].parts, &set_.blocks[b].linked_parts})
-            for (const LawPart& part : *parts) {
-                const ErrorLaw& law = problem_.laws[part.law];
-                if (law.channels.front() != channel || part.records.empty()) continue;
-                const Eigen::VectorXd e = law_errors(set_.blocks[b], part, law, minimum_.evaluation.values[b].e);
-                const Eigen::VectorXd psi =
-                    state_.psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size()));
-                sequences.push_back(standard_errors(law, e, part.observed, psi));
-            }
-    }
-    return sequences;
-}
-
-void Posterior::make_sandwich() {
-    const Clusters choice = problem_.options.clusters;
-    if (choice == Clusters::none || point_.triangle.rows() == 0) return;
-    std::vector<std::vector<int>> clusters;
-    double inflation = 1.0;
-    if (choice == Clusters::blocks) {
-        std::size_t count = 0;
-        for (const ActiveBlock& block : set_.blocks) {
-            clusters.emplace_back(block.channel.size(), 0);
-            if (!block.channel.empty()) ++count;
-        }
-        const auto least = static_cast<std::size_t>(point_.triangle.rows()) + 1;
-        if (set_.constraints > 0 || set_.linked || count < least) {
-            sandwich_note_ = (set_.constraints > 0 ? std::string("constraints link the blocks")
-                              : set_.linked        ? std::string("records link the blocks")
-                                                   : "blocks are too few (" + std::to_string(count) + ", at least " +
-                                                  std::to_string(least) + " are needed)") +
-                             ": no clusters, intervals as if errors were independent";
-            return;
-        }
-        sandwich_note_ = "intervals from " + std::to_string(count) + " blocks as clusters";
-    } else {
-        inflation = correlated_clusters(clusters);
-        if (clusters.empty()) return;
-        std::size_t count = 0;
-        for (const std::vector<int>& cluster : clusters)
-            if (!cluster.empty())
-                count += 1 + static_cast<std::size_t>(*std::max_element(cluster.begin(), cluster.end()));
-        // Scores of all clusters add up to zero: of so few some direction would have no scatter, and so no uncertainty.
-        if (count <= static_cast<std::size_t>(point_.triangle.rows())) {
-            widen(count);
-            return;
-        }
-    }
-    const auto rows =
-        linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false);
-    sandwich_ = std::make_unique<Sandwich>(in_basis(rows, minimum_.step.from_data), set_, clusters, problem_.laws,
-                                           state_.psi, point_.triangle, inflation);
-    covariance_ = minimum_.step.decided * sandwich_->covariance() * minimum_.step.decided.transpose();
-    if (choice == Clusters::automatic)
-        sandwich_note_ = "residuals are autocorrelated: intervals from " + std::to_string(sandwich_->clusters()) +
-                         " clusters of consecutive records";
-}
-
-/// Laplace's covariance as if each of the records that are worth an independent one stood for all that repeat it.
-void Posterior::widen(std::size_t clusters) {
-    const auto n = static_cast<double>(set_.records);
-    double longest = 1.0;
-    for (const Autocorrelation& correlation : unexplained_)
-        if (correlation.significant) longest = std::max(longest, std::min(correlation.records, n));
-    widening_ = longest;
-    covariance_ *= widening_;
-    widened_degrees_of_freedom_ = std::max(1.0, n / longest - static_cast<double>(point_.triangle.rows()));
-    sandwich_note_ = "residuals repeat each other over most of a record, which makes " + std::to_string(clusters) +
-                     (clusters == 1 ? " cluster" : " clusters") +
-                     ", too few for a scatter: intervals from the number of independent records";
-}
-
-/// Clusters of consecutive records where residuals are autocorrelated beyond what their law says; none otherwise.
-/// @return factor on the covariance for correlation across the borders of clusters.
-double Posterior::correlated_clusters(std::vector<std::vector<int>>& clusters) const {
-    double longest = 0.0;
-    for (const Autocorrelation& correlation : unexplained_)
-        if (correlation.significant) longest = std::max(longest, correlation.records);
-    if (!(longest > 0.0) || set_.constraints > 0 || set_.linked) return 1.0;
-    // Clusters of twice the integrated correlation time: about four times the decay time of an AR(1).
-    const double length = 2.0 * longest;
-    for (const ActiveBlock& block : set_.blocks) {
-        double most = 0.0;
-        for (std::size_t c = 0; c < problem_.channels.size(); ++c) {
-            const Group& group = problem_.residuals[problem_.channels[c].residual]
-                                     ->groups()[static_cast<std::size_t>(problem_.channels[c].group)];
-            if (group.ordered)
-                most = std::max(most, static_cast<double>(
-                                          std::count(block.channel.begin(), block.channel.end(), static_cast<int>(c))));
-        }
-        clusters.push_back(consecutive_clusters(block.channel, std::max(1, static_cast<int>(most / length))));
-    }
-    // Correlation across the borders of clusters, AR(1) with the same integrated time tau = 2 decay times: a sum over
-    // L records has the share 1 - (decay / L)(1 - exp(-L / decay)) of the variance it would have with all neighbours.
-    const double decay = 0.5 * longest;
-    return 1.0 / (1.0 - decay / length * -std::expm1(-length / decay));
-}
-
 double Posterior::objective() const {
     // (M8) leaves out the constants of the normal density.
     double value = point_.value + 0.5 * set_.ln_det_shapes + minimum_.prior.value -
@@ -338,32 +213,54 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
         latent_steps(point_.standard.arrow, point_.condensed, Eigen::VectorXd::Zero(v.size()));
     const std::vector<Eigen::VectorXd> moved = latent_steps(point_.standard.arrow, point_.condensed, v);
     Eigen::VectorXd slopes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(free_errors_.size()));
-    const auto add = [&](const StandardRows<double>& at, const Eigen::VectorXd& step, const auto& derivative_of) {
-        const Eigen::VectorXd here = at.rows.leftCols(step.size()) * step;
-        for (std::size_t i = 0; i < free_errors_.size(); ++i)
-            slopes[static_cast<Eigen::Index>(i)] -=
-                2.0 * here.dot(derivative_of(free_errors_[i]).rows.leftCols(step.size()) * step);
-    };
-    for (std::size_t b = 0; b < errors_.rows.size(); ++b) {
-        const BlockRows& rows = errors_.rows[b];
-        const StandardRows<double>& at = point_.standard.rows[b];
-        if (at.rows.rows() > 0) {
-            Eigen::VectorXd step(rows.latents + v.size());
-            step << moved[b] - still[b], v;
-            add(at, step, [&](Eigen::Index k) {
-                return standard_rows_derivative(rows, problem_.laws, state_.psi, k, Curvature::expected, at);
-            });
+    const auto add = [&](const BlockRows& block, const std::vector<PartRows>& parts,
+                         const Eigen::Ref<const Eigen::MatrixXd>& at, const Eigen::VectorXd& step,
+                         Eigen::VectorXd& sums) {
+        const Eigen::VectorXd here = at.leftCols(step.size()).lazyProduct(step);
+        for (std::size_t i = 0; i < free_errors_.size(); ++i) {
+            const Eigen::Index k = free_errors_[i];
+            double& slope = sums[static_cast<Eigen::Index>(i)];
+            if (block.rows.size() > 0) {
+                const StandardRows<double> derivative =
+                    standard_rows_derivative(block, problem_.laws, state_.psi, k, Curvature::expected, {at, 0.0});
+                slope -= 2.0 * here.dot(derivative.rows.leftCols(step.size()) * step);
+                continue;
+            }
+            Eigen::Index row = 0;
+            for (const PartRows& part : parts) {
+                const ErrorLaw& law = problem_.laws[part.law];
+                const Eigen::Index rows = part.records.rows.rows() * rows_per_record(law);
+                const Eigen::Index first = std::exchange(row, row + rows);
+                if (k < law.first || k >= law.first + static_cast<Eigen::Index>(law.coordinates.size())) continue;
+                if (law.compressible()) {
+                    slope += 2.0 * here.segment(first, rows).squaredNorm();  // dS = -S
+                    continue;
+                }
+                const StandardRows<double> derivative =
+                    standard_rows_derivative(parts, problem_.laws, state_.psi, k, Curvature::expected, {at, 0.0});
+                slope -= 2.0 * here.dot(derivative.rows.leftCols(step.size()) * step);
+                break;
+            }
         }
-        const StandardRows<double>& linked = point_.standard.linked_rows[b];
-        if (linked.rows.rows() == 0) continue;
-        const auto next = static_cast<std::size_t>(rows.next);
-        Eigen::VectorXd step(rows.latents + rows.next_latents + v.size());
-        step << moved[b] - still[b], moved[next] - still[next], v;
-        add(linked, step, [&](Eigen::Index k) {
-            return standard_rows_derivative(rows.linked_parts, problem_.laws, state_.psi, k, Curvature::expected,
-                                            linked);
-        });
-    }
+    };
+    std::vector<Eigen::VectorXd> sums(pieces_of(errors_.rows.size()), slopes);
+    for_pieces(errors_.rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        Eigen::VectorXd step;
+        for (std::size_t b = begin; b < end; ++b) {
+            const BlockRows& rows = errors_.rows[b];
+            step.resize(rows.latents + v.size());
+            step << moved[b] - still[b], v;
+            if (point_.standard.own_rows(b).rows() > 0)
+                add(rows, rows.parts, point_.standard.own_rows(b), step, sums[piece]);
+            if (rows.linked_parts.empty()) continue;
+            const auto next = static_cast<std::size_t>(rows.next);
+            step.resize(rows.latents + rows.next_latents + v.size());
+            step << moved[b] - still[b], moved[next] - still[next], v;
+            add(rows, rows.linked_parts, point_.standard.linked_rows(b), step, sums[piece]);
+        }
+    });
+    for (const Eigen::VectorXd& part : sums)
+        slopes += part;
     return slopes;
 }
 

@@ -61,6 +61,7 @@ private:
     [[nodiscard]] std::vector<Eigen::VectorXd> innovations(int channel) const;
     void make_sandwich();
     void widen(std::size_t clusters);
+    void widen_along_chains();
     double correlated_clusters(std::vector<std::vector<int>>& clusters) const;
     [[nodiscard]] Eigen::VectorXd variance_slopes(const Eigen::VectorXd& y) const;
 

@@ -80,58 +80,70 @@ Eigen::MatrixXd upper_triangle(const Eigen::Ref<const Eigen::MatrixXd>& a) {
     return upper_triangle(stacked);
 }
 
-PivotedColumns eliminate(Eigen::MatrixXd& a, Eigen::Index top, Eigen::Index first, const Eigen::VectorXd& limit) {
-    PivotedColumns columns;
-    columns.order.resize(static_cast<std::size_t>(limit.size()));
-    std::iota(columns.order.begin(), columns.order.end(), Eigen::Index{0});
-    const auto begin = columns.order.begin();
-    Eigen::VectorXd v(a.rows());
-    std::size_t left = columns.order.size();  // candidates are order[rank] ... order[left - 1]
-    while (static_cast<std::size_t>(columns.rank) < left && top + columns.rank < a.rows()) {
-        const Eigen::Index row = top + columns.rank;
-        const Eigen::Index rest = a.rows() - row;
+Eigen::Index eliminate(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Index top, Eigen::Index first, const double* limit,
+                       Eigen::Index count, Eigen::Index* order) {
+    // Plain loops: the matrices are as small as a state, and calls for general ones cost more than the sums.
+    const Eigen::Index rows = a.rows();
+    const Eigen::Index stride = a.outerStride();
+    double* const begin = a.data();
+    std::iota(order, order + count, Eigen::Index{0});
+    Eigen::Index rank = 0;
+    Eigen::Index left = count;  // candidates are order[rank] ... order[left - 1]
+    while (rank < left && top + rank < rows) {
+        const Eigen::Index row = top + rank;
+        const Eigen::Index rest = rows - row;
         double largest = -1.0;
-        auto best = begin;
-        for (auto i = static_cast<std::size_t>(columns.rank); i < left;) {
-            const double norm = a.col(first + columns.order[i]).tail(rest).norm();
-            if (norm <= limit[columns.order[i]]) {  // false for nan, which must stay visible
-                std::rotate(begin + static_cast<std::ptrdiff_t>(i), begin + static_cast<std::ptrdiff_t>(i) + 1,
-                            begin + static_cast<std::ptrdiff_t>(left));
+        Eigen::Index best = rank;
+        for (Eigen::Index i = rank; i < left;) {
+            const double* column = begin + (first + order[i]) * stride + row;
+            double square = 0.0;
+            for (Eigen::Index k = 0; k < rest; ++k)
+                square += column[k] * column[k];
+            const double norm = std::sqrt(square);
+            if (norm <= limit[order[i]]) {  // false for nan, which must stay visible
+                std::rotate(order + i, order + i + 1, order + left);
                 --left;
                 continue;
             }
             if (!(norm <= largest)) {
                 largest = norm;
-                best = begin + static_cast<std::ptrdiff_t>(i);
+                best = i;
             }
             ++i;
         }
-        if (static_cast<std::size_t>(columns.rank) == left) break;
-        std::swap(*best, columns.order[static_cast<std::size_t>(columns.rank)]);
-        const Eigen::Index pivot = first + columns.order[static_cast<std::size_t>(columns.rank)];
+        if (rank == left) break;
+        std::swap(order[best], order[rank]);
+        double* const pivot = begin + (first + order[rank]) * stride + row;
         Eigen::Index heaviest = 0;
-        a.col(pivot).tail(rest).cwiseAbs().maxCoeff(&heaviest);
-        if (heaviest > 0) a.row(row).tail(a.cols() - first).swap(a.row(row + heaviest).tail(a.cols() - first));
-        const double diagonal = a(row, pivot);
+        for (Eigen::Index k = 1; k < rest; ++k)
+            if (std::abs(pivot[k]) > std::abs(pivot[heaviest])) heaviest = k;
+        if (heaviest > 0)
+            for (Eigen::Index j = first; j < a.cols(); ++j)
+                std::swap(begin[j * stride + row], begin[j * stride + row + heaviest]);
+        const double diagonal = pivot[0];
         const double norm = std::copysign(largest, diagonal);
-        auto reflector = v.head(rest);
-        reflector = a.col(pivot).tail(rest);
-        reflector[0] += norm;
+        // The pivot column itself holds the reflector while it is used.
+        pivot[0] += norm;
         const double factor = 1.0 / (largest * (largest + std::abs(diagonal)));
         for (Eigen::Index j = first; j < a.cols(); ++j) {
-            if (j == pivot) continue;
-            auto column = a.col(j).tail(rest);
-            const double share = factor * reflector.dot(column);
-            if (share != 0.0) column -= share * reflector;
+            double* const column = begin + j * stride + row;
+            if (column == pivot) continue;
+            double share = 0.0;
+            for (Eigen::Index k = 0; k < rest; ++k)
+                share += pivot[k] * column[k];
+            share *= factor;
+            if (share == 0.0) continue;
+            for (Eigen::Index k = 0; k < rest; ++k)
+                column[k] -= share * pivot[k];
         }
-        a(row, pivot) = -norm;
-        a.col(pivot).tail(rest - 1).setZero();
-        ++columns.rank;
+        pivot[0] = -norm;
+        std::fill(pivot + 1, pivot + rest, 0.0);
+        ++rank;
     }
-    const Eigen::Index below = std::max<Eigen::Index>(a.rows() - top - columns.rank, 0);
-    for (auto i = static_cast<std::size_t>(columns.rank); i < columns.order.size(); ++i)
-        a.col(first + columns.order[i]).tail(below).setZero();
-    return columns;
+    const Eigen::Index below = std::max<Eigen::Index>(rows - top - rank, 0);
+    for (Eigen::Index i = rank; i < count; ++i)
+        a.col(first + order[i]).tail(below).setZero();
+    return rank;
 }
 
 }  // namespace orbid::estimator

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
 
 namespace orbid::estimator {
@@ -15,19 +13,18 @@ namespace orbid::estimator {
 /// "Stability of Householder QR factorization for weighted least squares problems" (1998) (row sorting).
 [[nodiscard]] Eigen::MatrixXd upper_triangle(const Eigen::Ref<const Eigen::MatrixXd>& a);
 
-/// What eliminate() did with its columns.
-struct PivotedColumns {
-    std::vector<Eigen::Index> order;  ///< order[k] = the column (counted from `first`) that became the k-th pivot
-    Eigen::Index rank = 0;            ///< the columns order[rank], order[rank + 1] ... are decided by nothing
-};
-
-/// Householder elimination of the columns [first, first + limit.size()) from the rows [top, a.rows()), in place, all
-/// columns from `first` on are transformed. Rows top ... top + rank - 1 then hold the pivots in pivot order (the
-/// columns keep their places: R(k, order[k]) is the k-th diagonal), and those columns are zero below.
+/// Householder elimination of the columns [first, first + count) from the rows [top, a.rows()), in place, all columns
+/// from `first` on are transformed. Rows top ... top + rank - 1 then hold the pivots in pivot order (the columns keep
+/// their places: R(k, order[k]) is the k-th diagonal), and those columns are zero below.
 ///
 /// The pivot column is the one with the largest remaining norm, the pivot row the one with the largest entry in it
 /// (Powell and Reid 1969): rows may differ in weight by 1e10 and more without losing the light ones.
 /// A column whose remaining norm is not above limit[j] is set to zero in the rows left and is no pivot.
-PivotedColumns eliminate(Eigen::MatrixXd& a, Eigen::Index top, Eigen::Index first, const Eigen::VectorXd& limit);
+/// @param limit  shape (count).
+/// @param order  shape (count), written: order[k] = the column (counted from `first`) that became the k-th pivot; the
+///               columns order[rank], order[rank + 1] ... are decided by nothing.
+/// @return the rank.
+Eigen::Index eliminate(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Index top, Eigen::Index first, const double* limit,
+                       Eigen::Index count, Eigen::Index* order);
 
 }  // namespace orbid::estimator

@@ -113,7 +113,7 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
             if (!evaluation.failed.empty()) return result;
             const Arrow arrow =
                 standard_arrow(linearise(set, problem.laws, evaluation.values, problem.coordinates, beside.theta),
-                               problem.laws, state.psi, minimum.matching, Curvature::step)
+                               problem.laws, state.psi, minimum.matching, Curvature::step, false, false)
                     .arrow;
             for (Eigen::Index i = 0; i < count; ++i)
                 difference[i] += sign * model_change(arrow, Eigen::VectorXd::Unit(q, free[static_cast<std::size_t>(i)]),

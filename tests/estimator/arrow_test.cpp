@@ -166,10 +166,10 @@ TEST_CASE("long chains with growing and contracting directions keep their digits
             // Linear cost: 2001 nodes take 2000 eliminations (the last two together), 1 more when counted one by one,
             // and every elimination has rows of its own states, its two neighbours' and the parameters only.
             std::size_t eliminations = 0;
-            for (const auto& level : condensed.chains[0].levels) {
-                eliminations += level.size();
-                for (const Elimination& step : level)
-                    CHECK(step.rows.size() <= 4 * (3 * 2 + 2 + 1));
+            for (const ChainLevel& level : condensed.chains[0]->levels) {
+                eliminations += level.steps.size();
+                for (const Elimination& step : level.steps)
+                    CHECK(level.rows(step).size() <= 4 * (3 * 2 + 2 + 1));
             }
             CHECK(eliminations == 2000);
         }

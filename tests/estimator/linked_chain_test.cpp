@@ -242,6 +242,38 @@ TEST_CASE("the step of the parameters keeps its digits at tight matching", "[est
     }
 }
 
+TEST_CASE("autocorrelation of readings is looked for along a chain", "[estimator][linked]") {
+    // A straight line, z_{i+1} = z_i + b, one reading per block, errors of a first-order autoregression, 0.8: an
+    // integrated time of (1 + 0.8) / (1 - 0.8) = 9 records.
+    constexpr Eigen::Index count = 2000;
+    std::mt19937_64 generator(9);
+    std::normal_distribution<double> normal;
+    Eigen::MatrixXd readings(1, count);
+    double error = 0.0;
+    for (Eigen::Index i = 0; i < count; ++i) {
+        error = 0.8 * error + 0.6 * normal(generator);
+        readings(0, i) = 1.0 + 0.1 * static_cast<double>(i) + error;
+    }
+    const ChainMap line = [](const Eigen::VectorXd& z, const Eigen::VectorXd& theta) {
+        return MapValue{z + theta, Eigen::MatrixXd::Identity(1, 1), Eigen::MatrixXd::Identity(1, 1)};
+    };
+    for (const bool constraint : {false, true}) {
+        CAPTURE(constraint);
+        estimator::Group reading = group("reading");
+        reading.ordered = true;
+        MapChainResidual residual(line, readings, reading, {constraint, group("matching", 1e-7, false), {}});
+        const auto found = estimator::estimate({free_parameter("b", 0.0)}, {&residual});
+        CAPTURE(found.message);
+        REQUIRE(found.status == EstimateStatus::converged);
+        // sd of a lag-1 correlation of 2000 records: 0.6 / sqrt(2000) = 0.013; of the integrated time about a third.
+        CHECK_THAT(found.scales[0].lag1, WithinAbs(0.8, 0.06));
+        CHECK(found.parameters[0].interval_method == "effective_count");
+        CHECK(found.parameters[0].sd / found.parameters[0].laplace_sd > 2.0);
+        CHECK(found.parameters[0].sd / found.parameters[0].laplace_sd < 5.0);
+        CHECK_THAT(found.parameters[0].value, WithinAbs(0.1, 4.0 * found.parameters[0].sd));
+    }
+}
+
 TEST_CASE("linked records that cannot be are refused", "[estimator][linked]") {
     const auto refusal = [](const std::function<void(FunctionChain&, estimator::BlockLayout&)>& change,
                             estimator::LatentStructure structure = estimator::LatentStructure::chain) {

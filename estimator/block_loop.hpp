@@ -1,0 +1,34 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+
+#include <oneapi/tbb/parallel_for.h>
+
+namespace orbid::estimator {
+
+/// Blocks that one piece of a loop over many takes: small enough to share out, large enough that the sharing costs
+/// nothing (a block takes about a microsecond, handing out a piece about as much).
+inline constexpr std::size_t blocks_per_piece = 256;
+
+/// Number of pieces of a loop over `count` blocks; it depends on nothing else.
+[[nodiscard]] inline std::size_t pieces_of(std::size_t count) {
+    return (count + blocks_per_piece - 1) / blocks_per_piece;
+}
+
+/// Calls work(begin, end, piece) for all pieces of [0, count), several at a time. Sums kept per piece and added in
+/// their order are the same with any number of threads.
+template <class Work>
+void for_pieces(std::size_t count, const Work& work) {
+    const auto run = [&](std::size_t piece) {
+        const std::size_t begin = piece * blocks_per_piece;
+        work(begin, std::min(begin + blocks_per_piece, count), piece);
+    };
+    if (count <= blocks_per_piece) {
+        if (count > 0) run(0);
+        return;
+    }
+    oneapi::tbb::parallel_for(std::size_t{0}, pieces_of(count), run);
+}
+
+}  // namespace orbid::estimator
