@@ -12,7 +12,6 @@ namespace orbid::estimator {
 namespace {
 
 using Rows = Eigen::Map<Eigen::MatrixXd>;
-using ConstRows = Eigen::Map<const Eigen::MatrixXd>;
 
 /// Rows on two neighbouring nodes of the moment, [left | right | common]: an original link, or a place in a pool.
 struct Edge {
@@ -21,7 +20,6 @@ struct Edge {
     Eigen::Index columns = 0;
     const ChainNode* from = nullptr;  ///< of an original link
     const ChainNode* to = nullptr;
-    [[nodiscard]] ConstRows matrix() const { return {values, rows, columns}; }
 };
 
 /// What is in work: the nodes left, in order, and the rows between each and the following one.
@@ -92,31 +90,42 @@ Eigen::Index own_rows(const ChainNode& node) {
     return node.own->rows() + (node.alone != nullptr ? node.alone->rows() : 0) + node.damping.size();
 }
 
+/// Plain loops below: the matrices are as small as a state, and calls for general ones cost more than the copies.
+void put(const double* from, Eigen::Index from_stride, Eigen::Index rows, Eigen::Index columns, double* to,
+         Eigen::Index to_stride) {
+    for (Eigen::Index j = 0; j < columns; ++j)
+        for (Eigen::Index i = 0; i < rows; ++i)
+            to[j * to_stride + i] += from[j * from_stride + i];
+}
+
 /// A node's own rows, its states from column `first`, the common columns at the end.
 void put_own(const ChainNode& node, Eigen::Index row, Eigen::Index first, Eigen::Index width, Rows& a) {
     const Eigen::Index begin = row;
+    const Eigen::Index common = a.cols() - width;
     for (const Eigen::MatrixXd* rows : {node.own, node.alone}) {
         if (rows == nullptr) continue;
-        a.block(row, first, rows->rows(), node.latents) = rows->leftCols(node.latents);
-        a.block(row, a.cols() - width, rows->rows(), width) = rows->rightCols(width);
-        row += rows->rows();
+        const Eigen::Index m = rows->rows();
+        put(rows->data(), m, m, node.latents, a.data() + first * a.rows() + row, a.rows());
+        put(rows->data() + node.latents * m, m, m, width, a.data() + common * a.rows() + row, a.rows());
+        row += m;
     }
     for (Eigen::Index k = 0; k < node.damping.size(); ++k)
         a(row + k, first + k) = node.damping[k];
-    clear_dead(a.block(begin, first, row - begin, node.latents), node);
+    if (node.dead != nullptr) clear_dead(a.block(begin, first, row - begin, node.latents), node);
 }
 
 /// The rows of an edge, its left states from column `left`, the right ones from `right`; they are added.
 void put_edge(const Edge& edge, Eigen::Index row, Eigen::Index left, Eigen::Index l_left, Eigen::Index right,
               Eigen::Index l_right, Eigen::Index width, Rows& a) {
-    if (edge.rows == 0) return;
-    const ConstRows rows = edge.matrix();
-    a.block(row, left, edge.rows, l_left) += rows.leftCols(l_left);
-    a.block(row, right, edge.rows, l_right) += rows.middleCols(l_left, l_right);
-    a.block(row, a.cols() - width, edge.rows, width) = rows.rightCols(width);
+    const Eigen::Index m = edge.rows;
+    if (m == 0) return;
+    double* const to = a.data() + row;
+    put(edge.values, m, m, l_left, to + left * a.rows(), a.rows());
+    put(edge.values + l_left * m, m, m, l_right, to + right * a.rows(), a.rows());
+    put(edge.values + (l_left + l_right) * m, m, m, width, to + (a.cols() - width) * a.rows(), a.rows());
     if (edge.from == nullptr) return;
-    clear_dead(a.block(row, left, edge.rows, l_left), *edge.from);
-    clear_dead(a.block(row, right, edge.rows, l_right), *edge.to);
+    if (edge.from->dead != nullptr) clear_dead(a.block(row, left, m, l_left), *edge.from);
+    if (edge.to->dead != nullptr) clear_dead(a.block(row, right, m, l_right), *edge.to);
 }
 
 /// Keeps the rows of an elimination at its place, columns of the pivots in their order.
@@ -124,10 +133,10 @@ void keep(const Rows& a, const Eigen::Index* order, Elimination& step, ChainLeve
     const Eigen::Index others = a.cols() - step.pivots;
     step.columns = step.rank + others;
     std::copy_n(order, step.pivots, level.order.begin() + static_cast<std::ptrdiff_t>(step.first));
-    Rows rows(level.values.data() + step.place, step.rank, step.columns);
+    double* const rows = level.values.data() + step.place;  // zeros so far
     for (Eigen::Index k = 0; k < step.rank; ++k)
-        rows.col(k) = a.col(order[k]).head(step.rank);
-    rows.rightCols(others) = a.topRightCorner(step.rank, others);
+        put(a.data() + order[k] * a.rows(), a.rows(), step.rank, 1, rows + k * step.rank, step.rank);
+    put(a.data() + step.pivots * a.rows(), a.rows(), step.rank, others, rows + step.rank * step.rank, step.rank);
 }
 
 /// One node between its neighbours; `made` is the place for the rows that this leaves between them.
@@ -148,7 +157,8 @@ void eliminate_between(const Reduction& work, Elimination& step, const Edge& bef
     keep(a, order, step, level);
     const Eigen::Index between = eliminate(a, step.rank, l, space.zeros(both), both, order);
     made = {place, between, both + work.width, nullptr, nullptr};
-    Rows(place, between, both + work.width) = a.block(step.rank, l, between, both + work.width);
+    std::fill_n(place, between * (both + work.width), 0.0);
+    put(a.data() + l * a.rows() + step.rank, a.rows(), between, both + work.width, place, between);
     const Eigen::Index from = step.rank + between;
     if (a.rows() > from) rest.add(a.bottomRightCorner(a.rows() - from, work.width));
 }

@@ -158,7 +158,7 @@ Eigen::VectorXd picked(const Eigen::VectorXd& from, const std::vector<Eigen::Ind
 }  // namespace
 
 ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd& start, const Eigen::VectorXd& floor,
-                             const Eigen::VectorXd& ceiling, double tolerance, ErrorCurvature* known) {
+                             const Eigen::VectorXd& ceiling, const ErrorSearch& search) {
     ErrorMinimum minimum;
     minimum.psi = start;
     for (Eigen::Index k = 0; k < start.size(); ++k)
@@ -168,7 +168,7 @@ ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd&
     ErrorPoint point = evaluate_errors(problem, minimum.psi);
     minimum.before = minimum.after = point.value;
     ErrorCurvature unknown;
-    ErrorCurvature& curvature = known != nullptr ? *known : unknown;
+    ErrorCurvature& curvature = search.known != nullptr ? *search.known : unknown;
     std::vector<Eigen::Index>& former_free = curvature.free;
     Eigen::MatrixXd& hessian = curvature.hessian;
     // Six decades take a few fixed-point steps, secant steps then converge superlinearly; two dozen are usual at most.
@@ -190,7 +190,7 @@ ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd&
         for (Eigen::Index i = 0; i < count; ++i)
             minimum.distance =
                 std::max(minimum.distance, std::abs(gradient[i]) / std::sqrt(std::max(hessian(i, i), 1e-300)));
-        if (minimum.distance < tolerance) return minimum;
+        if (minimum.distance < search.tolerance) return minimum;
 
         const Eigen::LDLT<Eigen::MatrixXd> factor(hessian);
         const bool definite = factor.info() == Eigen::Success && factor.isPositive() &&
@@ -198,6 +198,15 @@ ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd&
         std::vector<Eigen::VectorXd> steps;
         if (definite) {
             const Eigen::VectorXd newton = -factor.solve(gradient);
+            if (newton.lpNorm<Eigen::Infinity>() < search.untried) {
+                for (Eigen::Index i = 0; i < count; ++i) {
+                    const Eigen::Index k = free[static_cast<std::size_t>(i)];
+                    minimum.psi[k] = std::clamp(minimum.psi[k] + newton[i], floor[k], ceiling[k]);
+                }
+                minimum.after += 0.5 * gradient.dot(newton);
+                ++minimum.steps;
+                return minimum;
+            }
             Eigen::VectorXd step = Eigen::VectorXd::Zero(start.size());
             for (Eigen::Index i = 0; i < count; ++i)
                 step[free[static_cast<std::size_t>(i)]] = newton[i];

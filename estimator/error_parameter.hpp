@@ -71,15 +71,22 @@ struct ErrorCurvature {
     Eigen::MatrixXd hessian;
 };
 
+/// How far a minimisation goes.
+struct ErrorSearch {
+    /// Distance to the minimum, in sds, that is good enough; below 1e-12 no figure of a result changes.
+    double tolerance = 1e-12;
+    /// > 0: a Newton step that changes no psi by more is taken without being tried, and is the last one. For searches
+    /// that are asked again soon.
+    double untried = 0.0;
+    ErrorCurvature* known = nullptr;  ///< curvature to start with and to leave behind; null: computed anew
+};
+
 /// Fixed-point steps of (M10) from afar, secant steps near the minimum; each accepted step decreases Phi_psi.
 ///
 /// @param floor, ceiling  limits of psi.
-/// @param tolerance       distance to the minimum, in sds, that is good enough; below 1e-12 no figure of a result
-///                        changes.
-/// @param known           curvature to start with and to leave behind; null: computed anew.
 [[nodiscard]] ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi,
                                            const Eigen::VectorXd& floor, const Eigen::VectorXd& ceiling,
-                                           double tolerance = 1e-12, ErrorCurvature* known = nullptr);
+                                           const ErrorSearch& search = {});
 
 /// Scales of normal errors at which the expected weight under the conditional density of ln s is the one that steps
 /// use: s^-2 = E[s^-2 | theta]. With Jeffreys' prior this is the minimum of (M9) itself; with another prior the

@@ -15,8 +15,7 @@ double Minimisation::objective() const {
 }
 
 void Minimisation::factorise_errors() {
-    StandardArrow standard =
-        standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature());
+    StandardArrow standard = standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature());
     arrow_ = std::move(standard.arrow);
     value_ = standard.value;
 }
@@ -66,10 +65,13 @@ bool Minimisation::update_errors(bool profile) {
     const ErrorProblem errors = error_problem(problem_, set_, minimum_, profile ? Follow::all : Follow::latents);
     const ErrorLimits limit = limits();
     rounding_ = limit.rounding;
-    // Scales need not be better than the parameters, which have this far to go.
-    const double tolerance = std::clamp(1e-3 * model_length_, 1e-12, 1e-2);
-    const ErrorMinimum found = minimise_errors(errors, state_.psi, limit.floor, limit.ceiling, tolerance,
-                                               set_.latents > 0 ? &curvature_ : nullptr);
+    // Scales need not be better than the parameters, which have this far to go; while that is far, the next step asks
+    // again, and a scale that is within a hundredth of its own makes no difference to it.
+    ErrorSearch search;
+    search.tolerance = std::clamp(1e-3 * model_length_, 1e-12, 1e-2);
+    if (set_.latents > 0) search.known = &curvature_;
+    if (set_.latents > 0 && model_length_ > 1e-2) search.untried = 0.1;
+    const ErrorMinimum found = minimise_errors(errors, state_.psi, limit.floor, limit.ceiling, search);
     if (found.steps > 0)
         ledger_.history.push_back(
             {ledger_.round, "scales", true, found.before, found.after, 0.0, "", set_.provisional});
