@@ -14,7 +14,8 @@ struct Workspace {
     Eigen::MatrixXd inverse;
     Eigen::MatrixXd gain;
     Eigen::MatrixXd joint;
-    Eigen::MatrixXd picked;
+    Eigen::MatrixXd of_node;  ///< one for each use: a matrix that changes its size asks for memory each time
+    Eigen::MatrixXd of_link;
 };
 
 /// Covariance of (pivots, separator) from that of the separator s: z = G s + R^-1 noise, G = -R^-1 R_s.
@@ -121,9 +122,10 @@ void chain_covariance(const ChainFactor& chain, const Eigen::MatrixXd& parameter
                          const CovarianceUse& use) {
         if (!use) return;
         const Eigen::Index size = size_of(groups);
-        space.picked.resize(size, size);
-        pick(from, groups, space.picked);
-        use(to, space.picked);
+        Eigen::MatrixXd& picked = groups.size() == 2 ? space.of_node : space.of_link;
+        picked.resize(size, size);
+        pick(from, groups, picked);
+        use(to, picked);
     };
 
     // The last one or two nodes; a link between them is an original one where no level comes before.

@@ -212,8 +212,10 @@ ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd&
                 step[free[static_cast<std::size_t>(i)]] = newton[i];
             steps.push_back(std::move(step));
         }
-        // Curvature says little about a minimum that is many sds away.
-        if (!definite || minimum.distance > 1.0)
+        // Curvature says little about a minimum that is many sds and a good part of the scale itself away.
+        constexpr double near = 0.1;
+        if (!definite ||
+            (minimum.distance > 1.0 && (search.known == nullptr || steps.back().lpNorm<Eigen::Infinity>() > near)))
             for (Eigen::VectorXd& step : far_steps(problem, point, minimum.psi, free))
                 steps.push_back(std::move(step));
 

@@ -128,17 +128,18 @@ struct RowSums {
     Eigen::VectorXd left;
 };
 
-/// @param slot   of the rows' first trace.
+/// @param slot   of the rows' first trace. @param w  memory for the errors.
 /// @param moved  errors follow these steps of everything the rows depend on, under each other; empty: they stay.
 void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const BlockRows& block,
               const std::vector<PartRows>& parts, const Eigen::Ref<const Eigen::MatrixXd>& at, const double* slot,
-              const Eigen::VectorXd& moved, RowSums& sums) {
+              const Eigen::VectorXd& moved, Eigen::VectorXd& w, RowSums& sums) {
     if (at.rows() == 0) return;
     const std::vector<ErrorLaw>& laws = *problem.laws;
     const Eigen::Index last = at.cols() - 1;
-    Eigen::VectorXd w = at.col(last);
+    w = at.col(last);
     for (Eigen::Index j = 0; j < moved.size(); ++j)
-        w += at.col(j) * moved[j];
+        for (Eigen::Index i = 0; i < w.size(); ++i)
+            w[i] += at(i, j) * moved[j];
     for_coordinates(problem, block, parts, [&](const RowCoordinate& coordinate) {
         const Eigen::Index k = coordinate.k;
         const double trace = *slot++;
@@ -211,23 +212,24 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
                        Eigen::VectorXd::Zero(psi.size())};
     std::vector<RowSums> sums(pieces_of(problem.rows.size()), zero);
     for_pieces(problem.rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
-        Eigen::VectorXd step;
+        // One vector for each kind of rows: a vector that changes its length asks for memory each time.
+        Eigen::VectorXd own_step, linked_step, own_errors, linked_errors;
         for (std::size_t b = begin; b < end; ++b) {
             const BlockRows& block = problem.rows[b];
             if (moving) {
-                step.resize(d_z[b].size() + y.size());
-                step << d_z[b], y;
+                own_step.resize(d_z[b].size() + y.size());
+                own_step << d_z[b], y;
             }
             add_rows(problem, psi, block, block.parts, point.standard.own_rows(b), trace.value.data() + trace.own[b],
-                     step, sums[piece]);
+                     own_step, own_errors, sums[piece]);
             if (block.linked_parts.empty()) continue;
             if (moving) {
                 const Eigen::VectorXd& next = d_z[static_cast<std::size_t>(block.next)];
-                step.resize(d_z[b].size() + next.size() + y.size());
-                step << d_z[b], next, y;
+                linked_step.resize(d_z[b].size() + next.size() + y.size());
+                linked_step << d_z[b], next, y;
             }
             add_rows(problem, psi, block, block.linked_parts, point.standard.linked_rows(b),
-                     trace.value.data() + trace.linked[b], step, sums[piece]);
+                     trace.value.data() + trace.linked[b], linked_step, linked_errors, sums[piece]);
         }
     });
     point.gradient = zero.gradient;

@@ -6,6 +6,13 @@
 
 namespace orbid::estimator {
 
+namespace {
+
+/// An estimate of fewer blocks takes well below a second whatever is done.
+constexpr std::size_t many_blocks = 1000;
+
+}  // namespace
+
 double Minimisation::objective() const {
     double value = value_ + 0.5 * set_.ln_det_shapes + minimum_.prior.value;
     const double weight = 1.0 / (minimum_.matching * minimum_.matching);
@@ -65,12 +72,15 @@ bool Minimisation::update_errors(bool profile) {
     const ErrorProblem errors = error_problem(problem_, set_, minimum_, profile ? Follow::all : Follow::latents);
     const ErrorLimits limit = limits();
     rounding_ = limit.rounding;
-    // Scales need not be better than the parameters, which have this far to go; while that is far, the next step asks
-    // again, and a scale that is within a hundredth of its own makes no difference to it.
+    // Scales of long data need not be better than the parameters, which have this far to go; while that is far the next
+    // step asks again. Short data are searched to the end each time: that costs nothing, and the likelihood of two
+    // scales may have another minimum close by, where one of them is zero.
     ErrorSearch search;
-    search.tolerance = std::clamp(1e-3 * model_length_, 1e-12, 1e-2);
-    if (set_.latents > 0) search.known = &curvature_;
-    if (set_.latents > 0 && model_length_ > 1e-2) search.untried = 0.1;
+    if (set_.blocks.size() >= many_blocks) {
+        search.tolerance = std::clamp(1e-3 * model_length_, 1e-12, 1e-2);
+        search.known = &curvature_;
+        if (model_length_ > 1e-2 && set_.constraints == 0) search.untried = 0.1;
+    }
     const ErrorMinimum found = minimise_errors(errors, state_.psi, limit.floor, limit.ceiling, search);
     if (found.steps > 0)
         ledger_.history.push_back(
@@ -144,6 +154,7 @@ bool Minimisation::tighten(bool at_once) {
     // Short steps say nothing about how much this stage has left.
     if (!at_once && (!last_step_full_ || !(last_decrease_ < 0.05 * last_objective_))) return false;
     rescale([this] { minimum_.matching = std::max(exact_matching, tightening * minimum_.matching); });
+    curvature_ = {};
     stage_trials_ = 0;
     if (minimum_.matching < tight_matching) {
         lower_ = problem_.lower;

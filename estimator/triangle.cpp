@@ -80,6 +80,23 @@ Eigen::MatrixXd upper_triangle(const Eigen::Ref<const Eigen::MatrixXd>& a) {
     return upper_triangle(stacked);
 }
 
+namespace {
+
+/// Two sums side by side: each waits for its own last addition only.
+double dot(const double* a, const double* b, Eigen::Index count) {
+    double even = 0.0;
+    double odd = 0.0;
+    Eigen::Index k = 0;
+    for (; k + 1 < count; k += 2) {
+        even += a[k] * b[k];
+        odd += a[k + 1] * b[k + 1];
+    }
+    if (k < count) even += a[k] * b[k];
+    return even + odd;
+}
+
+}  // namespace
+
 Eigen::Index eliminate(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Index top, Eigen::Index first, const double* limit,
                        Eigen::Index count, Eigen::Index* order) {
     // Plain loops: the matrices are as small as a state, and calls for general ones cost more than the sums.
@@ -96,10 +113,7 @@ Eigen::Index eliminate(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Index top, Eigen::I
         Eigen::Index best = rank;
         for (Eigen::Index i = rank; i < left;) {
             const double* column = begin + (first + order[i]) * stride + row;
-            double square = 0.0;
-            for (Eigen::Index k = 0; k < rest; ++k)
-                square += column[k] * column[k];
-            const double norm = std::sqrt(square);
+            const double norm = std::sqrt(dot(column, column, rest));
             if (norm <= limit[order[i]]) {  // false for nan, which must stay visible
                 std::rotate(order + i, order + i + 1, order + left);
                 --left;
@@ -128,10 +142,7 @@ Eigen::Index eliminate(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Index top, Eigen::I
         for (Eigen::Index j = first; j < a.cols(); ++j) {
             double* const column = begin + j * stride + row;
             if (column == pivot) continue;
-            double share = 0.0;
-            for (Eigen::Index k = 0; k < rest; ++k)
-                share += pivot[k] * column[k];
-            share *= factor;
+            const double share = factor * dot(pivot, column, rest);
             if (share == 0.0) continue;
             for (Eigen::Index k = 0; k < rest; ++k)
                 column[k] -= share * pivot[k];
