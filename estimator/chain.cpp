@@ -110,7 +110,7 @@ void put_own(const ChainNode& node, Eigen::Index row, Eigen::Index first, Eigen:
         row += m;
     }
     for (Eigen::Index k = 0; k < node.damping.size(); ++k)
-        a(row + k, first + k) = node.damping[k];
+        if (node.dead == nullptr || !(*node.dead)[static_cast<std::size_t>(k)]) a(row + k, first + k) = node.damping[k];
     if (node.dead != nullptr) clear_dead(a.block(begin, first, row - begin, node.latents), node);
 }
 

@@ -117,7 +117,7 @@ StandardRows<T> laplace_rows(const LawRecords& records, const T& ln_scale, Curva
         result.value += r / s;
         T h = expected;
         if (curvature != Curvature::expected)
-            h = weight * step_share(T(d * d / (r * r)), least_share_laplace, curvature);
+            h = weight * step_share(T(d * d / (r * r)), least_share_laplace, Curvature::step);
         root[i] = sqrt(h);
         last[i] = weight * e / root[i];
     }

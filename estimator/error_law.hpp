@@ -74,7 +74,7 @@ struct LawRecords {
 /// Which second derivative the standardised rows carry.
 ///
 /// step: of the objective itself as far as it is positive, for fast steps. expected: the Fisher information, for
-/// uncertainties and for ln|H| of (M9). guarded: as step, but a record of Student's t or Laplace's law that lies so far
+/// uncertainties and for ln|H| of (M9). guarded: as step, but a record of Student's t that lies so far
 /// out that a step would carry it beyond its mirror image counts with its weight g / e, which always descends; for
 /// records that are to vanish rather than to scatter. Equal for normal errors with a fixed covariance.
 enum class Curvature { step, expected, guarded };

@@ -23,6 +23,9 @@ constexpr double polished = 1e-10;
 /// Steps are stretched by what the last one taught only this close to the minimum, in posterior sds.
 constexpr double near_sds = 1.0;
 
+/// This many small steps without halving what is left gain nothing any more.
+constexpr int stagnant_steps = 12;
+
 /// Steps below this many of the least changes that a residual can show (see error_limits()) are rounding; where the
 /// scale is held at its floor these are its sds.
 constexpr double floor_sds = 100.0;
@@ -90,13 +93,22 @@ Minimum Minimisation::run() {
     int rejected = 0;
     int polish = 0;
     double last_remaining = infinity;
+    double best_remaining = infinity;
+    int stagnant = 0;
     while (true) {
         const TrialStep& full = full_step();
         minimum_.step = full.parameters;
         minimum_.remaining = std::sqrt(std::max(full.curvature, 0.0));
+        if (minimum_.remaining < 0.5 * best_remaining) {
+            best_remaining = minimum_.remaining;
+            stagnant = 0;
+        } else {
+            ++stagnant;
+        }
         const bool met = minimum_.remaining < problem_.options.step_tolerance;
         if (met && tighten(true)) {
-            rejected = 0;
+            rejected = stagnant = 0;
+            best_remaining = infinity;
             continue;
         }
         if (met && (minimum_.remaining < polished || polish >= polishing_steps || rejected > 0 ||
@@ -118,11 +130,15 @@ Minimum Minimisation::run() {
                                           [](bool floor) { return floor; });
         const bool small =
             minimum_.remaining < std::max(rounding_sds, floor_sds * (at_floor ? 1.0 : std::min(rounding_, 1.0)));
-        if ((hopeless || (rejected >= 4 && small)) && tighten(true)) {
-            rejected = 0;
+        // Steps may also go on for ever among roundings: tight links make them large.
+        const bool exhausted =
+            hopeless || (small && (rejected >= 4 || (set_.latents > 0 && stagnant >= stagnant_steps)));
+        if (exhausted && tighten(true)) {
+            rejected = stagnant = 0;
+            best_remaining = infinity;
             continue;
         }
-        if (hopeless || (rejected >= 4 && small)) {
+        if (exhausted) {
             minimum_.outcome = small ? Outcome::converged : Outcome::no_progress;
             minimum_.message = (small ? "no shorter step decreases the objective and the full step that is left is "
                                       : "no step decreases the objective although the full step that is left is ") +

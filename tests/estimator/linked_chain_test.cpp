@@ -216,9 +216,7 @@ TEST_CASE("the step of the parameters keeps its digits at tight matching", "[est
         for (int b = 0; b < nodes; ++b) {
             estimator::test::StackedBlock block;
             block.latents = 2;
-            block.own = Eigen::MatrixXd::Zero(2, 2 + q + 1);
-            block.own.leftCols(2).setIdentity();
-            block.own.rightCols(1) = random(2, 1);
+            block.own = random(2, 2 + q + 1);
             if (b + 1 < nodes) {
                 block.next = b + 1;
                 const Eigen::Matrix2d turn = Eigen::Matrix2d(random(2, 2)).householderQr().householderQ();
