@@ -5,7 +5,7 @@
     criticism.py cycles BIN_DIR [SEEDS]      cycles alone with errors of 5e-3 of the range: the models differ by less
 
 Runs jobs with "criticism": data of the variant "crank", "crank_as_printed" as the alternative. SEEDS: how many, 20 if
-left out. Prints one line per seed and the counts that docs/strategy.md states. Only the standard library.
+left out. Prints one line per seed and the counts. Only the standard library.
 """
 import json
 import math
