@@ -66,7 +66,7 @@ std::string errors_text(const estimator::EstimatedScale& scale) {
     std::string out = scale.distribution;
     for (const estimator::Estimated& parameter : scale.shape) {
         out += fmt::format(", {} {}", parameter.name, with_digits_of(parameter.value, parameter.sd));
-        if (std::isfinite(parameter.sd)) out += fmt::format(" ± {}", significant(parameter.sd, 2));
+        if (parameter.sd > 0.0) out += fmt::format(" ± {}", significant(parameter.sd, 2));
     }
     return out;
 }

@@ -1,7 +1,7 @@
 // How good are estimates from recorded series, and how right are their intervals?
 //
-//   calibration_bench pendulum SECTIONS NOISE REPLICATES [FIRST_SEED]   virtual experiments, one line each, then
-//   coverage calibration_bench lorenz DURATION REPLICATES                        all states read with noise 0.5
+//   calibration_bench pendulum SECTIONS NOISE REPLICATES [FIRST_SEED]   virtual experiments and coverage
+//   calibration_bench lorenz DURATION REPLICATES                        all states read with noise 0.5
 //   calibration_bench length                                            cost against the number of sections
 //
 // NOISE: of a reading, as a share of the range (angle and velocity, state sensor); 0: the encoder's rounding alone.

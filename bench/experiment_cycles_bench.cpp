@@ -1,10 +1,10 @@
 // Tables IV and V of the paper repeated on its virtual experiment: 42 754 sections in several transients, read through
 // the encoder, cycles alone; with and without noise of 5e-3 of the range added to the readings; what a harvest adds.
 //
-//     experiment_cycles_bench [NOISE [SEEDS [FIRST_SEED [HARVESTS]]]]   NOISE relative to the range, 10 seeds from 1;
-//     the
-//                                                                       first HARVESTS of them are harvested, 1
-//     experiment_cycles_bench harvest                           the clean series of table III, boxes of 1 %
+//     experiment_cycles_bench [NOISE [SEEDS [FIRST_SEED [HARVESTS]]]]
+//         NOISE relative to the range; 10 seeds from 1; the first HARVESTS of them are harvested, 1
+//     experiment_cycles_bench harvest
+//         the clean series of table III, boxes of 1 %
 //
 // Errors in percent of the true values, z = error / reported sd.
 #include <chrono>
