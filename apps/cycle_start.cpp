@@ -32,10 +32,18 @@ constexpr double stage_tolerance = 1e-2;
 constexpr double least_share = 1e-3;
 
 /// Parameters as rough stages see them: what may be 0 moves on the linear scale, for on the logarithmic one there would
-/// be no way back from a value that is too small.
-std::vector<estimator::FreeParameter> for_stages(std::vector<estimator::FreeParameter> parameters) {
+/// be no way back from a value that is too small. Not where a prior says something: its mode is another one on another
+/// scale, and the estimate proper would begin away from its own.
+std::vector<estimator::FreeParameter> for_stages(std::vector<estimator::FreeParameter> parameters,
+                                                 const std::vector<estimator::JointNormalPrior>& joint_priors) {
+    const auto has_joint_prior = [&](const std::string& name) {
+        return std::any_of(joint_priors.begin(), joint_priors.end(), [&](const estimator::JointNormalPrior& prior) {
+            return std::find(prior.names.begin(), prior.names.end(), name) != prior.names.end();
+        });
+    };
     for (estimator::FreeParameter& parameter : parameters)
-        if (parameter.scale != estimator::Scale::linear && parameter.lower <= 0.0)
+        if (parameter.scale != estimator::Scale::linear && parameter.lower <= 0.0 &&
+            !estimator::is_proper(parameter.prior) && !has_joint_prior(parameter.name))
             parameter.scale = estimator::Scale::linear;
     return parameters;
 }
@@ -177,7 +185,7 @@ CycleStart start_from_cycles(const CycleStartProblem& problem, const std::vector
                              const CycleStartOptions& options) {
     CycleStart result;
     Approach approach(problem, options, result);
-    const auto begin = for_stages(parameters);
+    const auto begin = for_stages(parameters, options.estimate.joint_priors);
     const auto predicted = approach.predicted(begin);
     Candidate best = approach.lifted(predicted);
     const auto found = [&] { return best.distance < good_distance || approach.interrupted(); };

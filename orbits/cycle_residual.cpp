@@ -85,25 +85,34 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
 
 void CycleResidual::gate_start(const std::vector<PeriodicOrbit>& solved, const VectorXd& start) {
     const VectorXd range = map_.points(scale_);
+    // Mean squares in units of the cycle's own errors, and of the ranges. The start is not the optimum: what it is off
+    // by moves the best measured cycles by thousands of their errors, but all of them by about the same share of the
+    // range.
     std::vector<double> size(layout_.size(), 0.0);
+    std::vector<double> distance(layout_.size(), 0.0);
     std::vector<double> sizes;
+    std::vector<double> distances;
     for (std::size_t b = 0; b < layout_.size(); ++b) {
         const CycleTarget& target = targets_.targets[b];
         if (!layout_[b].active || !target.positions || solved[b].status != OrbitStatus::converged) continue;
         const auto e = residual(b, solved[b], start);
         if (!e) continue;
         VectorXd whitened = e->head(target.points.size());
+        const VectorXd share = whitened.array() / range.replicate(target.points.cols(), 1).array();
         if (target.covariance.size() > 0)
             Eigen::LLT<MatrixXd>(target.covariance).matrixL().solveInPlace(whitened);
         else
-            whitened.array() /= range.replicate(target.points.cols(), 1).array();
+            whitened = share;
         size[b] = whitened.squaredNorm() / static_cast<double>(whitened.size());
+        distance[b] = share.squaredNorm() / static_cast<double>(share.size());
         sizes.push_back(size[b]);
+        distances.push_back(distance[b]);
     }
     if (sizes.empty()) return;
-    const double limit = options_.gate * median(sizes);
+    const double largest_size = options_.gate * median(sizes);
+    const double largest_distance = options_.gate * median(distances);
     for (std::size_t b = 0; b < layout_.size(); ++b) {
-        if (size[b] <= limit) continue;
+        if (size[b] <= largest_size || distance[b] <= largest_distance) continue;
         layout_[b].active = false;
         ++rejected_at_start_;
     }
