@@ -211,6 +211,7 @@ private:
         const auto evidence = estimator::log_bayes_factor(terms(own, own_->options()), terms(other, model.options()));
         if (evidence.known) {
             result.ln_bayes_factor.value = evidence.value;
+            result.ln_bayes_factor_uncertainty = evidence.uncertainty;
         } else {
             result.ln_bayes_factor.reason = evidence.message;
         }

@@ -55,6 +55,8 @@ Json alternative_json(const AlternativeResult& alternative, const std::map<std::
     out["message"] = alternative.message;
     out["parameters"] = estimated_list(alternative.parameters, references);
     out["ln_bayes_factor"] = evidence_json(alternative.ln_bayes_factor);
+    out["ln_bayes_factor_uncertainty"] =
+        alternative.ln_bayes_factor.value ? Json(alternative.ln_bayes_factor_uncertainty) : Json(nullptr);
     out["verdict"] =
         alternative.ln_bayes_factor.value ? Json(in_words(*alternative.ln_bayes_factor.value)) : Json(nullptr);
     out["objective_difference"] = alternative.objective_difference;

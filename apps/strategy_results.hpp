@@ -56,7 +56,8 @@ struct AlternativeResult {
     std::string status;
     std::string message;
     std::vector<estimator::Estimated> parameters;
-    LogEvidence ln_bayes_factor;  ///< ln p(y | the job's model) - ln p(y | this one)
+    LogEvidence ln_bayes_factor;               ///< ln p(y | the job's model) - ln p(y | this one)
+    double ln_bayes_factor_uncertainty = 0.0;  ///< by minimisations that ended just before their minimum
     /// Objective of this model less that of the job's: what ln B would be but for the volumes of their posteriors,
     /// known also where one has not converged.
     double objective_difference = std::numeric_limits<double>::quiet_NaN();

@@ -258,13 +258,18 @@ struct Coverage {
                 row.over_bound += std::pow((p.value - truth) / least[static_cast<Eigen::Index>(i)], 2);
         }
     }
+    /// Where a bound was computed.
+    static std::string over_bound(const Row& row) {
+        if (!(row.over_bound > 0.0)) return {};
+        std::array<char, 64> text{};
+        std::snprintf(text.data(), text.size(), ", rms error / bound %.3f", std::sqrt(row.over_bound / row.count));
+        return text.data();
+    }
     void print() const {
         for (const Row& row : rows)
-            std::printf(
-                "%-14s covered %d of %d, rms z %.3f, mean z %+.3f, largest %.2f, typical sd %.3g relative, "
-                "rms error / bound %.3f\n",
-                row.name.c_str(), row.inside, row.count, std::sqrt(row.square / row.count), row.bias / row.count,
-                row.largest, std::exp(row.log_sd / row.count), std::sqrt(row.over_bound / row.count));
+            std::printf("%-14s covered %d of %d, rms z %.3f, mean z %+.3f, largest %.2f, typical sd %.3g relative%s\n",
+                        row.name.c_str(), row.inside, row.count, std::sqrt(row.square / row.count),
+                        row.bias / row.count, row.largest, std::exp(row.log_sd / row.count), over_bound(row).c_str());
         std::printf("not converged: %d\n", failed);
     }
 };

@@ -219,6 +219,7 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
     result.iterations = rounds.ledger.iterations;
     result.evaluations = rounds.ledger.evaluations;
     result.rounds = rounds.ledger.round;
+    result.remaining = rounds.minimum.remaining;
     result.history = rounds.ledger.history;
     if (result.status == EstimateStatus::failed) {
         report_failure(problem, state, result);

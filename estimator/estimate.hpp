@@ -186,6 +186,9 @@ struct Estimate {
     int iterations = 0;
     int evaluations = 0;
     int rounds = 0;  ///< provisional ones included
+    /// Length of the full step that is left, in posterior sds; nan without a step. Half of its square is what the
+    /// objective lies above its minimum, to second order.
+    double remaining = std::numeric_limits<double>::quiet_NaN();
     std::vector<StepRecord> history;
 };
 

@@ -51,7 +51,7 @@ double cumulative(const Prior& prior, double x) {
 }
 
 Evidence refused(const std::string& message) {
-    return {false, std::numeric_limits<double>::quiet_NaN(), message};
+    return {false, std::numeric_limits<double>::quiet_NaN(), 0.0, message};
 }
 
 bool same(const ImproperPrior& a, const ImproperPrior& b) {
@@ -68,7 +68,11 @@ EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters, const
                              const EstimateOptions& options, const Estimate& estimate) {
     EvidenceTerms terms;
     terms.log_integral = estimate.log_integral;
-    if (estimate.status != EstimateStatus::converged)
+    const bool unfinished =
+        estimate.status == EstimateStatus::no_progress || estimate.status == EstimateStatus::iteration_limit;
+    if (unfinished && estimate.remaining <= unfinished_sds)
+        terms.excess = 0.5 * estimate.remaining * estimate.remaining;
+    else if (estimate.status != EstimateStatus::converged)
         terms.obstacle = "the estimate has status " + std::string(name(estimate.status)) + ": " + estimate.message;
     for (const FreeParameter& parameter : parameters) {
         if (!parameter.tied_to.empty()) continue;
@@ -113,8 +117,9 @@ EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters, const
 
 Evidence log_evidence(const EvidenceTerms& model) {
     if (!model.obstacle.empty()) return refused(model.obstacle);
+    if (model.excess > 0.0) return refused("the minimisation was not finished");
     if (!model.improper.empty()) return refused(in_words(model.improper.front()));
-    return {true, model.log_integral, ""};
+    return {true, model.log_integral, 0.0, ""};
 }
 
 Evidence log_bayes_factor(const EvidenceTerms& a, const EvidenceTerms& b) {
@@ -133,7 +138,7 @@ Evidence log_bayes_factor(const EvidenceTerms& a, const EvidenceTerms& b) {
     if (first != a.improper.end()) return refused(in_words(*first) + " or the same one in both models");
     const auto second = lacking(b, a);
     if (second != b.improper.end()) return refused(in_words(*second) + " or the same one in both models");
-    return {true, a.log_integral - b.log_integral, ""};
+    return {true, a.log_integral - b.log_integral, a.excess + b.excess, ""};
 }
 
 }  // namespace orbid::estimator

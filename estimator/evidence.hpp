@@ -22,12 +22,19 @@ struct EvidenceTerms {
     /// Why Laplace's integral does not stand for an evidence: not converged, undetermined directions, a parameter at a
     /// bound (naming it); empty when it does.
     std::string obstacle;
+    /// What Laplace's integral is too small by where the minimisation ended up to unfinished_sds before its minimum.
+    double excess = 0.0;
 };
+
+/// A minimisation that ended so near its minimum, in posterior sds, may still be compared with others: the quadratic
+/// that Laplace's integral rests on says what is missing.
+inline constexpr double unfinished_sds = 3.0;
 
 struct Evidence {
     bool known = false;
-    double value = 0.0;   ///< nan when not known
-    std::string message;  ///< why not, naming the parameter
+    double value = 0.0;        ///< nan when not known
+    double uncertainty = 0.0;  ///< of a Bayes factor by minimisations that were not finished
+    std::string message;       ///< why not, naming the parameter
 };
 
 /// Collects what log_evidence() and log_bayes_factor() need; residuals must be those of the estimate.
