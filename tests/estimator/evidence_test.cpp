@@ -1,6 +1,7 @@
 #include "estimator/evidence.hpp"
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include <Eigen/Cholesky>
@@ -146,6 +147,32 @@ TEST_CASE("no evidence at a bound or of an estimate that has not converged", "[e
     const auto nothing = estimator::log_evidence(estimator::evidence_terms(with_priors(), {&residual}, {}, failed));
     CHECK_FALSE(nothing.known);
     CHECK_THAT(nothing.message, ContainsSubstring("failed"));
+}
+
+TEST_CASE("a minimisation that ended just before its minimum has a Bayes factor, and says what it may be off by",
+          "[estimator]") {
+    const Line line;
+    FunctionResidual residual = line.residual(2);
+    const auto parameters = with_priors();
+    auto estimate = estimator::estimate(parameters, {&residual});
+    REQUIRE(estimate.status == estimator::EstimateStatus::converged);
+    CHECK(estimate.remaining < 1e-6);
+    const auto whole = estimator::evidence_terms(parameters, {&residual}, {}, estimate);
+    estimate.status = estimator::EstimateStatus::iteration_limit;
+    estimate.remaining = 2.0;
+    const auto unfinished = estimator::evidence_terms(parameters, {&residual}, {}, estimate);
+    CHECK(unfinished.excess == 2.0);
+    CHECK_FALSE(estimator::log_evidence(unfinished).known);
+    const auto factor = estimator::log_bayes_factor(whole, unfinished);
+    REQUIRE(factor.known);
+    CHECK(factor.uncertainty == 2.0);
+    CHECK(estimator::log_bayes_factor(whole, whole).uncertainty == 0.0);
+    // Too far away, or nobody knows how far.
+    for (const double remaining : {4.0, std::numeric_limits<double>::quiet_NaN()}) {
+        estimate.remaining = remaining;
+        const auto far = estimator::evidence_terms(parameters, {&residual}, {}, estimate);
+        CHECK_FALSE(estimator::log_bayes_factor(whole, far).known);
+    }
 }
 
 TEST_CASE("held-out score of a linear model with known errors: normal with covariance V + J C J^T", "[estimator]") {
