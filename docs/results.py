@@ -364,10 +364,10 @@ def experiment(bin_dir, work, lines):
     lines += ["", f"The result in its own sds: {', '.join(last)}.", ""]
 
 
-def printed(bin_dir, lines, *command):
-    """What a benchmark prints, as it stands."""
+def printed(bin_dir, lines, *command, only=""):
+    """What a benchmark prints, as it stands; `only` the lines that contain this pattern."""
     done = subprocess.run([str(bin_dir / command[0]), *map(str, command[1:])], capture_output=True, text=True, check=True)
-    shown = [line for line in done.stdout.splitlines() if not line.startswith("#")]
+    shown = [line for line in done.stdout.splitlines() if not line.startswith("#") and re.search(only, line)]
     lines += [f"`{' '.join(map(str, command))}`:", "", "```", *shown, "```", ""]
 
 
@@ -376,8 +376,8 @@ def calibration(bin_dir, work, lines):
               "Virtual experiments from starts l +10 ... +49 %, each friction -90 ... +300 %; noise as a share of the range "
               f"(0: the encoder's rounding alone); ORBID_REPLICATES runs of each ({REPLICATES}).", ""]
     for noise in (0, 0.001, 0.005):
-        printed(bin_dir, lines, "calibration_bench", "pendulum", 5000, noise, REPLICATES)
-    printed(bin_dir, lines, "calibration_bench", "lorenz", 30, 20)
+        printed(bin_dir, lines, "calibration_bench", "pendulum", 5000, noise, REPLICATES, only="covered|not converged")
+    printed(bin_dir, lines, "calibration_bench", "lorenz", 30, 20, only="covered|not converged|chi2")
 
 
 def start_region(bin_dir, work, lines):
