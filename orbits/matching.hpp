@@ -38,10 +38,19 @@ inline constexpr double folding_readings = 2e-3;
 
 /// The same where the matching sd is to be estimated: from here on the estimator decides.
 inline constexpr double estimated_tightness = 0.1;
+/// The least of its results over the sd of the readings, both relative to the ranges, unless exact matching ends
+/// higher: below it the estimator loses the digits that tell it from zero.
+inline constexpr double least_tightness = 1e-4;
 
 /// Matching sd over the ranges at which exact matching ends, with readings of such errors.
 [[nodiscard]] inline double exact_matching(double noise) {
     return noise * (noise > noisy_readings ? noisy_tightness : exact_tightness);
+}
+
+/// Below this an estimated matching sd is not told from exact matching: the floor of its scale.
+[[nodiscard]] inline double least_matching(double noise) {
+    const double exact = exact_matching(noise);
+    return exact > least_tightness * noise ? exact : least_tightness * noise;
 }
 
 /// Share of the matching sd that the next stage keeps. Where readings are noisy single intervals stay on the wrong

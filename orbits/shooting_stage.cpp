@@ -91,8 +91,11 @@ void ShootingResidual::find_noise() {
 void ShootingResidual::apply_matching() {
     if (matching_.constraints) return;
     const std::size_t first = data_->reading_range.size();
-    for (Index i = 0; i < unit_.size(); ++i)
-        groups_[first + static_cast<std::size_t>(i)].scale.value = tightness_ * unit_[i];
+    for (Index i = 0; i < unit_.size(); ++i) {
+        estimator::Group& group = groups_[first + static_cast<std::size_t>(i)];
+        group.scale.value = tightness_ * unit_[i];
+        if (matching_.estimate) group.floor = std::min(least_matching(noise_) * unit_[i], group.scale.value);
+    }
 }
 
 estimator::RefreshReport ShootingResidual::refresh(const VectorXd& theta, const std::vector<VectorXd>& latents,
