@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include <fmt/format.h>
+#include <boost/program_options.hpp>
 
 #include "apps/command_help.hpp"
 #include "apps/command_table.hpp"
@@ -17,23 +18,27 @@ namespace {
 
 constexpr int wrong_command_line = 2;
 
-/// An option of a command, or one that all have.
-const CommandOption* find_option(const Command& command, const std::string& name) {
-    for (const auto* options : {&command.options, &common_options()}) {
-        for (const CommandOption& option : *options) {
-            if (option.name == name) return &option;
-        }
-    }
-    return nullptr;
+namespace options = boost::program_options;
+
+/// The options of a command and those that all have.
+std::vector<CommandOption> all_options(const Command& command) {
+    std::vector<CommandOption> all = command.options;
+    all.insert(all.end(), common_options().begin(), common_options().end());
+    return all;
 }
 
-std::vector<std::string> option_names(const Command& command) {
-    std::vector<std::string> names;
-    for (const auto* options : {&command.options, &common_options()}) {
-        for (const CommandOption& option : *options)
-            names.push_back("--" + option.name);
+options::options_description description(const std::vector<CommandOption>& all) {
+    options::options_description list;
+    for (const CommandOption& option : all) {
+        const std::string name = option.name == "help" ? "help,h" : option.name;
+        if (option.value.empty()) {
+            list.add_options()(name.c_str(), "");
+        } else {
+            list.add_options()(name.c_str(), options::value<std::string>(), "");
+        }
     }
-    return names;
+    list.add_options()("words", options::value<std::vector<std::string>>(), "");
+    return list;
 }
 
 /// Words and options of one command. Names of options are written in full: a later option must not change what an old
@@ -42,41 +47,37 @@ CommandCall parsed(const Command& command, const std::vector<std::string>& argum
     const auto refuse = [&command](const std::string& reason) {
         throw CommandLineError(fmt::format("orbid {}: {}", command.name, reason));
     };
+    const std::vector<CommandOption> all = all_options(command);
+    const options::options_description list = description(all);
+    options::positional_options_description positions;
+    positions.add("words", -1);
+    options::variables_map values;
+    try {
+        const auto style = options::command_line_style::default_style & ~options::command_line_style::allow_guessing;
+        options::store(options::command_line_parser(arguments).options(list).positional(positions).style(style).run(),
+                       values);
+    } catch (const options::unknown_option& error) {
+        std::vector<std::string> names;
+        for (const CommandOption& option : all)
+            names.push_back("--" + option.name);
+        refuse(fmt::format("there is no option \"{}\"{}", error.get_option_name(),
+                           suggestion(error.get_option_name(), names)));
+    } catch (const options::error& error) {
+        refuse(error.what());
+    }
     CommandCall call;
     call.command = command.name;
-    bool only_words = false;
-    for (std::size_t i = 0; i < arguments.size(); ++i) {
-        const std::string& argument = arguments[i];
-        if (only_words || argument.size() < 2 || argument[0] != '-') {
-            call.words.push_back(argument);
-            continue;
-        }
-        if (argument == "--") {
-            only_words = true;
-            continue;
-        }
-        const std::string written = argument == "-h" ? "--help" : argument.substr(0, argument.find('='));
-        const CommandOption* option = written.starts_with("--") ? find_option(command, written.substr(2)) : nullptr;
-        if (option == nullptr)
-            refuse(fmt::format("there is no option \"{}\"{}", written, suggestion(written, option_names(command))));
-        if (call.has(option->name)) refuse(fmt::format("\"{}\" is given twice", written));
-        const bool has_value = written.size() < argument.size() && argument != "-h";
-        std::string value;
-        if (option->value.empty()) {
-            if (has_value) refuse(fmt::format("\"{}\" takes no value", written));
-        } else if (has_value) {
-            value = argument.substr(written.size() + 1);
-        } else {
-            if (i + 1 == arguments.size()) refuse(fmt::format("\"{}\" needs a value: {}", written, option->value));
-            value = arguments[++i];
-        }
-        if (option->choices != nullptr) {
-            const auto choices = option->choices();
+    if (values.count("words") > 0) call.words = values["words"].as<std::vector<std::string>>();
+    for (const CommandOption& option : all) {
+        if (values.count(option.name) == 0) continue;
+        const std::string value = option.value.empty() ? "" : values[option.name].as<std::string>();
+        if (option.choices != nullptr) {
+            const auto choices = option.choices();
             if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
-                refuse(fmt::format("{} must be one of {}, not \"{}\"", written, fmt::join(choices, ", "), value));
+                refuse(fmt::format("--{} must be one of {}, not \"{}\"", option.name, fmt::join(choices, ", "), value));
             }
         }
-        call.options[option->name] = value;
+        call.options[option.name] = value;
     }
     return call;
 }
