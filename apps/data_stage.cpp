@@ -140,13 +140,17 @@ orbits::Series empty_series(const Job& job, const DataJob& data) {
     return series;
 }
 
+/// series.h5 or .csv, series_NAME.h5 with several experiments.
+std::string series_file_name(const Job& job, std::size_t index) {
+    const std::string ending = job.series_output == SeriesOutput::csv ? ".csv" : ".h5";
+    return job.data.size() == 1 ? "series" + ending : fmt::format("series_{}{}", job.data[index].name, ending);
+}
+
 Experiment simulated(const Workspace& work, std::size_t index) {
     const Job& job = work.job;
     const DataJob& data = job.data[index];
     const bool stored = job.series_output != SeriesOutput::none;
-    const std::string ending = job.series_output == SeriesOutput::csv ? ".csv" : ".h5";
-    const auto file =
-        work.file(job.data.size() == 1 ? "series" + ending : fmt::format("series_{}{}", data.name, ending));
+    const auto file = work.file(series_file_name(job, index));
     const std::string place = work.document["data"].is_array() ? fmt::format("/data/{}", index) : "/data";
     const Fingerprint wanted =
         stage_fingerprint(work.document, {"/model", "/seed", "/section", place + "/simulate", place + "/inputs",
@@ -215,9 +219,20 @@ std::string sd_column(const Job& job, std::size_t experiment, Eigen::Index coord
 
 Experiment measured(const Workspace& work, std::size_t index) {
     const DataJob& data = work.job.data[index];
-    const FileJob& file = *data.file;
     work.progress.begin("read");
     Experiment experiment;
+    experiment.series = recorded_series(work.job, index);
+    experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments.size());
+    work.progress.end(fmt::format("{} points in {} segments from {}", experiment.series.size(),
+                                  experiment.series.segments.size(), data.file->path.filename().string()));
+    return experiment;
+}
+
+}  // namespace
+
+orbits::Series recorded_series(const Job& job, std::size_t index) {
+    const DataJob& data = job.data[index];
+    const FileJob& file = *data.file;
     if (file.table) {
         orbits::TableLayout layout;
         layout.sampling = file.sampling;
@@ -225,37 +240,36 @@ Experiment measured(const Workspace& work, std::size_t index) {
         layout.time = file.time_column;
         layout.time_unit = file.time_unit;
         layout.nan_is_missing = file.nan_is_missing;
-        layout.phase = work.job.section_phase;
+        layout.phase = job.section_phase;
         layout.minimum_points = 2;
         for (const ColumnJob& column : file.columns) {
-            layout.coordinates.push_back(
-                {series_coordinate(work.job, data, static_cast<std::size_t>(column.coordinate)), column.column,
-                 column.unit, static_cast<double>(column.sign), column.offset,
-                 sd_column(work.job, index, column.coordinate)});
+            layout.coordinates.push_back({series_coordinate(job, data, static_cast<std::size_t>(column.coordinate)),
+                                          column.column, column.unit, static_cast<double>(column.sign), column.offset,
+                                          sd_column(job, index, column.coordinate)});
         }
-        experiment.series = orbits::read_csv(file.path, layout);
-    } else {
-        experiment.series = orbits::read_hdf5(file.path, 2);
-        if (experiment.series.sampling != file.sampling) {
-            throw orbits::DataError(
-                fmt::format("{}: holds {}, but the job says \"kind\": \"{}\"", file.path.string(),
-                            file.sampling == orbits::Series::Sampling::section ? "samples" : "sections",
-                            file.sampling == orbits::Series::Sampling::section ? "section" : "samples"));
-        }
-        for (const auto& coordinate : experiment.series.coordinates) {
-            if (work.system().coordinate_index(coordinate.name) < 0) {
-                throw orbits::DataError(fmt::format("{}: coordinate \"{}\" is none of model {}", file.path.string(),
-                                                    coordinate.name, work.system().name()));
-            }
+        return orbits::read_csv(file.path, layout);
+    }
+    orbits::Series series = orbits::read_hdf5(file.path, 2);
+    if (series.sampling != file.sampling) {
+        throw orbits::DataError(
+            fmt::format("{}: holds {}, but the job says \"kind\": \"{}\"", file.path.string(),
+                        file.sampling == orbits::Series::Sampling::section ? "samples" : "sections",
+                        file.sampling == orbits::Series::Sampling::section ? "section" : "samples"));
+    }
+    for (const auto& coordinate : series.coordinates) {
+        if (job.model.system->coordinate_index(coordinate.name) < 0) {
+            throw orbits::DataError(fmt::format("{}: coordinate \"{}\" is none of model {}", file.path.string(),
+                                                coordinate.name, job.model.system->name()));
         }
     }
-    experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments.size());
-    work.progress.end(fmt::format("{} points in {} segments from {}", experiment.series.size(),
-                                  experiment.series.segments.size(), file.path.filename().string()));
-    return experiment;
+    return series;
 }
 
-}  // namespace
+std::optional<orbits::Series> simulated_series(const Job& job, std::size_t index, const std::filesystem::path& folder) {
+    const auto file = folder / series_file_name(job, index);
+    if (job.series_output == SeriesOutput::none || !std::filesystem::exists(file)) return std::nullopt;
+    return read_stored(file, job.series_output, empty_series(job, job.data[index]), job.section_plane.has_value());
+}
 
 std::vector<Experiment> load_data(const Workspace& work) {
     std::vector<Experiment> experiments;

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstddef>
+#include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "apps/input_record.hpp"
@@ -20,5 +23,15 @@ struct Experiment {
 ///
 /// @throws orbits::DataError when a file cannot be read or used, StaleFile as reusable() does.
 [[nodiscard]] std::vector<Experiment> load_data(const Workspace& work);
+
+/// The record of an experiment that the job reads from a file.
+/// @throws orbits::DataError when the file cannot be read or is no record of the job's kind and model.
+[[nodiscard]] orbits::Series recorded_series(const Job& job, std::size_t experiment);
+
+/// The record of an experiment that was simulated and stored in `folder`; nothing when it was not stored. Its
+/// fingerprint is not looked at: job.json of the same folder is the job it belongs to.
+/// @throws orbits::DataError when the file cannot be read.
+[[nodiscard]] std::optional<orbits::Series> simulated_series(const Job& job, std::size_t experiment,
+                                                             const std::filesystem::path& folder);
 
 }  // namespace orbid::apps

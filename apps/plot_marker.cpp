@@ -26,28 +26,44 @@ constexpr std::array<Style, 8> styles{{{"#d55e00", Shape::circle, 6.4},
                                        {"#8c510a", Shape::diamond, 2.6}}};
 
 /// Factors on the radius give the shapes about the area of the circle.
-std::string outline(Shape shape, double r) {
+std::string outline(Shape shape, double r, int decimals) {
+    const auto f = [decimals](double value) { return fmt::format("{:.{}f}", value, decimals); };
+    const auto joined = [&](double dx, double dy) { return f(dx) + " " + f(dy); };
     switch (shape) {
         case Shape::square:
-            return fmt::format("m{0:.1f} {0:.1f}h{1:.1f}v{1:.1f}h{2:.1f}z", -0.88 * r, 1.76 * r, -1.76 * r);
+            return "m" + joined(-0.88 * r, -0.88 * r) + "h" + f(1.76 * r) + "v" + f(1.76 * r) + "h" + f(-1.76 * r) +
+                   "z";
         case Shape::triangle:
-            return fmt::format("m0 {:.1f}l{:.1f} {:.1f}h{:.1f}z", -1.2 * r, 1.1 * r, 1.9 * r, -2.2 * r);
+            return "m0 " + f(-1.2 * r) + "l" + joined(1.1 * r, 1.9 * r) + "h" + f(-2.2 * r) + "z";
         case Shape::triangle_down:
-            return fmt::format("m0 {:.1f}l{:.1f} {:.1f}h{:.1f}z", 1.2 * r, 1.1 * r, -1.9 * r, -2.2 * r);
+            return "m0 " + f(1.2 * r) + "l" + joined(1.1 * r, -1.9 * r) + "h" + f(-2.2 * r) + "z";
         case Shape::diamond:
-            return fmt::format("m0 {0:.1f}l{1:.1f} {1:.1f} {0:.1f} {1:.1f} {0:.1f} {0:.1f}z", -1.2 * r, 1.2 * r);
+            return "m0 " + f(-1.2 * r) + "l" + joined(1.2 * r, 1.2 * r) + " " + joined(-1.2 * r, 1.2 * r) + " " +
+                   joined(-1.2 * r, -1.2 * r) + "z";
         case Shape::circle:
             break;
     }
-    return fmt::format("m{0:.1f} 0a{1:.1f} {1:.1f} 0 1 0 {2:.1f} 0 {1:.1f} {1:.1f} 0 1 0 {3:.1f} 0z", -r, r, 2.0 * r,
-                       -2.0 * r);
+    const std::string arc = "a" + joined(r, r) + " 0 1 0 ";
+    return "m" + f(-r) + " 0" + arc + f(2.0 * r) + " 0 " + f(r) + " " + f(r) + " 0 1 0 " + f(-2.0 * r) + " 0z";
+}
+
+const Style& style_of(int period) {
+    return styles[static_cast<std::size_t>(std::clamp(period, 1, static_cast<int>(styles.size()))) - 1];
 }
 
 }  // namespace
 
 PlotMarker plot_marker(int period) {
-    const auto index = static_cast<std::size_t>(std::clamp(period, 1, static_cast<int>(styles.size()))) - 1;
-    return {styles[index].colour, outline(styles[index].shape, styles[index].radius)};
+    return {style_of(period).colour, outline(style_of(period).shape, style_of(period).radius, 1)};
+}
+
+PlotMarker plot_marker(int period, double scale) {
+    return {style_of(period).colour, outline(style_of(period).shape, scale * style_of(period).radius, 2)};
+}
+
+PlotMarker series_marker(std::size_t index, double radius) {
+    const Style& style = styles[index % styles.size()];
+    return {style.colour, outline(style.shape, radius, 2)};
 }
 
 }  // namespace orbid::apps

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 
@@ -14,5 +15,11 @@ struct PlotMarker {
 /// Marker of a period (>= 1): periods from 8 on share one. Longer periods are
 /// smaller, because there are more of them.
 [[nodiscard]] PlotMarker plot_marker(int period);
+
+/// The same with radii times `scale`, written to a hundredth.
+[[nodiscard]] PlotMarker plot_marker(int period, double scale);
+
+/// Marker number `index` (from 0, repeating after eight) at one radius for all: series of a plot that are no periods.
+[[nodiscard]] PlotMarker series_marker(std::size_t index, double radius);
 
 }  // namespace orbid::apps

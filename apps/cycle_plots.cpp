@@ -1,0 +1,233 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "apps/catalog_plots.hpp"
+#include "apps/cycle_reader.hpp"
+#include "apps/figure.hpp"
+#include "apps/searched_section.hpp"
+#include "orbits/data_error.hpp"
+
+namespace orbid::apps::catalog {
+
+namespace {
+
+using Json = StoredRun::Json;
+
+/// Points of a section, for a plot of two of their coordinates.
+struct SectionPoints {
+    std::array<orbits::SeriesCoordinate, 2> coordinates;
+    std::vector<double> x;
+    std::vector<double> y;
+};
+
+struct PeriodPoints {
+    std::vector<double> x;
+    std::vector<double> y;
+    std::size_t orbits = 0;
+};
+
+const Json* cycle_list(const StoredRun& run) {
+    if (run.cycles) return &*run.cycles;
+    return run.orbits ? &*run.orbits : nullptr;
+}
+
+/// Coordinates of the section as the list of cycles names them.
+std::vector<orbits::SeriesCoordinate> coordinates_of(const StoredRun& run, const Json& list) {
+    const ModelJob model = stored_model(run);
+    std::vector<orbits::SeriesCoordinate> coordinates;
+    for (std::size_t i = 0; i < list.at("coordinates").size(); ++i) {
+        const auto name = list.at("coordinates")[i].get<std::string>();
+        const Eigen::Index index = model.system->coordinate_index(name);
+        coordinates.push_back({name, list.at("units")[i].get<std::string>(),
+                               index >= 0 && model.system->coordinates()[static_cast<std::size_t>(index)].angle});
+    }
+    return coordinates;
+}
+
+std::map<int, PeriodPoints> points_by_period(const Json& list) {
+    std::map<int, PeriodPoints> periods;
+    for (const Json& cycle : list.at("cycles")) {
+        if (cycle.contains("status") && cycle["status"] != "converged") continue;
+        PeriodPoints& points = periods[cycle.at("period").get<int>()];
+        ++points.orbits;
+        for (const Json& point : cycle.at("points")) {
+            points.x.push_back(point.at(0).get<double>());
+            points.y.push_back(point.at(1).get<double>());
+        }
+    }
+    return periods;
+}
+
+void widen(std::array<double, 2>& range, const std::vector<double>& values) {
+    for (const double value : values) {
+        if (!std::isfinite(value)) continue;
+        range = {std::min(range[0], value), std::max(range[1], value)};
+    }
+}
+
+/// Light to dark, sparse to dense.
+constexpr std::array<std::string_view, 5> shades{"#c3c9d2", "#a3adbb", "#8390a3", "#64738a", "#3f4d63"};
+
+/// Dots shaded by how many points of the whole record lie in their square.
+void draw_density(Panel& panel, const SectionPoints& points) {
+    // Squares of 0.35 mm: small enough to follow the folds, large enough to count.
+    constexpr double cell = 1.0;
+    // Dots per square mm of the frame beyond which they only cover each other.
+    constexpr double dense = 4.0;
+    const PageBox& box = panel.box();
+    const auto columns = static_cast<std::size_t>(box.width() / cell) + 2;
+    const auto rows = static_cast<std::size_t>(box.height() / cell) + 2;
+    std::vector<unsigned> counts(columns * rows, 0);
+    const auto square = [&](std::size_t k) -> std::ptrdiff_t {
+        const double x = panel.x(points.x[k]) - box.left;
+        const double y = panel.y(points.y[k]) - box.top;
+        if (!(x >= 0.0 && x <= box.width() && y >= 0.0 && y <= box.height())) return -1;
+        return static_cast<std::ptrdiff_t>(static_cast<std::size_t>(y / cell) * columns +
+                                           static_cast<std::size_t>(x / cell));
+    };
+    for (std::size_t k = 0; k < points.x.size(); ++k) {
+        if (const auto at = square(k); at >= 0) ++counts[static_cast<std::size_t>(at)];
+    }
+    const double area_mm2 = box.width() * box.height() * (25.4 / 72.0) * (25.4 / 72.0);
+    const auto most = static_cast<std::size_t>(dense * area_mm2);
+    const std::size_t every = (points.x.size() + most - 1) / std::max<std::size_t>(most, 1);
+    struct Dot {
+        unsigned density;
+        std::size_t point;
+    };
+    std::vector<Dot> shown;
+    for (std::size_t k = 0; k < points.x.size(); k += std::max<std::size_t>(every, 1)) {
+        if (const auto at = square(k); at >= 0) shown.push_back({counts[static_cast<std::size_t>(at)], k});
+    }
+    std::stable_sort(shown.begin(), shown.end(), [](const Dot& a, const Dot& b) { return a.density < b.density; });
+    for (std::size_t shade = 0; shade < shades.size(); ++shade) {
+        std::vector<double> x;
+        std::vector<double> y;
+        // Shades hold equal numbers of dots: the picture uses its whole range whatever the density's.
+        for (std::size_t k = shown.size() * shade / shades.size(); k < shown.size() * (shade + 1) / shades.size();
+             ++k) {
+            x.push_back(points.x[shown[k].point]);
+            y.push_back(points.y[shown[k].point]);
+        }
+        panel.dots(x, y, shades[shade], 0.55);
+    }
+}
+
+std::string section_picture(const StoredRun& run, const PlotStyle& style,
+                            const std::array<orbits::SeriesCoordinate, 2>& coordinates, const SectionPoints* series,
+                            const std::map<int, PeriodPoints>& periods, std::string_view title) {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    std::array<double, 2> x_range{infinity, -infinity};
+    std::array<double, 2> y_range{infinity, -infinity};
+    if (series != nullptr) {
+        widen(x_range, series->x);
+        widen(y_range, series->y);
+    }
+    for (const auto& [period, points] : periods) {
+        widen(x_range, points.x);
+        widen(y_range, points.y);
+    }
+    Figure figure(style);
+    figure.title(run.title());
+    // The markers of the page of 960 px, at the size that the font has here.
+    const double scale = 0.045 * figure.font();
+    std::vector<LegendEntry> legend;
+    std::size_t orbits = 0;
+    for (const auto& [period, points] : periods) {
+        legend.push_back({fmt::format("period {} ({})", period, points.orbits),
+                          LegendEntry::Kind::marker,
+                          plot_marker(period, std::max(scale, 0.3)),
+                          {}});
+        orbits += points.orbits;
+    }
+    figure.legend(legend);
+    const int wanted = std::max(4, static_cast<int>(figure.width() / (7.0 * figure.font())));
+    Panel panel(figure, figure.row(0.72 * figure.width()), plot_axis(coordinates[0], x_range[0], x_range[1], wanted),
+                plot_axis(coordinates[1], y_range[0], y_range[1], 6));
+    panel.open();
+    if (series != nullptr) draw_density(panel, *series);
+    // Long periods first, so that the few short ones stay visible on top.
+    for (auto entry = periods.rbegin(); entry != periods.rend(); ++entry)
+        panel.markers(entry->second.x, entry->second.y, plot_marker(entry->first, scale));
+    panel.frame();
+    return figure.svg(title, fmt::format("{} points of the section, {} periodic orbits of periods {} to {}",
+                                         series != nullptr ? series->x.size() : 0, orbits,
+                                         periods.empty() ? 0 : periods.begin()->first,
+                                         periods.empty() ? 0 : periods.rbegin()->first));
+}
+
+/// The points of the run's section; nothing when the record is not stored.
+std::optional<SectionPoints> section_points(const StoredRun& run) {
+    const Job job = stored_job(run);
+    const std::size_t experiment = job.orbits ? job.orbits->data : 0;
+    if (experiment >= job.data.size()) return std::nullopt;
+    const auto record = stored_series(run, experiment);
+    if (!record) return std::nullopt;
+    std::optional<SearchedSection> searched;
+    if (job.orbits && !job.orbits->file) searched = searched_section(job, *record);
+    const orbits::Series& series = searched ? searched->series() : *record;
+    if (series.sampling != orbits::Series::Sampling::section || series.dimension() < 2) return std::nullopt;
+    SectionPoints points;
+    points.coordinates = {series.coordinates[0], series.coordinates[1]};
+    for (const orbits::Segment& segment : series.segments) {
+        for (Eigen::Index k = 0; k < segment.values.cols(); ++k) {
+            if (!std::isfinite(segment.values(0, k)) || !std::isfinite(segment.values(1, k))) continue;
+            points.x.push_back(segment.values(0, k));
+            points.y.push_back(segment.values(1, k));
+        }
+    }
+    return points;
+}
+
+}  // namespace
+
+bool has_cycles(const StoredRun& run) {
+    const Json* list = cycle_list(run);
+    return list != nullptr && list->at("coordinates").size() >= 2 && !list->at("cycles").empty();
+}
+
+std::string cycles(const StoredRun& run, const PlotStyle& style) {
+    const Json& list = *cycle_list(run);
+    const auto coordinates = coordinates_of(run, list);
+    return section_picture(run, style, {coordinates.at(0), coordinates.at(1)}, nullptr, points_by_period(list),
+                           "Periodic points");
+}
+
+bool has_section(const StoredRun& run) {
+    const auto experiments = run.experiments();
+    if (experiments.empty()) return false;
+    // Samples show a section only where the job says which.
+    const bool cut = run.job.contains("orbits") && !run.job["orbits"].contains("file");
+    for (const Json* experiment : experiments) {
+        if (experiment->contains("simulate")) {
+            const bool sections = (*experiment)["simulate"].contains("sections");
+            for (const char* ending : {".h5", ".csv"}) {
+                const std::string name = experiments.size() == 1 ? std::string("series")
+                                                                 : "series_" + experiment->value("name", std::string());
+                if ((sections || cut) && std::filesystem::exists(run.folder / (name + ending)) &&
+                    (!run.cycles || run.cycles->at("coordinates").size() >= 2))
+                    return true;
+            }
+        } else if (experiment->contains("file") && (experiment->value("kind", std::string()) == "section" || cut) &&
+                   (!run.cycles || run.cycles->at("coordinates").size() >= 2)) {
+            if (std::filesystem::exists(run.folder / (*experiment)["file"].get<std::string>())) return true;
+        }
+    }
+    return false;
+}
+
+std::string section(const StoredRun& run, const PlotStyle& style) {
+    const auto points = section_points(run);
+    if (!points) {
+        throw orbits::DataError(
+            fmt::format("{}: the record has no section of two coordinates to plot", run.folder.string()));
+    }
+    std::map<int, PeriodPoints> periods;
+    if (run.cycles && run.cycles->at("coordinates").size() >= 2) periods = points_by_period(*run.cycles);
+    return section_picture(run, style, points->coordinates, &*points, periods, "Section");
+}
+
+}  // namespace orbid::apps::catalog
