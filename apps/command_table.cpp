@@ -2,7 +2,9 @@
 
 #include "apps/command_model.hpp"
 #include "apps/command_run.hpp"
+#include "apps/command_stored.hpp"
 #include "apps/model_listing.hpp"
+#include "apps/plot_catalog.hpp"
 #include "apps/starting_job.hpp"
 
 namespace orbid::apps {
@@ -90,7 +92,19 @@ const std::vector<Command>& command_table() {
          "",
          show_starting_job},
         {"report", "", {}, {}, {}, ""},
-        {"plot", "", {}, {}, {}, ""},
+        {"plot",
+         "the plots of a stored run, at the size and in the formats of papers",
+         {{"DIR", WordKind::folder}, {"NAME", WordKind::choice, true, plot_names}},
+         {{"format", "TYPE", "svg, pdf or png (default: as --out ends, else svg)", WordKind::choice, plot_formats},
+          {"out", "FILE", "where to (default DIR/plot_NAME.TYPE; \"-\": standard output)", WordKind::file},
+          {"width", "MM", "width of the page in mm (default 88: one column)", WordKind::number},
+          {"font", "PT", "size of numbers and labels in pt (default 8)", WordKind::number},
+          {"dpi", "N", "dots per inch of png (default 300)", WordKind::number},
+          {"title", "", "with the run's title above"}},
+         {{"orbid plot out", "which plots there are"},
+          {"orbid plot out section --format pdf --width 180", "out/plot_section.pdf, as wide as a page"}},
+         "",
+         plot_run},
         {"schema", "", {}, {}, {}, ""},
         {"predict", "", {}, {}, {}, ""},
         {"compare", "", {}, {}, {}, ""}};

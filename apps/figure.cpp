@@ -134,6 +134,12 @@ std::string Figure::svg(std::string_view title, std::string_view description) co
            fmt::to_string(body_) + "</svg>\n";
 }
 
+std::array<double, 2> spared_logarithmically(double lowest, double highest) {
+    if (!(lowest > 0.0 && highest > lowest)) return {lowest, highest};
+    const double spare = std::pow(highest / lowest, 0.05);
+    return {lowest / spare, highest * spare};
+}
+
 double room_for(const Figure& figure, const PlotAxis& y) {
     double widest = 0.0;
     for (const Tick& tick : y.ticks)
@@ -209,7 +215,7 @@ void Panel::curve(std::span<const double> x, std::span<const double> y, const St
     figure_.element("<path fill=\"none\" {} stroke-linejoin=\"round\" d=\"{}\"/>\n", stroke_attributes(stroke), path);
 }
 
-void Panel::markers(std::span<const double> x, std::span<const double> y, const PlotMarker& marker, bool open) {
+void Panel::markers(std::span<const double> x, std::span<const double> y, const PlotMarker& marker, Filling filling) {
     std::string path;
     for (std::size_t k = 0; k < std::min(x.size(), y.size()); ++k) {
         const double px = this->x(x[k]);
@@ -217,9 +223,19 @@ void Panel::markers(std::span<const double> x, std::span<const double> y, const 
         if (std::isfinite(px) && std::isfinite(py)) path += fmt::format("M{:.2f} {:.2f}{}", px, py, marker.outline);
     }
     if (path.empty()) return;
-    figure_.element("<path fill=\"{}\" stroke=\"{}\" stroke-width=\"{:g}\" stroke-linejoin=\"round\" d=\"{}\"/>\n",
-                    open ? std::string_view("#ffffff") : marker.colour,
-                    open ? marker.colour : std::string_view("#ffffff"), open ? 0.8 : 0.3, path);
+    std::string edge;
+    if (filling == Filling::edged) edge = stroke_attributes({"#ffffff", 0.3});
+    if (filling == Filling::open) edge = stroke_attributes({marker.colour, 0.8});
+    figure_.element("<path fill=\"{}\" {} d=\"{}\"/>\n",
+                    filling == Filling::open ? std::string_view("#ffffff") : marker.colour, edge, path);
+}
+
+void Panel::tag(std::string_view words) {
+    const double font = figure_.font();
+    const double width = figure_.width_of(words, 0.9) + 0.6 * font;
+    const double right = box_.right - 0.4 * font;
+    figure_.rectangle({right - width, box_.top + 0.3 * font, right, box_.top + 1.6 * font}, "#ffffff");
+    figure_.text(right - 0.3 * font, box_.top + 1.25 * font, words, {"end", 0.9});
 }
 
 void Panel::dots(std::span<const double> x, std::span<const double> y, std::string_view colour, double diameter,

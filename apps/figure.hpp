@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <span>
 #include <string>
@@ -114,8 +115,14 @@ public:
 
     /// A line through the points; broken where a value is not finite, and where an angle came round.
     void curve(std::span<const double> x, std::span<const double> y, const Stroke& stroke);
-    /// A marker at each finite point. @param open  white within.
-    void markers(std::span<const double> x, std::span<const double> y, const PlotMarker& marker, bool open = false);
+    /// How markers are filled. edged: with a thin white edge that parts neighbours; plain: without, for dense ones;
+    /// open: white within.
+    enum class Filling { edged, plain, open };
+    /// A marker at each finite point.
+    void markers(std::span<const double> x, std::span<const double> y, const PlotMarker& marker,
+                 Filling filling = Filling::edged);
+    /// A word in the upper right corner, over what is drawn there.
+    void tag(std::string_view words);
     /// Round dots, in one path: thousands of them stay small.
     void dots(std::span<const double> x, std::span<const double> y, std::string_view colour, double diameter,
               double opacity = 1.0);
@@ -128,6 +135,9 @@ private:
     PlotAxis y_axis_;
     PageBox box_;
 };
+
+/// Ends of a logarithmic axis with a twentieth of its length to spare on either side.
+[[nodiscard]] std::array<double, 2> spared_logarithmically(double lowest, double highest);
 
 /// Room to the left of a frame for the numbers and the label of an axis [pt].
 [[nodiscard]] double room_for(const Figure& figure, const PlotAxis& y);

@@ -53,6 +53,21 @@ void read_root(const ValueReader& value, Job& job) {
     }
 }
 
+JobReading read_job_with(std::string_view text, const std::filesystem::path& source,
+                         void (*read)(const ValueReader& value, Job& job)) {
+    JsonDocument document = parse_json(text);
+    JobReading reading;
+    reading.problems = std::move(document.problems);
+    Job job;
+    job.source = std::filesystem::absolute(source).lexically_normal();
+    if (document.root) read(ValueReader(*document.root, "", reading.problems), job);
+    std::stable_sort(reading.problems.begin(), reading.problems.end(), [](const Problem& a, const Problem& b) {
+        return a.place.line != b.place.line ? a.place.line < b.place.line : a.place.column < b.place.column;
+    });
+    if (reading.problems.empty()) reading.job = std::move(job);
+    return reading;
+}
+
 }  // namespace
 
 int JobReading::exit_code() const {
@@ -63,17 +78,15 @@ int JobReading::exit_code() const {
 }
 
 JobReading read_job(std::string_view text, const std::filesystem::path& source) {
-    JsonDocument document = parse_json(text);
-    JobReading reading;
-    reading.problems = std::move(document.problems);
-    Job job;
-    job.source = std::filesystem::absolute(source).lexically_normal();
-    if (document.root) read_root(ValueReader(*document.root, "", reading.problems), job);
-    std::stable_sort(reading.problems.begin(), reading.problems.end(), [](const Problem& a, const Problem& b) {
-        return a.place.line != b.place.line ? a.place.line < b.place.line : a.place.column < b.place.column;
+    return read_job_with(text, source, read_root);
+}
+
+JobReading read_job_model(std::string_view text, const std::filesystem::path& source) {
+    return read_job_with(text, source, [](const ValueReader& value, Job& job) {
+        ObjectReader root(value);
+        read_model(root, job);
+        read_section(root, job);
     });
-    if (reading.problems.empty()) reading.job = std::move(job);
-    return reading;
 }
 
 JobReading read_job_file(const std::filesystem::path& file) {

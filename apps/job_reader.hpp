@@ -31,4 +31,8 @@ struct JobReading {
 /// The same from a file; one that cannot be read is a problem like any other.
 [[nodiscard]] JobReading read_job_file(const std::filesystem::path& file);
 
+/// Reads the model and the section of a job alone; its other keys are not looked at, so that files which the job names
+/// need not be there.
+[[nodiscard]] JobReading read_job_model(std::string_view text, const std::filesystem::path& source);
+
 }  // namespace orbid::apps

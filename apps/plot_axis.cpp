@@ -12,22 +12,10 @@
 namespace orbid::apps {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, std::string_view>, 16> greek{{{"alpha", "α"},
-                                                                               {"beta", "β"},
-                                                                               {"gamma", "γ"},
-                                                                               {"delta", "δ"},
-                                                                               {"epsilon", "ε"},
-                                                                               {"zeta", "ζ"},
-                                                                               {"eta", "η"},
-                                                                               {"theta", "θ"},
-                                                                               {"kappa", "κ"},
-                                                                               {"lambda", "λ"},
-                                                                               {"mu", "μ"},
-                                                                               {"phi", "φ"},
-                                                                               {"psi", "ψ"},
-                                                                               {"rho", "ρ"},
-                                                                               {"tau", "τ"},
-                                                                               {"omega", "ω"}}};
+constexpr std::array<std::pair<std::string_view, std::string_view>, 20> greek{
+    {{"alpha", "α"}, {"beta", "β"},  {"gamma", "γ"},  {"delta", "δ"}, {"epsilon", "ε"}, {"zeta", "ζ"}, {"eta", "η"},
+     {"theta", "θ"}, {"kappa", "κ"}, {"lambda", "λ"}, {"mu", "μ"},    {"phi", "φ"},     {"psi", "ψ"},  {"rho", "ρ"},
+     {"sigma", "σ"}, {"nu", "ν"},    {"xi", "ξ"},     {"chi", "χ"},   {"tau", "τ"},     {"omega", "ω"}}};
 
 std::string letter(std::string_view name) {
     const auto* const found =

@@ -19,6 +19,9 @@ struct AvailablePlot {
 /// The plots for which the run holds data, in the order of `orbid plot DIR`.
 [[nodiscard]] std::vector<AvailablePlot> available_plots(const StoredRun& run);
 
+/// Names of all plots of the catalogue, of any run.
+[[nodiscard]] std::vector<std::string> plot_names();
+
 /// A plot as SVG 1.1 text: self-contained, without scripts, ids and style sheets, so that several may stand in one page
 /// of HTML. The same run and style give the same bytes.
 /// @throws std::invalid_argument when `name` is none of available_plots(run) or the style is out of its ranges;

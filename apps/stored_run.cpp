@@ -161,13 +161,8 @@ Job stored_job(const StoredRun& run) {
 }
 
 ModelJob stored_model(const StoredRun& run) {
-    // A job of the model alone: what else the job names may have been moved since.
-    Json alone;
-    for (const char* key : {"model", "section"}) {
-        if (run.job.contains(key)) alone[key] = run.job[key];
-    }
     const auto file = run.folder / "job.json";
-    JobReading reading = read_job(alone.dump(), file);
+    JobReading reading = read_job_model(run.job.dump(), file);
     if (!reading.job) refuse(file, reading);
     return std::move(reading.job->model);
 }

@@ -39,7 +39,13 @@ std::string value_words(const Json& entry) {
     const double sd = number(entry, "sd");
     const std::string unit = entry.value("unit", std::string());
     std::string words = with_digits_of(value, sd);
-    if (std::isfinite(sd) && sd > 0.0) words += " ± " + significant(sd, 2);
+    // Two digits of the sd, without a power of ten where the value has none either.
+    if (std::isfinite(sd) && sd >= 1.0 && sd < 1e6) {
+        const double step = std::pow(10.0, std::max(0.0, std::floor(std::log10(sd)) - 1.0));
+        words += fmt::format(" ± {:.{}f}", std::round(sd / step) * step, sd < 10.0 ? 1 : 0);
+    } else if (std::isfinite(sd) && sd > 0.0) {
+        words += " ± " + significant(sd, 2);
+    }
     return unit.empty() || unit == "1" ? words : words + " " + unit;
 }
 
@@ -147,20 +153,28 @@ std::string correlation(const StoredRun& run, const PlotStyle& style) {
     const auto count = static_cast<double>(names.size());
     Figure figure(style);
     figure.title(run.title());
-    double room = 0.0;
+    double widest = 0.0;
     for (const std::string& name : names)
-        room = std::max(room, figure.width_of(name));
-    room += figure.font();
+        widest = std::max(widest, figure.width_of(name));
+    double room = widest + figure.font();
     const double side = std::min((figure.width() - room - 0.6 * figure.font()) / count, 5.0 * figure.font());
-    const PageBox part = figure.row(side * count + 1.8 * figure.font());
+    room += 0.5 * (figure.width() - room - 0.6 * figure.font() - side * count);  // few parameters: in the middle
+    // Names wider than their column are turned.
+    const bool upright = widest + 0.5 * figure.font() < side;
+    const PageBox part = figure.row(side * count + (upright ? 1.8 * figure.font() : widest + 1.2 * figure.font()));
     std::string description;
     // Numbers where they fit; colours and sizes say the same.
     const bool numbers = side > 2.1 * figure.font();
     for (std::size_t i = 0; i < names.size(); ++i) {
         const double top = part.top + 0.2 * figure.font() + side * static_cast<double>(i);
         figure.text(part.left + room - 0.5 * figure.font(), top + 0.5 * side + 0.34 * figure.font(), names[i], {"end"});
-        figure.text(part.left + room + side * (static_cast<double>(i) + 0.5),
-                    part.top + 0.2 * figure.font() + side * count + 1.2 * figure.font(), names[i], {"middle"});
+        const double column = part.left + room + side * (static_cast<double>(i) + 0.5);
+        const double below = part.top + 0.2 * figure.font() + side * count + 0.4 * figure.font();
+        if (upright) {
+            figure.text(column, below + 0.8 * figure.font(), names[i], {"middle"});
+        } else {
+            figure.text(column + 0.34 * figure.font(), below, names[i], {"end", 1.0, "#1d2430", false});
+        }
         for (std::size_t j = 0; j < names.size(); ++j) {
             const Json& cell = block["matrix"].at(i).at(j);
             const double value = cell.is_number() ? cell.get<double>() : std::numeric_limits<double>::quiet_NaN();
@@ -176,7 +190,7 @@ std::string correlation(const StoredRun& run, const PlotStyle& style) {
                                           : i == j              ? "1"
                                                    : fmt::format("{}{:.2f}", value < 0.0 ? "−" : "", std::abs(value));
                 figure.text(left + 0.5 * side, top + 0.5 * side + 0.34 * figure.font(), words,
-                            {"middle", 0.95, strength > 0.65 ? "#ffffff" : "#1d2430"});
+                            {"middle", 0.95, strength > 0.8 ? "#ffffff" : "#1d2430"});
             }
             if (j < i)
                 description +=
