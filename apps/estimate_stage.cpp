@@ -34,6 +34,7 @@ void describe_data(const Workspace& work, const std::vector<Experiment>& data, c
                    ResultContext& context) {
     for (const ReferenceJob& reference : work.job.reference)
         context.reference[reference.name] = reference.value;
+    if (work.job.model.equations) context.evaluated = work.job.model.compiled ? "compiled" : "interpreted";
     for (const Experiment& experiment : data) {
         context.data_points += experiment.series.size();
         context.data_segments += experiment.series.segments.size();

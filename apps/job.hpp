@@ -17,6 +17,7 @@
 #include "estimator/estimate.hpp"
 #include "estimator/prior.hpp"
 #include "estimator/residual.hpp"
+#include "models/equations.hpp"
 #include "models/expression.hpp"
 #include "models/input_signal.hpp"
 #include "models/sensor.hpp"
@@ -34,10 +35,16 @@ namespace orbid::apps {
 /// A job file as plain data: every name resolved to an index, every default filled in, every path absolute.
 /// A Job that job_reader returns has passed all checks that need no data.
 
+/// Whether equations of a job are compiled before they are used.
+enum class CompileChoice { automatic, always, never };
+
 struct ModelJob {
     std::string name;
     std::string variant;              ///< as the system names it; empty when the model has none
     std::optional<std::size_t> size;  ///< number of cells of a model that lets it be chosen
+    std::shared_ptr<const models::Equations> equations;  ///< a model written in the job; nothing: one of the registry
+    CompileChoice compile = CompileChoice::automatic;    ///< of such a model
+    bool compiled = false;                               ///< such a model is evaluated by compiled code
     std::shared_ptr<const models::System> system;
     Eigen::VectorXd values;  ///< shape (q): all parameters; data are simulated at these, fixed ones keep them
 };

@@ -63,7 +63,7 @@ void read_model(ObjectReader& root, Job& job) {
     const auto value = root.require("model", "{ \"name\": ..., \"parameters\": { ... } }");
     if (!value) return;
     ObjectReader model(*value);
-    model.reserve({"equations"});
+    if (model.find("equations")) return read_equations(model, job);
     const auto name = model.require("name", "one of the models that `orbid models` lists");
     const auto variant = model.find("variant");
     const auto size = model.find("size");

@@ -16,6 +16,8 @@ namespace orbid::apps {
 /// each block uses what stands before it. Where the model is unknown, names and domains are not checked.
 void read_model(ObjectReader& root, Job& job);
 void read_section(ObjectReader& root, Job& job);
+/// The block "model" of a job that writes its equations, which have been found there.
+void read_equations(ObjectReader& model, Job& job);
 void read_data(ObjectReader& root, Job& job);
 void read_orbits(ObjectReader& root, Job& job);
 void read_periodic(ObjectReader& root, Job& job);

@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include "apps/evaluated_model.hpp"
+
 namespace orbid::apps {
 
 namespace {
@@ -135,6 +137,7 @@ std::string estimate_lines(const Job& job) {
 std::string job_summary(const Job& job) {
     std::string text = fmt::format("{}\n  model      {}{}{}\n", job.title.empty() ? job.source.string() : job.title,
                                    job.model.name, job.model.variant.empty() ? "" : ", variant ", job.model.variant);
+    if (job.model.equations) text += fmt::format("  equations  {}\n", planned_evaluation(job));
     if (job.section_plane) text += section_line(job);
     for (const DataJob& data : job.data) {
         text += data_line(job, data);

@@ -36,6 +36,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 Json model_document(const Job& job) {
+    if (job.model.equations) return detail::equations_document(job);
     Json model{{"name", job.model.name}, {"variant", job.model.variant}};
     if (job.model.size) model["size"] = *job.model.size;
     model["parameters"] = Json::object();

@@ -30,6 +30,8 @@ namespace detail {
 // Blocks of the document, one per file of the writer.
 [[nodiscard]] nlohmann::ordered_json data_document(const Job& job, const DataJob& data,
                                                    const std::filesystem::path& folder);
+/// "model" of a job that writes its equations.
+[[nodiscard]] nlohmann::ordered_json equations_document(const Job& job);
 [[nodiscard]] nlohmann::ordered_json periodic_document(const Job& job);
 [[nodiscard]] nlohmann::ordered_json estimate_document(const Job& job);
 /// "errors" and "covariance" of a residual.

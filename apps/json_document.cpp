@@ -34,7 +34,10 @@ public:
     bool number_unsigned(Json::number_unsigned_t value) { return number(static_cast<double>(value)); }
     bool number_float(Json::number_float_t value, const Json::string_t&) { return number(value); }
     bool string(Json::string_t& value) {
-        return leaf(JsonValue::Kind::string, [&](JsonValue& v) { v.text = value; });
+        return leaf(JsonValue::Kind::string, [&](JsonValue& v) {
+            v.text = value;
+            v.escaped = escaped_;
+        });
     }
     bool binary(Json::binary_t&) { return false; }  // does not occur in text
 
@@ -149,8 +152,11 @@ private:
         const char first = text_[cursor_];
         if (first == '"') {
             ++cursor_;
-            while (cursor_ < text_.size() && text_[cursor_] != '"')
+            escaped_ = false;
+            while (cursor_ < text_.size() && text_[cursor_] != '"') {
+                escaped_ = escaped_ || text_[cursor_] == '\\';
                 cursor_ += text_[cursor_] == '\\' ? 2 : 1;
+            }
             ++cursor_;
         } else if (first == '{' || first == '}' || first == '[' || first == ']') {
             ++cursor_;
@@ -205,6 +211,7 @@ private:
     std::size_t cursor_ = 0;
     std::size_t line_ = 1;
     std::size_t line_start_ = 0;
+    bool escaped_ = false;  ///< the last text token
     std::string key_;
     Place key_place_;
     std::vector<Level> levels_;

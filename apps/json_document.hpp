@@ -24,6 +24,7 @@ struct JsonValue {
     bool boolean = false;
     double number = 0.0;  ///< finite
     std::string text;
+    bool escaped = false;  ///< a text written with escapes: its characters do not stand where those of `text` do
     std::vector<JsonValue> items;     ///< array
     std::vector<JsonMember> members;  ///< object, in the order of the file, keys unique
     Place place;

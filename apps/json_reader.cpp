@@ -49,6 +49,13 @@ void ValueReader::report(std::string rule) const {
     problems_->push_back({value_->place, pointer_, std::move(rule), Problem::Kind::job});
 }
 
+void ValueReader::report_character(std::size_t position, std::string rule) const {
+    Place place = value_->place;
+    // Behind the quotation mark; a text with escapes is only pointed at as a whole.
+    if (is(JsonValue::Kind::string) && !value_->escaped) place.column += 1 + position;
+    problems_->push_back({place, pointer_, std::move(rule), Problem::Kind::job});
+}
+
 void ValueReader::report_data(std::string rule) const {
     problems_->push_back({value_->place, pointer_, std::move(rule), Problem::Kind::data});
 }

@@ -63,6 +63,8 @@ public:
 
     /// Reports what is wrong with this value.
     void report(std::string rule) const;
+    /// The same of one character of this text, counted from 0.
+    void report_character(std::size_t position, std::string rule) const;
     /// Reports that the data this value names cannot be read.
     void report_data(std::string rule) const;
     void report_later(std::string_view what = {}) const;

@@ -253,6 +253,7 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["format"] = "orbid-result/1";
     out["status"] = estimator::name(estimate.status);
     out["message"] = estimate.message;
+    if (!context.evaluated.empty()) out["model"]["evaluated"] = context.evaluated;
     out["parameters"] = parameters_json(estimate, context.reference);
     out["derived"] = estimated_list(estimate.derived, context.reference);
     out["errors"] = Json::object();

@@ -57,6 +57,7 @@ struct Capture {
 
 /// What result.json says beside the estimate.
 struct ResultContext {
+    std::string evaluated;  ///< equations of the job: "compiled" or "interpreted"; empty: a model of the registry
     std::map<std::string, double> reference;  ///< known values, by name of a parameter or derived quantity
     std::vector<InitialState> initial_states;
     std::vector<SteadyState> steady_states;
@@ -82,7 +83,7 @@ struct ResultContext {
 
 /// Content of result.json, format orbid-result/1. Undefined numbers are null.
 ///
-/// Beside the keys of the contract: per parameter `laplace_sd`, `data_share`, `hessian_ratio`; per error scale
+/// Beside the keys of the contract: `model` with `evaluated`, where the job writes its equations; per parameter `laplace_sd`, `data_share`, `hessian_ratio`; per error scale
 /// `distribution` and its parameters, `rms`, `lag1`, `correlation_records`, `effective_count`, `estimated`;
 /// `covariance`, `covariances`, `log_evidence`, `stages`, `matching`, `criticism`, `diagnostics`, `posterior`,
 /// `profile`, `marginals`, `optima`, `rounds`, `history`, `steady_states` (of waveforms). An interval is null as a

@@ -10,6 +10,7 @@
 #include "apps/branch_stage.hpp"
 #include "apps/data_stage.hpp"
 #include "apps/estimate_stage.hpp"
+#include "apps/evaluated_model.hpp"
 #include "apps/fingerprint.hpp"
 #include "apps/first_use.hpp"
 #include "apps/interruption.hpp"
@@ -161,6 +162,8 @@ int run_job(const Job& asked, const RunOptions& options) {
     try {
         Job job = asked;
         sign_files(job);
+        const std::string evaluation = settle_evaluation(job);
+        if (!evaluation.empty()) progress.say(evaluation);
         const nlohmann::ordered_json ordered = job_document(job, options.out, versions());
         const nlohmann::json document = nlohmann::json::parse(ordered.dump());
         OutputFolder folder(options.out, document, job_text(job, options.out, versions()), options.force);

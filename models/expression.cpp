@@ -19,10 +19,12 @@ struct Function {
     std::string_view name;
     Operation operation;
 };
-constexpr std::array functions{Function{"sin", Operation::sin}, Function{"cos", Operation::cos},
-                               Function{"tan", Operation::tan}, Function{"exp", Operation::exp},
-                               Function{"log", Operation::log}, Function{"sqrt", Operation::sqrt},
-                               Function{"abs", Operation::abs}, Function{"sign", Operation::sign}};
+constexpr std::array functions{
+    Function{"sin", Operation::sin},   Function{"cos", Operation::cos},   Function{"tan", Operation::tan},
+    Function{"asin", Operation::asin}, Function{"acos", Operation::acos}, Function{"atan", Operation::atan},
+    Function{"sinh", Operation::sinh}, Function{"cosh", Operation::cosh}, Function{"tanh", Operation::tanh},
+    Function{"exp", Operation::exp},   Function{"log", Operation::log},   Function{"sqrt", Operation::sqrt},
+    Function{"abs", Operation::abs},   Function{"sign", Operation::sign}};
 
 // The parser calls itself for brackets and signs; a formula that nests deeper than this is a mistake or an attack on
 // the stack.
@@ -41,8 +43,13 @@ public:
     Parser(std::string_view text, std::span<const std::string> names) : text_(text), names_(names) {}
 
     std::vector<Step> parse() {
+        if (text_.size() > Expression::longest_text) {
+            throw ExpressionError("a formula of " + std::to_string(text_.size()) + " characters: at most " +
+                                      std::to_string(Expression::longest_text) + " are read",
+                                  Expression::longest_text);
+        }
         sum();
-        if (peek() != '\0') fail("expected an operator or the end");
+        if (peek() != '\0') fail(begins_atom(peek()) ? missing_operator : "expected an operator or the end");
         return std::move(steps_);
     }
 
@@ -51,11 +58,13 @@ private:
         product();
         while (true) {
             if (take('+')) {
+                const std::size_t at = position_ - 1;
                 product();
-                push(Operation::add);
+                push(Operation::add, at);
             } else if (take('-')) {
+                const std::size_t at = position_ - 1;
                 product();
-                push(Operation::subtract);
+                push(Operation::subtract, at);
             } else {
                 return;
             }
@@ -66,11 +75,13 @@ private:
         negated();
         while (true) {
             if (take('*')) {
+                const std::size_t at = position_ - 1;
                 negated();
-                push(Operation::multiply);
+                push(Operation::multiply, at);
             } else if (take('/')) {
+                const std::size_t at = position_ - 1;
                 negated();
-                push(Operation::divide);
+                push(Operation::divide, at);
             } else {
                 return;
             }
@@ -80,8 +91,9 @@ private:
     void negated() {
         if (++nesting_ > deepest_nesting) fail("nested too deeply");
         if (take('-')) {
+            const std::size_t at = position_ - 1;
             negated();
-            push(Operation::negate);
+            push(Operation::negate, at);
         } else if (take('+')) {
             negated();
         } else {
@@ -93,8 +105,9 @@ private:
     void power() {
         atom();
         if (!take('^')) return;
+        const std::size_t at = position_ - 1;
         negated();
-        push(Operation::power);
+        push(Operation::power, at);
     }
 
     void atom() {
@@ -107,7 +120,7 @@ private:
             ++position_;
         const std::string_view word = text_.substr(start, position_ - start);
         if (word == "pi") {
-            steps_.push_back({Operation::constant, std::numbers::pi, 0});
+            steps_.push_back({Operation::constant, std::numbers::pi, 0, start});
             return;
         }
         for (const Function& function : functions) {
@@ -115,7 +128,7 @@ private:
             const std::size_t open = position_;
             if (!take('(')) fail("expected \"(\" after " + std::string(word));
             bracket(open);
-            push(function.operation);
+            push(function.operation, start);
             return;
         }
         const auto at = std::find(names_.begin(), names_.end(), word);
@@ -123,12 +136,14 @@ private:
             position_ = start;
             fail("unknown name \"" + std::string(word) + "\"");
         }
-        steps_.push_back({Operation::name, 0.0, static_cast<std::size_t>(at - names_.begin())});
+        steps_.push_back({Operation::name, 0.0, static_cast<std::size_t>(at - names_.begin()), start});
     }
 
     void bracket(std::size_t open) {
         sum();
-        if (!take(')')) fail("expected an operator or the \")\" of character " + std::to_string(open + 1));
+        if (take(')')) return;
+        fail((begins_atom(peek()) ? missing_operator : "expected an operator or the \")\" of character ") +
+             (begins_atom(peek()) ? "" : std::to_string(open + 1)));
     }
 
     void number() {
@@ -137,11 +152,15 @@ private:
         const auto [end, error] = std::from_chars(begin, text_.data() + text_.size(), value);
         if (error == std::errc::result_out_of_range) fail("number out of range");
         if (error != std::errc()) fail("expected a number");
+        steps_.push_back({Operation::constant, value, 0, position_});
         position_ += static_cast<std::size_t>(end - begin);
-        steps_.push_back({Operation::constant, value, 0});
     }
 
-    void push(Operation operation) { steps_.push_back({operation, 0.0, 0}); }
+    void push(Operation operation, std::size_t position) { steps_.push_back({operation, 0.0, 0, position}); }
+
+    /// What may follow a value only after an operator: a product written as in a book, "k x" or "2(x + 1)".
+    static bool begins_atom(char c) { return is_letter(c) || is_digit(c) || c == '('; }
+    static constexpr const char* missing_operator = "expected an operator (a product is written with *)";
 
     /// The next character that is no blank, '\0' at the end.
     char peek() {
@@ -159,9 +178,18 @@ private:
     [[noreturn]] void fail(const std::string& rule) {
         peek();
         std::string found = position_ < text_.size() ? "\"" + std::string(1, text_[position_]) + "\"" : "the end";
-        throw ExpressionError("character " + std::to_string(position_ + 1) + " of \"" + std::string(text_) +
-                                  "\": " + rule + ", found " + found,
-                              position_);
+        throw ExpressionError(
+            "character " + std::to_string(position_ + 1) + " of \"" + excerpt() + "\": " + rule + ", found " + found,
+            position_);
+    }
+
+    /// The text, of a long one what stands around the position: a message stays readable.
+    [[nodiscard]] std::string excerpt() const {
+        constexpr std::size_t longest = 120, before = 60;
+        if (text_.size() <= longest) return std::string(text_);
+        const std::size_t from = position_ > before ? position_ - before : 0;
+        return (from > 0 ? "..." : "") + std::string(text_.substr(from, longest)) +
+               (from + longest < text_.size() ? "..." : "");
     }
 
     std::string_view text_;
@@ -183,6 +211,11 @@ Expression Expression::parse(std::string_view text, std::span<const std::string>
     std::sort(result.used_.begin(), result.used_.end());
     result.used_.erase(std::unique(result.used_.begin(), result.used_.end()), result.used_.end());
     return result;
+}
+
+bool is_reserved_word(std::string_view word) {
+    return word == "pi" ||
+           std::any_of(functions.begin(), functions.end(), [&](const Function& f) { return f.name == word; });
 }
 
 double Expression::value(const Eigen::VectorXd& values) const {

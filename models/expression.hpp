@@ -28,11 +28,15 @@ public:
 ///     power   = atom [ ^ signed ]                     right to left: 2^3^2 = 512, 2^-1 = 0.5
 ///     atom    = number | pi | name | function ( sum ) | ( sum )
 ///
-/// Functions: sin cos tan exp log (natural) sqrt abs sign. A name of the given list hides pi and the functions never:
-/// those words are reserved. Where the formula has no value (log of a negative number, division by zero) it evaluates
-/// to nan or an infinity; nothing is thrown.
+/// Functions: sin cos tan asin acos atan sinh cosh tanh exp log (natural) sqrt abs sign. A name of the given list hides
+/// pi and the functions never: those words are reserved. Where the formula has no value (log of a negative number,
+/// division by zero) it evaluates to nan or an infinity; nothing is thrown.
 class Expression {
 public:
+    /// Longer texts are refused: a formula that a person wrote is a hundredth of that, and it bounds what is built
+    /// from it.
+    static constexpr std::size_t longest_text = 20000;
+
     /// @param names  the quantities that may occur, in the order of the values given to evaluate().
     /// @throws ExpressionError naming the character where the text stops making sense, and for a name not in the
     ///         list.
@@ -73,6 +77,12 @@ public:
         sin,
         cos,
         tan,
+        asin,
+        acos,
+        atan,
+        sinh,
+        cosh,
+        tanh,
         exp,
         log,
         sqrt,
@@ -81,8 +91,9 @@ public:
     };
     struct Step {
         Operation operation;
-        double constant = 0.0;  ///< of `constant`
-        std::size_t index = 0;  ///< of `name`
+        double constant = 0.0;     ///< of `constant`
+        std::size_t index = 0;     ///< of `name`
+        std::size_t position = 0;  ///< character of the text at which it stands (of a function: its name), from 0
     };
     [[nodiscard]] const std::vector<Step>& steps() const { return steps_; }
 
@@ -92,16 +103,13 @@ private:
     std::vector<std::size_t> used_;
 };
 
+/// pi, or the name of a function: no quantity can be called so.
+[[nodiscard]] bool is_reserved_word(std::string_view word);
+
 template <class T>
 T Expression::evaluate(std::span<const T> values, std::vector<T>& stack) const {
-    using std::abs;
-    using std::cos;
-    using std::exp;
-    using std::log;
-    using std::pow;
-    using std::sin;
-    using std::sqrt;
-    using std::tan;
+    using std::abs, std::sqrt, std::exp, std::log, std::pow;
+    using std::sin, std::cos, std::tan, std::asin, std::acos, std::atan, std::sinh, std::cosh, std::tanh;
     stack.clear();
     stack.reserve(steps_.size());
     for (const Step& step : steps_) {
@@ -148,6 +156,24 @@ T Expression::evaluate(std::span<const T> values, std::vector<T>& stack) const {
                 break;
             case Operation::tan:
                 result = tan(right);
+                break;
+            case Operation::asin:
+                result = asin(right);
+                break;
+            case Operation::acos:
+                result = acos(right);
+                break;
+            case Operation::atan:
+                result = atan(right);
+                break;
+            case Operation::sinh:
+                result = sinh(right);
+                break;
+            case Operation::cosh:
+                result = cosh(right);
+                break;
+            case Operation::tanh:
+                result = tanh(right);
                 break;
             case Operation::exp:
                 result = exp(right);

@@ -142,7 +142,7 @@ TEST_CASE("refuses what is no formula, with the place", "[models][expression]") 
     };
     check("", 0, "expected a number, a name or \"(\", found the end");
     check("k2 /", 4, "found the end");
-    check("k2 k3", 3, "expected an operator or the end, found \"k\"");
+    check("k2 k3", 3, "expected an operator (a product is written with *), found \"k\"");
     check("k2 / q", 5, "unknown name \"q\"");
     check("(a + b", 6, "the \")\" of character 1");
     check("a + b)", 5, "expected an operator or the end");

@@ -1,0 +1,336 @@
+#include "models/equation_source.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "models/staged_equations.hpp"
+
+namespace orbid::models {
+
+namespace {
+
+using Node = ExpressionGraph::Node;
+using Operation = ExpressionGraph::Operation;
+
+/// More constants than these, and the flows of a model cannot be computed in packs any more.
+constexpr std::size_t most_constants = 48;
+/// States of a fixed number of coordinates are inlined everywhere; beyond, loops are as fast.
+constexpr std::size_t most_fixed_coordinates = 8;
+
+std::string_view function_name(Operation operation) {
+    switch (operation) {
+        case Operation::sin:
+            return "sin";
+        case Operation::cos:
+            return "cos";
+        case Operation::tan:
+            return "tan";
+        case Operation::asin:
+            return "asin";
+        case Operation::acos:
+            return "acos";
+        case Operation::atan:
+            return "atan";
+        case Operation::sinh:
+            return "sinh";
+        case Operation::cosh:
+            return "cosh";
+        case Operation::tanh:
+            return "tanh";
+        case Operation::exp:
+            return "exp";
+        case Operation::log:
+            return "log";
+        case Operation::sqrt:
+            return "sqrt";
+        case Operation::abs:
+            return "abs";
+        default:
+            return "detail::sign_of";
+    }
+}
+
+/// Formulas as C++: a statement for each part that is used more than once, and one formula for each result.
+///
+/// What is used once is not named: a number of LocalDual that has a name is stored and read again, which took 1.4 times
+/// as long (flows of Lorenz's equations).
+class Statements {
+public:
+    /// @param one_side  the side is a number, not an array
+    Statements(const ExpressionGraph& graph, const std::vector<Node>& results, bool one_side)
+        : graph_(graph), results_(results), one_side_(one_side), uses_(graph.size(), 0), depth_(graph.size(), 0) {
+        for (const Node node : results)
+            ++uses_[node];
+        for (Node i = static_cast<Node>(graph_.size()); i-- > 0;) {
+            if (uses_[i] == 0 || is_simple(i)) continue;
+            ++uses_[graph_[i].a];
+            if (is_binary(graph_[i].operation)) ++uses_[graph_[i].b];
+        }
+        for (Node i = 0; i < graph_.size(); ++i) {
+            if (uses_[i] == 0 || is_simple(i)) continue;
+            depth_[i] = 1 + std::max(depth_in(graph_[i].a), is_binary(graph_[i].operation) ? depth_in(graph_[i].b) : 0);
+        }
+    }
+
+    [[nodiscard]] std::string definitions() const {
+        std::string text =
+            "        using std::abs, std::sqrt, std::exp, std::log, std::pow;\n"
+            "        using std::sin, std::cos, std::tan, std::asin, std::acos, std::atan;\n"
+            "        using std::sinh, std::cosh, std::tanh;\n";
+        for (Node i = 0; i < graph_.size(); ++i)
+            if (uses_[i] > 0 && is_named(i)) text += fmt::format("        const T n{} = {};\n", i, formula(i));
+        return text;
+    }
+    [[nodiscard]] std::string result(std::size_t i) const { return operand(results_[i]); }
+    /// All results beside each other.
+    [[nodiscard]] std::string list() const {
+        std::string text;
+        for (std::size_t i = 0; i < results_.size(); ++i)
+            text += (i > 0 ? ", " : "") + result(i);
+        return text;
+    }
+
+private:
+    /// Brackets of brackets of that many levels are more than compilers like.
+    static constexpr int deepest = 40;
+
+    [[nodiscard]] bool is_simple(Node node) const {
+        return graph_[node].operation == Operation::number || is_variable(graph_[node].operation);
+    }
+    [[nodiscard]] bool is_named(Node node) const {
+        return !is_simple(node) && (uses_[node] > 1 || depth_[node] > deepest);
+    }
+    /// Levels of brackets that an operand adds.
+    [[nodiscard]] int depth_in(Node node) const { return is_simple(node) || is_named(node) ? 0 : depth_[node]; }
+
+    [[nodiscard]] std::string operand(Node node) const {
+        const auto& entry = graph_[node];
+        switch (entry.operation) {
+            case Operation::number:
+                return fmt::format("T({:a})", entry.value);
+            case Operation::parameter:
+                return fmt::format("p[{}]", entry.index);
+            case Operation::coordinate:
+                return fmt::format("x[{}]", entry.index);
+            case Operation::phase:
+                return "phase";
+            case Operation::input:
+                return fmt::format("u[{}]", entry.index);
+            case Operation::side:
+                return fmt::format("T({})", side(entry.index));
+            case Operation::constant:
+                return fmt::format("c[{}]", entry.index);
+            case Operation::forcing:
+                return "force";
+            default:
+                return is_named(node) ? fmt::format("n{}", node) : fmt::format("({})", formula(node));
+        }
+    }
+    [[nodiscard]] std::string side(std::size_t index) const {
+        return one_side_ ? "side" : fmt::format("side[{}]", index);
+    }
+    /// As an operand beside one of type T: numbers and sides as they are.
+    [[nodiscard]] std::string beside(Node node, Node other) const {
+        const auto& entry = graph_[node];
+        const auto type = graph_[other].operation;
+        if (entry.operation == Operation::number) return fmt::format("({:a})", entry.value);
+        return entry.operation == Operation::side && type != Operation::side && type != Operation::number
+                   ? side(entry.index)
+                   : operand(node);
+    }
+    [[nodiscard]] std::string formula(Node node) const {
+        const auto& entry = graph_[node];
+        const auto between = [&](char symbol) {
+            const bool product = entry.operation == Operation::multiply;
+            const auto text = [&](Node one, Node other) {
+                const bool plain = graph_[one].operation == Operation::number || product;
+                return plain ? beside(one, other) : operand(one);
+            };
+            return fmt::format("{} {} {}", text(entry.a, entry.b), symbol, text(entry.b, entry.a));
+        };
+        switch (entry.operation) {
+            case Operation::add:
+                return between('+');
+            case Operation::subtract:
+                return between('-');
+            case Operation::multiply:
+                return between('*');
+            case Operation::divide:
+                return between('/');
+            case Operation::power:
+                return fmt::format("pow({}, {})", operand(entry.a),
+                                   graph_[entry.b].operation == Operation::number
+                                       ? fmt::format("{:a}", graph_[entry.b].value)
+                                       : operand(entry.b));
+            case Operation::negate:
+                return fmt::format("-{}", operand(entry.a));
+            default:
+                return fmt::format("{}({})", function_name(entry.operation), operand(entry.a));
+        }
+    }
+
+    const ExpressionGraph& graph_;
+    std::vector<Node> results_;
+    bool one_side_;
+    std::vector<int> uses_, depth_;
+};
+
+/// "a, b, c" of what `text` gives for 0, 1, ...
+template <class Text>
+std::string listed(std::size_t count, const Text& text) {
+    std::string list;
+    for (std::size_t i = 0; i < count; ++i)
+        list += (i > 0 ? ", " : "") + text(i);
+    return list;
+}
+
+class SourceWriter {
+public:
+    SourceWriter(const Equations& equations, bool fixed)
+        : equations_(equations),
+          stages_(staged(equations, most_constants, equations.surfaces().empty() || equations.dry_friction())),
+          fixed_(fixed),
+          n_(equations.coordinates().size()),
+          q_(equations.parameters().size()) {
+        // Constants there must be: what reads them has one at least.
+        if (stages_.constants.empty()) stages_.constants.push_back(stages_.graph.variable(Operation::parameter, 0));
+    }
+
+    [[nodiscard]] std::string text() {
+        std::string text =
+            "// Written by orbid: equations of a job.\n"
+            "#include \"models/formula_code.hpp\"\n"
+            "#include \"models/model_kernel.hpp\"\n"
+            "#include \"models/parameter.cpp\"\n";
+        if (!equations_.inputs().empty()) text += "#include \"models/input_evaluation.cpp\"\n";
+        text += "\nnamespace {\nusing namespace orbid::models;\n\nstruct Written {\n" + tables();
+        text += fixed_ ? equations() : loop();
+        text += "};\n\n}  // namespace\n\n";
+        text += fmt::format(
+            "extern \"C\" __attribute__((visibility(\"default\"))) const orbid::models::Kernel* {}() {{\n"
+            "    static const {} kernel{};\n    return &kernel;\n}}\n",
+            equation_entry, fixed_ ? "ModelKernel<Written>" : "DynamicKernel<Written>",
+            fixed_ ? "" : fmt::format("({})", n_));
+        return text;
+    }
+
+private:
+    std::string tables() const {
+        std::string text;
+        for (const char* name : {"name", "summary", "equations"})
+            text += fmt::format("    static constexpr std::string_view {} = \"equations\";\n", name);
+        text += fmt::format("    static constexpr std::array parameters{{{}}};\n", listed(q_, [&](std::size_t i) {
+                                return fmt::format("Parameter{{\"p{}\", \"1\", {}, 1.0, \"\"}}", i,
+                                                   equations_.frequency() == i ? "positive" : "any_real");
+                            }));
+        if (!fixed_) {
+            return text + fmt::format(
+                              "    static constexpr Coordinate coordinate = real(\"x\", \"1\");\n"
+                              "    static constexpr std::size_t smallest_size = {0}, default_size = {0};\n",
+                              n_);
+        }
+        text += fmt::format("    static constexpr std::array coordinates{{{}}};\n", listed(n_, [&](std::size_t i) {
+                                return fmt::format("{}(\"x{}\", \"1\")",
+                                                   equations_.coordinates()[i].angle ? "angle" : "real", i);
+                            }));
+        if (equations_.frequency())
+            text += fmt::format("    static constexpr std::size_t forcing_frequency = {};\n", *equations_.frequency());
+        if (equations_.text().stiff) text += "    static constexpr bool stiff = true;\n";
+        if (!equations_.inputs().empty())
+            text += fmt::format("    static constexpr std::array inputs{{{}}};\n",
+                                listed(equations_.inputs().size(),
+                                       [](std::size_t i) { return fmt::format("real(\"u{}\", \"1\")", i); }));
+        if (!equations_.surfaces().empty())
+            text += fmt::format("    static bool smooth(const Values<double, {}>&) {{ return false; }}\n", q_);
+        if (!equations_.surfaces().empty() && !equations_.dry_friction())
+            text += fmt::format("    static constexpr std::size_t surface_count = {};\n", equations_.surfaces().size());
+        return text;
+    }
+
+    [[nodiscard]] Statements statements(const std::vector<Node>& nodes) const {
+        return {stages_.graph, nodes, equations_.dry_friction()};
+    }
+    /// The body of a function that returns all of these.
+    [[nodiscard]] std::string body(const std::vector<Node>& nodes) const {
+        const Statements formulas = statements(nodes);
+        return fmt::format("{}        return {{{}}};\n    }}\n", formulas.definitions(), formulas.list());
+    }
+
+    std::string equations() const {
+        const std::size_t c = stages_.constants.size();
+        const std::string constants = fmt::format("const Values<T, {}>& c", c);
+        const std::string state = fmt::format("const State<T, {}>& x", n_);
+        std::string text =
+            fmt::format("    template <class T>\n    static Values<T, {}> reduced(const Values<T, {}>& p) {{\n{}", c,
+                        q_, body(stages_.constants));
+        if (equations_.kind() == Kind::map)
+            return text + function("map", fmt::format("{}, {}", state, constants), stages_.rates);
+        std::string arguments = fmt::format("const T& phase, {}, {}", state, constants);
+        const bool general = !equations_.surfaces().empty() && !equations_.dry_friction();
+        if (general) {
+            const std::size_t m = equations_.surfaces().size();
+            text += fmt::format("    template <class T>\n    static Values<T, {}> surfaces({}) {{\n{}", m, arguments,
+                                body(stages_.surfaces));
+            arguments += fmt::format(", const std::array<double, {}>& side", m);
+        }
+        if (equations_.dry_friction()) arguments += ", const auto& side";
+        if (!equations_.inputs().empty())
+            arguments += fmt::format(", const std::array<T, {}>& u", equations_.inputs().size());
+        if (!stages_.forcing) return text + function("rhs", arguments, stages_.rates);
+        const Statements force = statements({*stages_.forcing});
+        text += fmt::format(
+            "    template <class T>\n    static T forcing(const T& phase, {}) {{\n{}        return {};\n    }}\n",
+            constants, force.definitions(), force.result(0));
+        text += function("rhs_forced", fmt::format("const T& force, {}, {}, const auto& side", state, constants),
+                         stages_.rates);
+        return text + fmt::format(
+                          "    template <class T>\n    static State<T, {}> rhs({}) {{\n        return "
+                          "rhs_forced<T>(forcing<T>(phase, c), x, c, {});\n    }}\n",
+                          n_, arguments, equations_.dry_friction() ? "side" : "0.0");
+    }
+
+    [[nodiscard]] std::string function(const char* name, const std::string& arguments,
+                                       const std::vector<Node>& nodes) const {
+        return fmt::format("    template <class T>\n    static State<T, {}> {}({}) {{\n{}", n_, name, arguments,
+                           body(nodes));
+    }
+
+    std::string loop() const {
+        const Statements rates = statements(stages_.rates);
+        std::string text = fmt::format(
+            "    template <class T>\n    static void rhs(const T&, std::span<const T> x, const Values<T, {}>& p, "
+            "std::span<T> f) {{\n        const auto c = constants(p);\n{}",
+            q_, rates.definitions());
+        for (std::size_t i = 0; i < n_; ++i)
+            text += fmt::format("        f[{}] = {};\n", i, rates.result(i));
+        return text + fmt::format(
+                          "    }}\n    template <class T>\n    static Values<T, {}> constants(const Values<T, {}>& p) "
+                          "{{\n{}",
+                          stages_.constants.size(), q_, body(stages_.constants));
+    }
+
+    const Equations& equations_;
+    StagedEquations stages_;
+    bool fixed_;
+    std::size_t n_, q_;
+};
+
+}  // namespace
+
+std::optional<std::string> equation_source(const Equations& equations, std::string& why) {
+    const bool fixed = equations.coordinates().size() <= most_fixed_coordinates;
+    const bool angles = std::any_of(equations.coordinates().begin(), equations.coordinates().end(),
+                                    [](const Coordinate& c) { return c.angle; });
+    const bool plain = equations.kind() == Kind::autonomous && equations.surfaces().empty() && !angles &&
+                       equations.inputs().empty() && !equations.text().stiff;
+    if (!fixed && !plain) {
+        why = fmt::format("more than {} coordinates, unless the equations are autonomous, smooth and without angles",
+                          most_fixed_coordinates);
+        return std::nullopt;
+    }
+    return SourceWriter(equations, fixed).text();
+}
+
+}  // namespace orbid::models
