@@ -7,7 +7,7 @@
 #include "apps/catalog_plots.hpp"
 #include "apps/cycle_reader.hpp"
 #include "apps/figure.hpp"
-#include "apps/searched_section.hpp"
+#include "apps/section_points.hpp"
 #include "orbits/data_error.hpp"
 
 namespace orbid::apps::catalog {
@@ -15,13 +15,6 @@ namespace orbid::apps::catalog {
 namespace {
 
 using Json = StoredRun::Json;
-
-/// Points of a section, for a plot of two of their coordinates.
-struct SectionPoints {
-    std::array<orbits::SeriesCoordinate, 2> coordinates;
-    std::vector<double> x;
-    std::vector<double> y;
-};
 
 struct PeriodPoints {
     std::vector<double> x;
@@ -157,29 +150,6 @@ std::string section_picture(const StoredRun& run, const PlotStyle& style,
                                          series != nullptr ? series->x.size() : 0, orbits,
                                          periods.empty() ? 0 : periods.begin()->first,
                                          periods.empty() ? 0 : periods.rbegin()->first));
-}
-
-/// The points of the run's section; nothing when the record is not stored.
-std::optional<SectionPoints> section_points(const StoredRun& run) {
-    const Job job = stored_job(run);
-    const std::size_t experiment = job.orbits ? job.orbits->data : 0;
-    if (experiment >= job.data.size()) return std::nullopt;
-    const auto record = stored_series(run, experiment);
-    if (!record) return std::nullopt;
-    std::optional<SearchedSection> searched;
-    if (job.orbits && !job.orbits->file) searched = searched_section(job, *record);
-    const orbits::Series& series = searched ? searched->series() : *record;
-    if (series.sampling != orbits::Series::Sampling::section || series.dimension() < 2) return std::nullopt;
-    SectionPoints points;
-    points.coordinates = {series.coordinates[0], series.coordinates[1]};
-    for (const orbits::Segment& segment : series.segments) {
-        for (Eigen::Index k = 0; k < segment.values.cols(); ++k) {
-            if (!std::isfinite(segment.values(0, k)) || !std::isfinite(segment.values(1, k))) continue;
-            points.x.push_back(segment.values(0, k));
-            points.y.push_back(segment.values(1, k));
-        }
-    }
-    return points;
 }
 
 /// Sum of the squared distances between the points of two orbits of one period, point by point.

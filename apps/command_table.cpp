@@ -1,6 +1,7 @@
 #include "apps/command_table.hpp"
 
 #include "apps/command_model.hpp"
+#include "apps/command_report.hpp"
 #include "apps/command_run.hpp"
 #include "apps/command_stored.hpp"
 #include "apps/model_listing.hpp"
@@ -91,7 +92,13 @@ const std::vector<Command>& command_table() {
          {{"orbid new parametric_pendulum cycles > job.json", ""}},
          "",
          show_starting_job},
-        {"report", "", {}, {}, {}, ""},
+        {"report",
+         "write report.html of an output folder anew",
+         {{"DIR", WordKind::folder}},
+         {},
+         {{"orbid report out", "out/report.html, one page that needs no network"}},
+         "",
+         write_report},
         {"plot",
          "the plots of a stored run, at the size and in the formats of papers",
          {{"DIR", WordKind::folder}, {"NAME", WordKind::choice, true, plot_names}},

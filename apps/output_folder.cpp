@@ -15,15 +15,15 @@ namespace orbid::apps {
 namespace {
 
 /// The result files of the contract; job.json is looked at separately.
-constexpr std::array<std::string_view, 15> result_names{
-    "estimate_orbits.json", "model_section.svg", "series.h5",     "series.csv",  "cycles.json",
-    "invariants.json",      "orbits.json",       "branch.json",   "branch.csv",  "branch.svg",
-    "result.json",          "section.svg",       "residuals.csv", "timing.json", "waveform.svg"};
+constexpr std::array<std::string_view, 16> result_names{
+    "estimate_orbits.json", "model_section.svg", "series.h5",    "series.csv", "cycles.json", "invariants.json",
+    "orbits.json",          "branch.json",       "branch.csv",   "branch.svg", "result.json", "section.svg",
+    "residuals.csv",        "timing.json",       "waveform.svg", "report.html"};
 
 /// Those that no stage takes up again.
-constexpr std::array<std::string_view, 11> unsigned_names{
-    "estimate_orbits.json", "model_section.svg", "invariants.json", "branch.csv", "branch.svg",  "result.json",
-    "residuals.csv",        "section.svg",       "timing.json",     "log.txt",    "waveform.svg"};
+constexpr std::array<std::string_view, 12> unsigned_names{
+    "estimate_orbits.json", "model_section.svg", "invariants.json", "branch.csv", "branch.svg",   "result.json",
+    "residuals.csv",        "section.svg",       "timing.json",     "log.txt",    "waveform.svg", "report.html"};
 
 std::string shortened(const std::string& text) {
     constexpr std::size_t longest = 100;  // a value can be a whole part of the job

@@ -8,6 +8,7 @@
 #include <tbb/global_control.h>
 
 #include "apps/branch_stage.hpp"
+#include "apps/command_report.hpp"
 #include "apps/data_stage.hpp"
 #include "apps/estimate_stage.hpp"
 #include "apps/evaluated_model.hpp"
@@ -171,6 +172,7 @@ int run_job(const Job& asked, const RunOptions& options) {
         const int code = run_stages(work);
         folder.store("timing.json", timing_text(progress.times(), threads, versions()));
         folder.store("log.txt", progress.log_text());
+        store_report(folder);
         return code;
     } catch (const FolderRefused& error) {
         fmt::print(stderr, "{}\n", error.what());

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "apps/command.hpp"
+#include "apps/output_folder.hpp"
+
+namespace orbid::apps {
+
+/// `orbid report DIR`: writes DIR/report.html anew from the files there.
+/// @return 0; 2 when DIR is no output folder; 3 when a file in it cannot be read.
+[[nodiscard]] int write_report(const CommandCall& call);
+
+/// Stores report.html of a finished run beside its results. What cannot be reported is said on standard error: the
+/// results themselves are stored, and stay valid.
+void store_report(OutputFolder& folder);
+
+}  // namespace orbid::apps

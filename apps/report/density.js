@@ -1,0 +1,84 @@
+// Points too many to draw one by one: counted per cell of the screen, shown as shades.
+
+/** Longest time of one go [ms]: a third of the 50 ms from which browsers call a task long. */
+const slice_ms = 16;
+
+/** Counts points of blocks into cells, over as many frames as it takes, and paints what is counted. */
+export class Density {
+  constructor() {
+    this.blocks = [];
+    this.canvas = document.createElement("canvas");
+    this.view = null;
+    this.next = 0; // first block that is not counted
+    this.seen = 0; // points counted in this view
+  }
+
+  add(block) {
+    this.blocks.push(block);
+  }
+
+  /** What is shown from now on: shares of the axes (0 to 1) at the edges, and the size in cells. */
+  show(view) {
+    const old = this.view;
+    const same = old !== null && Object.keys(view).every((key) => view[key] === old[key]);
+    if (same) return;
+    this.view = view;
+    this.counts = new Uint32Array(view.columns * view.rows);
+    this.next = 0;
+    this.seen = 0;
+  }
+
+  /** Counts for one slice of time; true when all blocks that have come are counted. */
+  count() {
+    const end = performance.now() + slice_ms;
+    while (this.next < this.blocks.length) {
+      this.#count(this.blocks[this.next++]);
+      if (performance.now() > end) break;
+    }
+    return this.next === this.blocks.length;
+  }
+
+  #count(block) {
+    const { left, right, lower, upper, columns, rows } = this.view;
+    const [x0, x1, y0, y1] = [left * 65535, right * 65535, lower * 65535, upper * 65535];
+    const { box, x, y } = block;
+    if (box.right < x0 || box.left > x1 || box.upper < y0 || box.lower > y1) return;
+    const across = columns / (x1 - x0);
+    const up = rows / (y1 - y0);
+    const counts = this.counts;
+    let seen = 0;
+    for (let i = 0; i < x.length; ++i) {
+      const column = ((x[i] - x0) * across) | 0;
+      const row = ((y1 - y[i]) * up) | 0;
+      if (x[i] >= x0 && y[i] <= y1 && column < columns && row < rows) {
+        ++counts[row * columns + column];
+        ++seen;
+      }
+    }
+    this.seen += seen;
+  }
+
+  /** A canvas of one pixel per cell: the more points, the stronger the colour, by the logarithm. */
+  painted([red, green, blue]) {
+    const { columns, rows } = this.view;
+    const { canvas, counts } = this;
+    canvas.width = columns;
+    canvas.height = rows;
+    let most = 1;
+    for (const count of counts) if (count > most) most = count;
+    const image = new ImageData(columns, rows);
+    const pixels = new Uint32Array(image.data.buffer);
+    const colour = red | (green << 8) | (blue << 16);
+    // A single point is seen, too: a third of full strength where others hold many.
+    const strengths = Uint32Array.from({ length: 256 }, (_, k) => {
+      const strength = most === 1 ? 0.8 : 0.34 + (0.6 * Math.log(Math.max(1, k))) / Math.log(Math.min(255, most));
+      return (colour | (Math.round(255 * Math.min(0.94, strength)) << 24)) >>> 0;
+    });
+    for (let i = 0; i < pixels.length; ++i) {
+      const count = counts[i];
+      if (count > 0) pixels[i] = strengths[count > 255 ? 255 : count];
+    }
+    canvas.getContext("2d").putImageData(image, 0, 0);
+    return canvas;
+  }
+}
