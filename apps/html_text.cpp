@@ -66,7 +66,8 @@ std::string HtmlTable::html() const {
             shown[c] = shown[c] || !row[c].text.empty();
     }
     std::string out = fmt::format(
-        "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><table{1}>\n<caption>{0}</caption>\n"
+        "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"Table: "
+        "{0}\"><table{1}>\n<caption>{0}</caption>\n"
         "<thead><tr>",
         html_escaped(caption_), rows_.size() < sortable_rows ? "" : " class=\"sortable\"");
     std::string explanations;

@@ -26,7 +26,7 @@ std::string shade(double value) {
 }
 
 std::string correlation_table(const Json& names, const Json& matrix) {
-    std::vector<HtmlTable::Column> columns{{"", false}};
+    std::vector<HtmlTable::Column> columns{{"estimate", false}};
     for (const Json& name : names)
         columns.push_back({name.get<std::string>()});
     HtmlTable table("Correlations of the estimates", std::move(columns));

@@ -152,7 +152,7 @@ std::string states_table(const std::string& caption, const Json& states, const c
                               {"value"},
                               {"± sd"},
                               {"unit", false},
-                              {"", false}});
+                              {"treatment", false}});
     for (const Json& state : states) {
         const auto add = [&](const std::string& name, const Json& value) {
             const double sd = number_at(value, "sd");

@@ -38,7 +38,7 @@ std::string data_table(const StoredRun& run) {
 }
 
 std::string origin_table(const StoredRun& run) {
-    HtmlTable table("Made by", {{"", false}, {"", false}});
+    HtmlTable table("Made by", {{"part", false}, {"version or value", false}});
     if (const Json* versions = filled(run.job, "versions")) {
         for (const auto& [name, version] : versions->items())
             table.add({name, plain(version)});
@@ -58,7 +58,7 @@ std::string origin_table(const StoredRun& run) {
 
 std::string times_table(const Json& timing) {
     HtmlTable table(fmt::format("Times, with {} threads", significant(number_at(timing, "threads"), 6)),
-                    {{"stage", false}, {"seconds"}, {"", false}});
+                    {{"stage", false}, {"seconds"}, {"remark", false}});
     if (const Json* stages = filled(timing, "stages")) {
         for (const Json& stage : *stages) {
             const double seconds = number_at(stage, "seconds");

@@ -232,7 +232,7 @@ Chart prediction_chart(const std::vector<Group>& groups) {
 std::string prediction_table(const Json& predictions) {
     HtmlTable table("How far predictions are off", {{"experiment", false},
                                                     {"segment", false},
-                                                    {"", false},
+                                                    {"role", false},
                                                     {"rms", false},
                                                     {"rms / error sd", true, "near 1 where the model holds"}});
     for (const Json& entry : predictions) {

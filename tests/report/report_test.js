@@ -50,8 +50,8 @@ for (const name of reports) {
       const result = await page.evaluate(() => axe.run(document, {
         runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"],
       }));
-      const said = result.violations.map((v) => `${v.id}: ${v.help}: ${v.nodes.slice(0, 3).map((n) => `${n.html.slice(0, 160)} ${n.failureSummary}`).join(" | ")}`);
-      assert.deepEqual(said, []);
+      const said = result.violations.map(({ id, help, nodes }) => `${id}: ${help}: ${nodes.slice(0, 3).map((node) => node.html.slice(0, 200)).join(" | ")}`);
+      assert.equal(said.join("\n"), "");
       await page.context().close();
     });
   }
