@@ -30,9 +30,10 @@ struct StageTime {
 /// One stage at a time: begin() while a stage runs ends that stage first.
 class Progress {
 public:
+    /// A bar is drawn when the stream is a terminal.
     /// @param stream   where to write, normally stderr; not owned.
-    /// @param terminal draw a bar; by default whether the stream is a terminal.
     explicit Progress(bool quiet, std::FILE* stream = stderr);
+    /// @param terminal draw a bar, whatever the stream is.
     Progress(bool quiet, std::FILE* stream, bool terminal);
     /// Ends a stage still running, as "stopped".
     ~Progress();

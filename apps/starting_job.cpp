@@ -68,7 +68,7 @@ std::string noise_line(const models::System& system) {
 std::string data_block(const models::System& system, bool sections, bool cells, std::string_view task) {
     const bool steady = task == "waveform";
     const bool automatic = task == "auto";
-    const std::string noise = automatic ? noise_line(system) : std::string();
+    const std::string noise = automatic || task == "series" ? noise_line(system) : std::string();
     if (system.kind() == models::Kind::map) {
         const std::vector<std::string_view> small(system.coordinates().size(), "0.1");
         return fmt::format(R"(  "data": {{

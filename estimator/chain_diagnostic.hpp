@@ -19,9 +19,10 @@ namespace orbid::estimator {
 /// The smaller of the effective sample sizes of the 5 % and 95 % quantiles.
 [[nodiscard]] double tail_effective_sample_size(const Eigen::MatrixXd& draws);
 
-/// Effective sample size of the mean (finite variance assumed) and of a quantile.
-/// @param probability  in (0, 1).
+/// Effective sample size of the mean (finite variance assumed).
 [[nodiscard]] double mean_effective_sample_size(const Eigen::MatrixXd& draws);
+/// Effective sample size of a quantile.
+/// @param probability  in (0, 1).
 [[nodiscard]] double quantile_effective_sample_size(const Eigen::MatrixXd& draws, double probability);
 
 /// Monte-Carlo standard error of the mean, of the standard deviation and of a quantile.

@@ -3,7 +3,8 @@
 
     run_pages.py ROOT ORBID GROUP [--cache FOLDER] [--keep FOLDER] [--write]
 
-GROUP is an entry of run_pages.json: pages that are read one after another, in one scratch folder, with orbid on the PATH.
+GROUP is an entry of run_pages.json: pages that are read one after another, in one scratch folder, with orbid on the PATH
+and the project's configs/ beside.
 
 * A block of json, jsonc or python whose first line is a comment that begins with the name of a file is written to that file:
   what the reader sees is what runs.
@@ -97,6 +98,8 @@ def run_group(root, orbid, pages, folder, cache=None, write=False, report=lambda
                        ORBID_SOURCE=str(Path(root).resolve()))
     if cache:
         environment["XDG_CACHE_HOME"] = str(Path(cache).resolve())
+    if (Path(root) / "configs").exists() and not (Path(folder) / "configs").exists():
+        (Path(folder) / "configs").symlink_to(Path(root).resolve() / "configs")
     found = []
     for name in pages:
         path, changes = Path(root) / name, []
