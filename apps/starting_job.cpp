@@ -20,7 +20,7 @@ std::string parameter_lines(const models::System& system) {
         const models::Parameter& parameter = parameters[i];
         const std::string entry =
             fmt::format("\"{}\": {}{}", parameter.name, parameter.default_value, i + 1 < parameters.size() ? "," : "");
-        text += fmt::format("      {:<24}// {} [{}], {}\n", entry, parameter.description, parameter.unit,
+        text += fmt::format("      {:<23} // {} [{}], {}\n", entry, parameter.description, parameter.unit,
                             models::rule(parameter.domain));
     }
     return text;

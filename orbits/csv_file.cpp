@@ -122,9 +122,10 @@ void check_times(const TextTable& table, std::size_t column, const Rows& rows, c
         if (!(std::abs(step - median) <= tolerance * median)) {
             throw DataError(table.place(
                 rows.lines[k], column,
-                fmt::format("time step {} s where the segment has {} s (tolerance {} %); samples must be equidistant: "
-                            "leave the cells of a missing sample empty, or begin a new segment after a gap",
-                            step, median, 100.0 * tolerance)));
+                fmt::format(
+                    "time step {:.6g} s where the segment has {:.6g} s (tolerance {} %); samples must be equidistant: "
+                    "leave the cells of a missing sample empty, or begin a new segment after a gap",
+                    step, median, 100.0 * tolerance)));
         }
     }
 }

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import commented_json
 from check_code_blocks import Commands, check_json, check_pages
+from check_messages import unknown
 from check_links import broken_links
 from compare_output import difference
 from markdown_page import Block, read_page, slug
@@ -114,6 +115,17 @@ class CodeBlocks(Folder):
             self.assertIn(expected, text)
         self.assertEqual(len(found), 5, text)
         self.assertEqual((counts["pieces"], counts["programs"], counts["commands"]), (1, 1, 1))
+
+
+class Messages(Folder):
+    def test_messages_that_no_source_says(self):
+        (self.folder / "apps").mkdir()
+        (self.folder / "apps" / "a.cpp").write_text('x("there is no {} in "\n  "{}: \\"{}\\""); y = "the limit of " + n + " steps";\n  // "gone"')
+        page = self.page("| key | x |\n|---|---|\n| `other` | |\n\n| message | cause |\n|---|---|\n| `there is no … in …: \"…\"` | `no message` |\n"
+                         "| `the limit of … steps`, `gone` | |\n| `there is a …` | |\n")
+        missing, count = unknown(page, self.folder)
+        self.assertEqual(count, 4)
+        self.assertEqual([(line, piece) for line, _, piece in missing], [(8, "gone"), (9, "there is a")])
 
 
 class Output(unittest.TestCase):

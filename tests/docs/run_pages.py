@@ -9,8 +9,8 @@ and the project's configs/ beside.
 * A block of json, jsonc or python whose first line is a comment that begins with the name of a file is written to that file:
   what the reader sees is what runs.
 * A block `sh` is run by bash, which stops at the first command that fails.
-* A block `text` after it is what it prints (standard output, then standard error, less the lines of progress, which hold
-  times), compared by compare_output.py. Without such a block, output is not looked at.
+* A block `text` after it is what it prints, on standard error too, less the lines of progress, which hold times; the scratch
+  folder is called /home/you. compare_output.py compares. Without such a block, output is not looked at.
 * A picture of the page that lies in the page's own folder must be among the files the blocks have made, as large as the one in
   the folder within a factor of two.
 
@@ -38,8 +38,8 @@ FILE_NAME = re.compile(r"^(?://|#) ([\w-]+\.(?:jsonc?|py|csv))\b")
 
 def run_block(text, folder, environment):
     ran = subprocess.run(["bash", "-e", "-o", "pipefail", "-c", text], cwd=folder, env=environment, text=True,
-                         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    return ran.returncode, ran.stdout, ran.stderr
+                         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    return ran.returncode, PROGRESS.sub("", ran.stdout).replace(f"{Path(folder).resolve()}/", "/home/you/")
 
 
 def run_page(path, folder, environment, report, rewrite=None):
@@ -52,12 +52,12 @@ def run_page(path, folder, environment, report, rewrite=None):
             (folder / name[1]).write_text(block.text, encoding="utf-8")
         if block.language == "sh":
             begin = time.monotonic()
-            code, out, err = run_block(block.text, folder, environment)
+            code, out = run_block(block.text, folder, environment)
             report(f"{path.name}:{block.line}: {time.monotonic() - begin:.1f} s")
             ran += 1
-            last = (block, out.rstrip() + "\n" + PROGRESS.sub("", err) if out else PROGRESS.sub("", err))
+            last = (block, out)
             if code:
-                found.append((block.line, f"exit code {code}\n{(out + err).rstrip()}"))
+                found.append((block.line, f"exit code {code}\n{out.rstrip()}"))
                 break  # what follows rests on it
         elif block.language == "text" and last:
             differs = difference(block.text, last[1], block.options)
