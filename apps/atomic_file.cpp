@@ -1,10 +1,12 @@
 #include "apps/atomic_file.hpp"
 
 #include <fcntl.h>
+#include <signal.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
+#include <charconv>
 #include <chrono>
 #include <stdexcept>
 #include <string>
@@ -128,6 +130,18 @@ void write_atomically(const std::filesystem::path& path,
     temporary.rename_to(path);
 }
 
+namespace {
+
+/// The process that a temporary is named after is no more.
+bool is_orphaned(std::string_view name) {
+    name.remove_prefix(temporary_prefix.size());
+    pid_t process = 0;
+    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), process);
+    return error == std::errc() && process > 0 && ::kill(process, 0) != 0 && errno == ESRCH;
+}
+
+}  // namespace
+
 void remove_leftover_temporaries(const std::filesystem::path& folder) {
     std::error_code error;
     const auto now = std::filesystem::file_time_type::clock::now();
@@ -135,8 +149,9 @@ void remove_leftover_temporaries(const std::filesystem::path& folder) {
     for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
         std::error_code ignored;
         const auto touched = entry->last_write_time(ignored);
-        const bool ours = entry->path().filename().string().starts_with(temporary_prefix);
-        if (!ignored && ours && now - touched > std::chrono::hours(24)) {
+        const std::string name = entry->path().filename().string();
+        if (ignored || !name.starts_with(temporary_prefix)) continue;
+        if (is_orphaned(name) || now - touched > std::chrono::hours(24)) {
             std::filesystem::remove(entry->path(), ignored);
         }
     }

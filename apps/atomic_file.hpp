@@ -22,8 +22,9 @@ void write_atomically(const std::filesystem::path& path, std::string_view bytes)
 void write_atomically(const std::filesystem::path& path,
                       const std::function<void(const std::filesystem::path& temporary)>& writer);
 
-/// Removes temporaries that a killed program left in a folder, untouched for more than a day (a younger one may belong
-/// to a program still running). A folder that cannot be read is left alone: this is tidying, not a duty.
+/// Removes temporaries that a killed program left in a folder: those of processes that are no more, and any untouched
+/// for more than a day (a process of that number may be another one by then). A folder that cannot be read is left
+/// alone: this is tidying, not a duty.
 void remove_leftover_temporaries(const std::filesystem::path& folder);
 
 /// The whole file as bytes.

@@ -38,6 +38,7 @@ struct CommandCall {
     std::string command;
     std::vector<std::string> words;
     std::map<std::string, std::string> options;  ///< given ones by name; switches hold ""
+    bool own_process = false;                    ///< the process is there for this command alone
 
     [[nodiscard]] bool has(const std::string& option) const { return options.count(option) > 0; }
     /// The value of an option, or what holds without it.

@@ -1,8 +1,12 @@
 #include "apps/command_help.hpp"
 
+#include <array>
+#include <iostream>
+
 #include <fmt/format.h>
 
 #include "apps/command_table.hpp"
+#include "apps/json_reader.hpp"
 
 namespace orbid::apps {
 
@@ -38,6 +42,13 @@ std::string joined(const std::vector<std::string>& names) {
     return text;
 }
 
+// What a new user does first.
+const std::array<CommandExample, 4> first_steps{{{"orbid models", "what can be identified"},
+                                                 {"orbid new free_pendulum series > swing.json", "a commented job"},
+                                                 {"orbid check swing.json", "what is wrong with it"},
+                                                 {"orbid run swing.json", "results in swing/"}}};
+constexpr std::size_t step_width = 44;
+
 std::string option_text(const CommandOption& option) {
     const std::string left = "--" + option.name + (option.value.empty() ? "" : " " + option.value);
     std::string meaning = option.meaning;
@@ -61,14 +72,64 @@ std::string program_help() {
     std::string text = "orbid: parameters of nonlinear systems from chaotic data\n\nusage: orbid COMMAND [options]\n\n";
     for (const Command& command : command_table()) {
         if (command.run == nullptr) continue;
-        constexpr std::size_t indent = 26;
+        constexpr std::size_t indent = 27;
         text +=
-            fmt::format("  {:<9} {:<13} {}\n", command.name, usage_words(command), wrapped(command.summary, indent));
+            fmt::format("  {:<10} {:<13} {}\n", command.name, usage_words(command), wrapped(command.summary, indent));
     }
-    return text +
-           "\n  --version, --help, COMMAND --help\n\n"
-           "exit codes: 0 done; 1 done, but no valid answer; 2 wrong command line or job;\n"
-           "            3 data cannot be used; 4 internal error; 130 interrupted\n";
+    text += "\n  --version, --help, COMMAND --help\n\nfirst steps:\n";
+    for (const CommandExample& step : first_steps)
+        text += fmt::format("  {:<{}} {}\n", step.line, step_width, step.meaning);
+    text += "\nexit codes:\n";
+    for (const ExitCode& code : exit_codes())
+        text += fmt::format("  {:>3}  {}\n", code.code, wrapped(code.meaning, 7));
+    text += "\nenvironment:\n";
+    for (const EnvironmentVariable& variable : environment_variables())
+        text += fmt::format("  {:<9} {}\n", variable.name, wrapped(variable.meaning, 12));
+    return text + "\n" + wrapped(signals_text(), 0) + "\n";
+}
+
+const std::vector<ExitCode>& exit_codes() {
+    static const std::vector<ExitCode> all{
+        {0, "done"},
+        {1, "done and stored, but no valid answer: not converged, singular, or nothing found"},
+        {2, "wrong command line or job"},
+        {3, "data cannot be read or used"},
+        {4, "internal error"},
+        {130, "interrupted; what there was by then is stored"}};
+    return all;
+}
+
+const std::vector<EnvironmentVariable>& environment_variables() {
+    static const std::vector<EnvironmentVariable> all{
+        {"NO_COLOR", "set and not empty: no colours, unless --color always asks for them"}};
+    return all;
+}
+
+std::string signals_text() {
+    return "Ctrl-C (SIGINT) or SIGTERM stops a run and stores what there is by then; a second one ends it at once. "
+           "The same command goes on from the last finished stage, also after a kill.";
+}
+
+std::vector<std::string> command_names() {
+    std::vector<std::string> names;
+    for (const Command& command : command_table()) {
+        if (command.run != nullptr) names.push_back(command.name);
+    }
+    return names;
+}
+
+int show_help(const CommandCall& call) {
+    if (call.words.empty()) {
+        std::cout << program_help();
+        return 0;
+    }
+    for (const Command& command : command_table()) {
+        if (command.name != call.words[0] || command.run == nullptr) continue;
+        std::cout << command_help(command);
+        return 0;
+    }
+    throw CommandLineError(
+        fmt::format("there is no command \"{}\"{}", call.words[0], suggestion(call.words[0], command_names())));
 }
 
 std::string command_help(const Command& command) {

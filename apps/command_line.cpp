@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <boost/program_options.hpp>
 
+#include "apps/colour.hpp"
 #include "apps/command_help.hpp"
 #include "apps/command_table.hpp"
 #include "apps/json_reader.hpp"
@@ -91,10 +92,10 @@ void need_words(const Command& command, const CommandCall& call) {
                                        command.name));
 }
 
-int run_known(const std::vector<std::string>& arguments) {
+int run_known(const std::vector<std::string>& arguments, bool own_process) {
     if (arguments.empty()) throw CommandLineError(program_help());
     const std::string& first = arguments.front();
-    if (first == "--help" || first == "-h" || first == "help") {
+    if (first == "--help" || first == "-h") {
         std::cout << program_help();
         return 0;
     }
@@ -107,12 +108,13 @@ int run_known(const std::vector<std::string>& arguments) {
         if (command.run != nullptr) names.push_back(command.name);
         if (command.name != first) continue;
         if (command.run == nullptr) throw CommandLineError(fmt::format("orbid {}: {}", first, not_in_this_version));
-        const CommandCall call = parsed(command, {arguments.begin() + 1, arguments.end()});
+        CommandCall call = parsed(command, {arguments.begin() + 1, arguments.end()});
         if (call.has("help")) {
             std::cout << command_help(command);
             return 0;
         }
         need_words(command, call);
+        call.own_process = own_process;
         return command.run(call);
     }
     throw CommandLineError(fmt::format("there is no command \"{}\"{}", first, suggestion(first, names)));
@@ -131,11 +133,11 @@ int CommandCall::whole_number(const std::string& option, int without, int lowest
     return number;
 }
 
-int run_command(const std::vector<std::string>& arguments) {
+int run_command(const std::vector<std::string>& arguments, bool own_process) {
     try {
-        return run_known(arguments);
+        return run_known(arguments, own_process);
     } catch (const CommandLineError& error) {
-        std::cerr << error.what() << '\n';
+        std::cerr << error_text(error.what(), is_coloured("auto", stderr)) << '\n';
         return wrong_command_line;
     }
 }

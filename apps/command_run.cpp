@@ -1,21 +1,28 @@
 #include "apps/command_run.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <thread>
 
+#include "apps/colour.hpp"
+#include "apps/data_check.hpp"
 #include "apps/job_reader.hpp"
 #include "apps/job_summary.hpp"
 #include "apps/run.hpp"
+#include "apps/work_estimate.hpp"
 
 namespace orbid::apps {
 
 namespace {
 
+constexpr int unusable_data = 3;
+
 /// The job, or its problems on standard error.
-JobReading read_and_report(const std::string& file) {
+JobReading read_and_report(const std::string& file, bool coloured) {
     JobReading reading = read_job_file(file);
     for (const Problem& problem : reading.problems)
-        std::cerr << message(problem, file) << '\n';
+        std::cerr << error_text(message(problem, file), coloured) << '\n';
     return reading;
 }
 
@@ -25,7 +32,9 @@ int run_stage(const CommandCall& call, Stage stage) {
     run.threads = call.whole_number("threads", 0, 0);
     run.quiet = call.has("quiet");
     run.force = call.has("force");
-    const JobReading reading = read_and_report(call.words[0]);
+    run.own_process = call.own_process;
+    run.color = call.value("color", "auto");
+    const JobReading reading = read_and_report(call.words[0], is_coloured(call.value("color", "auto"), stderr));
     if (!reading.job) return reading.exit_code();
     std::filesystem::path out = call.words[0];
     if (out.extension() == ".json")
@@ -59,9 +68,19 @@ int run_estimation(const CommandCall& call) {
 }
 
 int check_job(const CommandCall& call) {
-    const JobReading reading = read_and_report(call.words[0]);
-    if (reading.job) std::cout << job_summary(*reading.job);
-    return reading.exit_code();
+    const bool coloured = is_coloured(call.value("color", "auto"), stderr);
+    const JobReading reading = read_and_report(call.words[0], coloured);
+    if (!reading.job) return reading.exit_code();
+    const Job& job = *reading.job;
+    const DataCheck data = check_data(job);
+    std::cout << job_summary(job);
+    for (const std::string& problem : data.problems)
+        std::cerr << error_text(problem, coloured) << '\n';
+    if (!data.problems.empty()) return unusable_data;
+    const int asked = call.whole_number("threads", 0, 0);
+    const int threads = asked > 0 ? asked : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+    std::cout << work_table(estimated_work(job, data, threads), threads);
+    return 0;
 }
 
 }  // namespace orbid::apps

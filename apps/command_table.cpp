@@ -1,9 +1,13 @@
 #include "apps/command_table.hpp"
 
+#include "apps/colour.hpp"
+#include "apps/command_completion.hpp"
+#include "apps/command_help.hpp"
 #include "apps/command_model.hpp"
 #include "apps/command_report.hpp"
 #include "apps/command_run.hpp"
 #include "apps/command_stored.hpp"
+#include "apps/manual_page.hpp"
 #include "apps/model_listing.hpp"
 #include "apps/plot_catalog.hpp"
 #include "apps/starting_job.hpp"
@@ -30,7 +34,9 @@ const std::vector<CommandOption>& run_options() {
 }  // namespace
 
 const std::vector<CommandOption>& common_options() {
-    static const std::vector<CommandOption> all{{"help", "", "this text"}};
+    static const std::vector<CommandOption> all{
+        {"color", "WHEN", "colours on a terminal (default auto)", WordKind::choice, colour_choices},
+        {"help", "", "this text"}};
     return all;
 }
 
@@ -72,9 +78,9 @@ const std::vector<Command>& command_table() {
          "",
          run_estimation},
         {"check",
-         "every error of a job, and what it would run",
+         "every error of a job and its data, and what it would run and take",
          {job_word},
-         {},
+         {{"threads", "N", "threads that the estimate of the work is for (default 0: all cores)", WordKind::number}},
          {{"orbid check job.json", ""}},
          "",
          check_job},
@@ -112,6 +118,29 @@ const std::vector<Command>& command_table() {
           {"orbid plot out section --format pdf --width 180", "out/plot_section.pdf, as wide as a page"}},
          "",
          plot_run},
+        {"completion",
+         "print a script that teaches a shell commands and options",
+         {{"SHELL", WordKind::choice, false, completion_shells}},
+         {},
+         {{"orbid completion bash > ~/.local/share/bash-completion/completions/orbid", "for every new bash"},
+          {"source <(orbid completion bash)", "for this one"},
+          {"orbid completion zsh > \"${fpath[1]}/_orbid\"", "for every new zsh"}},
+         "",
+         show_completion},
+        {"man",
+         "print the manual page orbid(1)",
+         {},
+         {},
+         {{"orbid man | man -l -", "reads it"}, {"orbid man > ~/.local/share/man/man1/orbid.1", "for `man orbid`"}},
+         "",
+         show_manual_page},
+        {"help",
+         "this overview, or the help of a command",
+         {{"COMMAND", WordKind::choice, true, command_names}},
+         {},
+         {{"orbid help run", ""}},
+         "",
+         show_help},
         {"schema", "", {}, {}, {}, ""},
         {"predict", "", {}, {}, {}, ""},
         {"compare", "", {}, {}, {}, ""}};

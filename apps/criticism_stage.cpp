@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/checkpoint_fields.hpp"
 #include "apps/matching_check.hpp"
 #include "apps/model_fit.hpp"
 #include "estimator/evidence.hpp"
@@ -242,6 +243,10 @@ CriticismResult criticise(const StageInput& input, const StageJob& stage, const 
     result.model = own_name(job);
     result.stage = stage.name();
     const double models = static_cast<double>(asked.variants.size() + asked.without.size()) + 1.0;
+    if (input.checkpoint->recall("criticism", result)) {
+        input.work.progress.reused("criticism", fmt::format("{} models compared", result.alternatives.size() + 1));
+        return result;
+    }
     input.work.progress.begin("criticism", models, "models");
     Comparison comparison(input, stage, run);
     input.work.progress.advance(1.0);
@@ -253,6 +258,12 @@ CriticismResult criticise(const StageInput& input, const StageJob& stage, const 
     }
     const auto add = [&](Job other, std::string name) {
         if (input.work.interruption.asked()) return;
+        AlternativeResult known;
+        if (input.checkpoint->recall("criticism " + name, known)) {
+            result.alternatives.push_back(std::move(known));
+            input.work.progress.advance(1.0);
+            return;
+        }
         try {
             result.alternatives.push_back(comparison.against(std::move(other), name));
         } catch (const orbits::DataError& error) {
@@ -263,6 +274,7 @@ CriticismResult criticise(const StageInput& input, const StageJob& stage, const 
             failed.message = error.what();
             failed.ln_bayes_factor.reason = error.what();
         }
+        if (!input.work.interruption.asked()) input.checkpoint->keep("criticism " + name, result.alternatives.back());
         input.work.progress.advance(1.0);
     };
     for (const std::string& variant : asked.variants)
@@ -270,6 +282,7 @@ CriticismResult criticise(const StageInput& input, const StageJob& stage, const 
     for (const Eigen::Index parameter : asked.without)
         add(without(comparison.job(), parameter),
             fmt::format("without {}", job.model.system->parameters()[static_cast<std::size_t>(parameter)].name));
+    if (!input.work.interruption.asked()) input.checkpoint->keep("criticism", result);
     input.work.progress.end(fmt::format("{} models compared", result.alternatives.size() + 1));
     return result;
 }

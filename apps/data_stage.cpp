@@ -178,8 +178,12 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     }
 
     work.progress.begin("simulate");
-    auto run =
-        orbits::simulate(*system_with(job, inputs), experiment_values(job, data), simulation_options(job, index));
+    const auto run_experiment = [&] {
+        const Departure::Allowed leaving(work.departure);
+        return orbits::simulate(*system_with(job, inputs), experiment_values(job, data),
+                                simulation_options(job, index));
+    };
+    auto run = run_experiment();
     if (!run.complete) throw orbits::DataError(fmt::format("{}: cannot be simulated: {}", data.name, run.message));
     Experiment experiment{std::move(run.series), captures(data.name, run.events), {}};
     experiment.inputs = by_segment(inputs, experiment.series.segments.size());
@@ -220,6 +224,7 @@ std::string sd_column(const Job& job, std::size_t experiment, Eigen::Index coord
 Experiment measured(const Workspace& work, std::size_t index) {
     const DataJob& data = work.job.data[index];
     work.progress.begin("read");
+    const Departure::Allowed leaving(work.departure);
     Experiment experiment;
     experiment.series = recorded_series(work.job, index);
     experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments.size());

@@ -129,7 +129,8 @@ void add_shooting(const Job& job, const std::vector<Experiment>& data, const Est
 
 PredictionStart prediction_start(const Job& job, const std::vector<Experiment>& data, const EstimateSetup& setup,
                                  const models::ParameterBinding& cycle_binding,
-                                 const std::vector<estimator::FreeParameter>& parameters) {
+                                 const std::vector<estimator::FreeParameter>& parameters,
+                                 const Eigen::VectorXd* known) {
     const bool of_series = job.estimate->series && !job.estimate->series->data.empty();
     const auto experiments = of_series ? job.estimate->series->data : std::vector<std::size_t>{job.orbits->data};
     PredictionStart result;
@@ -142,8 +143,9 @@ PredictionStart prediction_start(const Job& job, const std::vector<Experiment>& 
         }
         return list;
     };
+    if (known != nullptr) result.theta = *known;
     result.residuals.prediction = make(result.theta);
-    if (!job.estimate->scan) return result;
+    if (known != nullptr || !job.estimate->scan) return result;
     const auto misfit = [&](const Eigen::VectorXd& theta) {
         double sum = 0.0;
         for (const auto& residual : result.residuals.prediction)

@@ -27,11 +27,13 @@ struct PredictionStart {
 /// Adds a residual of predictions over one interval per experiment: those of the series residual, or the one that was
 /// searched for cycles. With "scan" the start is the best of a coarse ladder around the parameters' starts.
 /// @param parameters  with the starts.
+/// @param known       the start that was found here before; nullptr: none was.
 /// @throws orbits::DataError as add_shooting; also when a record has no interval that can be predicted.
 [[nodiscard]] PredictionStart prediction_start(const Job& job, const std::vector<Experiment>& data,
                                                const EstimateSetup& setup,
                                                const models::ParameterBinding& cycle_binding,
-                                               const std::vector<estimator::FreeParameter>& parameters);
+                                               const std::vector<estimator::FreeParameter>& parameters,
+                                               const Eigen::VectorXd* known = nullptr);
 
 /// What an estimate by predictions needs: it only has to come near.
 [[nodiscard]] estimator::EstimateOptions prediction_options(const estimator::EstimateOptions& options);

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/checkpoint_fields.hpp"
 #include "apps/criticism_stage.hpp"
 #include "apps/cycle_file.hpp"
 #include "apps/estimate_records.hpp"
@@ -120,6 +121,14 @@ std::vector<ResidualRow> describe_records(const StageInput& input, const StageRu
     return rows;
 }
 
+/// result.json of a run that is left with what its strategy has come to.
+std::string interrupted_result(const StrategyRun& run, const ResultContext& context) {
+    estimator::Estimate estimate = strategy_estimate(run, true);
+    estimate.status = estimator::EstimateStatus::interrupted;
+    if (estimate.message.empty()) estimate.message = "interrupted";
+    return result_text(estimate, context);
+}
+
 /// What is said of the matching of nodes, and of other models.
 void criticise_result(const StageInput& input, const StrategyRun& strategy, StrategyResults& results) {
     const Job& job = input.work.job;
@@ -128,7 +137,10 @@ void criticise_result(const StageInput& input, const StrategyRun& strategy, Stra
         std::find_if(strategy.stages.begin(), strategy.stages.end(), [](const StageResult& one) { return one.chosen; });
     if (chosen == strategy.stages.end() || !is_evaluated(best)) return;
     const StageJob& stage = job.estimate->strategy[static_cast<std::size_t>(chosen - strategy.stages.begin())];
-    results.matching = matching_results(input, best, !input.work.interruption.asked());
+    if (!input.checkpoint->recall("matching", results.matching)) {
+        results.matching = matching_results(input, best, !input.work.interruption.asked());
+        if (!input.work.interruption.asked()) input.checkpoint->keep("matching", results.matching);
+    }
     if (!job.estimate->criticism.any() || input.work.interruption.asked()) return;
     if (stage.kind == StageJob::Kind::prediction || !best.succeeded()) {
         input.work.progress.say("other models are not compared: there is no estimate to compare them with");
@@ -171,11 +183,14 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     PosteriorResults& posterior = outcome.context.posterior;
     for (const auto& parameter : setup.parameters)
         posterior.parameters.push_back(parameter.name);
-    StageInput input{work, data, section, setup, cycle_binding, prepared, options, search, &posterior, {}};
+    work.departure.shows(interrupted_result({}, outcome.context));
+    Checkpoint checkpoint(work.folder, outcome.context.fingerprint);
+    StageInput input{work, data, section, setup, cycle_binding, prepared, options, search, &posterior, {}, &checkpoint};
     const StrategyRun strategy =
         run_strategy(input, job.estimate->strategy, setup.parameters, [&](const StrategyRun& run) {
+            if (staged) outcome.context.strategy.stages = run.stages;
+            work.departure.shows(interrupted_result(run, outcome.context));
             if (!staged) return;
-            outcome.context.strategy.stages = run.stages;
             work.folder.store("result.json",
                               result_text(strategy_estimate(run, work.interruption.asked()), outcome.context));
         });
@@ -198,12 +213,13 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     // Stored before what may take long, and again with it.
     work.folder.store("result.json", result_text(estimate, outcome.context));
     criticise_result(input, strategy, outcome.context.strategy);
-    explore_posterior(work, best.parameters, all, setup.derived, options, estimate, posterior);
+    explore_posterior(work, best.parameters, all, setup.derived, options, estimate, checkpoint, posterior);
     if (work.interruption.asked() && estimate.status != estimator::EstimateStatus::interrupted) {
         estimate.status = estimator::EstimateStatus::interrupted;
         estimate.message = "interrupted after the estimate, which is complete";
     }
     work.folder.store("result.json", result_text(estimate, outcome.context));
+    if (!work.interruption.asked()) checkpoint.remove();
     return outcome;
 }
 

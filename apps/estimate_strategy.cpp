@@ -2,19 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "apps/cycle_file.hpp"
 #include "apps/cycle_start.hpp"
 #include "apps/estimate_shooting.hpp"
-#include "apps/orbits_stage.hpp"
+#include "apps/harvest_stage.hpp"
 #include "apps/posterior_stage.hpp"
-#include "apps/stage_fingerprint.hpp"
+#include "apps/stage_memory.hpp"
 #include "orbits/cycle_residual.hpp"
 #include "orbits/data_error.hpp"
-#include "orbits/harvest.hpp"
 
 namespace orbid::apps {
 
@@ -41,8 +40,15 @@ StageRun skipped(const StageJob& stage, const Parameters& parameters, std::strin
     return run;
 }
 
+void begin_at(const Eigen::VectorXd& theta, Parameters& parameters) {
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        parameters[i].start = theta[static_cast<Eigen::Index>(i)];
+}
+
 /// The residuals of a stage; cycles with a start of their own move `parameters`.
-JobResiduals stage_residuals(StageInput& input, const StageJob& stage, Parameters& parameters, CycleStart& start) {
+/// @param known  `start` holds what was found here before.
+JobResiduals stage_residuals(StageInput& input, const StageJob& stage, Parameters& parameters, CycleStart& start,
+                             bool known) {
     const Job& job = input.work.job;
     JobResiduals residuals;
     if (stage.uses(ResidualType::series)) {
@@ -71,11 +77,11 @@ JobResiduals stage_residuals(StageInput& input, const StageJob& stage, Parameter
             CycleStartOptions start_options;
             start_options.estimate = input.options;
             start_options.log = [&](const std::string& line) { input.work.progress.log(line); };
-            start = start_from_cycles(
-                {job.model.system, input.cycle_binding, input.search.cycles, job.section_phase, options.targets},
-                parameters, start_options);
-            for (std::size_t i = 0; i < parameters.size(); ++i)
-                parameters[i].start = start.theta[static_cast<Eigen::Index>(i)];
+            if (!known)
+                start = start_from_cycles(
+                    {job.model.system, input.cycle_binding, input.search.cycles, job.section_phase, options.targets},
+                    parameters, start_options);
+            begin_at(start.theta, parameters);
         }
         residuals.cycles =
             std::make_unique<orbits::CycleResidual>(job.model.system, input.cycle_binding, input.search.cycles,
@@ -84,106 +90,82 @@ JobResiduals stage_residuals(StageInput& input, const StageJob& stage, Parameter
     return residuals;
 }
 
-/// Sds of the model's free parameters, as far as an estimate knows them all.
-std::optional<Eigen::MatrixXd> known_covariance(const estimator::Estimate& estimate,
-                                                const models::ParameterBinding& binding) {
-    const Eigen::MatrixXd& all = estimate.covariance;
-    if (all.rows() != static_cast<Eigen::Index>(estimate.parameters.size())) return std::nullopt;
-    const Eigen::MatrixXd own = all(binding.estimated, binding.estimated);
-    return own.allFinite() ? std::optional(own) : std::nullopt;
-}
-
-/// Adds to the cycles what the estimate before points to. What there is to say is said; why nothing was done is
-/// returned.
-std::string harvest_cycles(StageInput& input, const StageRun& before) {
-    const Job& job = input.work.job;
-    if (input.section == nullptr) return "cycles were not searched for in a series";
-    const auto covariance = known_covariance(before.estimate, input.cycle_binding);
-    if (!covariance) return "the estimate before leaves a direction undetermined: it points nowhere";
-    orbits::HarvestOptions options;
-    options.search = input.section->options;
-    // Known from the first search, they need not be estimated again.
-    if (options.search.reading_covariance.size() == 0 &&
-        input.search.reading_covariance.rows() == input.section->series().dimension())
-        options.search.reading_covariance = input.search.reading_covariance;
-    options.sensor = job.data[job.orbits->data].sensor;
-    options.phase = job.section_phase;
-    options.covariance = *covariance;
-    options.free = input.cycle_binding.parameter;
-    input.work.progress.begin("harvest");
-    Eigen::VectorXd theta(static_cast<Eigen::Index>(before.estimate.parameters.size()));
-    for (Eigen::Index i = 0; i < theta.size(); ++i)
-        theta[i] = before.estimate.parameters[static_cast<std::size_t>(i)].value;
-    orbits::Harvest found;
-    try {
-        found = orbits::harvest(input.section->series(), *job.model.system, input.cycle_binding.values(theta),
-                                input.search.cycles, options);
-    } catch (const std::invalid_argument& error) {
-        input.work.progress.end(error.what());
-        return error.what();
-    }
-    input.work.progress.end(fmt::format("{} new cycles from {} orbits; {} not visited, {} rejected",
-                                        found.cycles.size(), found.candidates, found.not_visited, found.rejected));
-    for (const std::string& remark : found.remarks)
-        input.work.progress.say(remark);
-    if (found.cycles.empty()) return "no further cycle was found in the series";
-    // Partners are indices into the list: those of new cycles count from their own beginning.
-    const std::size_t known = input.search.cycles.size();
-    for (orbits::Cycle& cycle : found.cycles) {
-        if (cycle.mirror) *cycle.mirror += known;
-        input.search.cycles.push_back(std::move(cycle));
-    }
-    input.work.folder.store(
-        "harvested_cycles.json",
-        cycles_text({cycle_file_head(job, stage_fingerprint(input.work.document, {"/model", "/seed", "/section",
-                                                                                  "/data", "/orbits", "/estimate"})),
-                     input.search}));
-    return {};
-}
-
 /// Tries other starts and takes the residuals to the best end.
-void try_starts(StageInput& input, const std::vector<Eigen::MatrixXd>& nodes, JobResiduals& residuals,
-                Parameters& parameters) {
+/// @param known  `memory` holds what was found here before.
+void try_starts(StageInput& input, StageMemory& memory, bool known, JobResiduals& residuals, Parameters& parameters) {
     const Job& job = input.work.job;
-    search_starts(input.work, residuals, input.setup.derived, input.options, parameters, *input.starts);
+    if (known) {
+        input.starts->optima = memory.optima;
+        input.starts->runs = memory.runs;
+        begin_at(memory.best_start, parameters);
+    } else {
+        search_starts(input.work, residuals, input.setup.derived, input.options, parameters, *input.starts);
+        memory.optima = input.starts->optima;
+        memory.runs = input.starts->runs;
+        memory.best_start = starts(parameters);
+    }
     if (residuals.cycles) {
         // Its solutions are those around the first start.
         orbits::CycleResidualOptions options;
         options.targets = cycle_targets(job);
-        residuals.cycles =
-            std::make_unique<orbits::CycleResidual>(job.model.system, input.cycle_binding, input.search.cycles,
-                                                    job.section_phase, starts(parameters), nodes, options);
+        residuals.cycles = std::make_unique<orbits::CycleResidual>(job.model.system, input.cycle_binding,
+                                                                   input.search.cycles, job.section_phase,
+                                                                   starts(parameters), memory.cycles.nodes, options);
     }
     if (residuals.waveform.residual) {
         for (const std::string& lost :
              add_waveform(job, input.data, input.setup, starts(parameters), residuals.waveform))
             input.work.progress.say(lost);
     }
-    input.work.progress.begin("estimate");
+    if (!known) input.work.progress.begin("estimate");
 }
 
-StageRun estimate_stage(StageInput& input, const StageJob& stage, Parameters parameters) {
+/// The minimisation, or what it came to before, with the residuals in the state that it left them in.
+estimator::Estimate minimised(const StageInput& input, const Parameters& parameters, const JobResiduals& residuals,
+                              const estimator::EstimateOptions& options, StageMemory& memory, bool known) {
+    const std::vector<estimator::Residual*> all = residuals.all();
+    if (known) {
+        for (std::size_t r = 0; r < all.size(); ++r)
+            repeat_changes(memory.changes.at(r), *all[r]);
+        return memory.estimate;
+    }
+    std::vector<RecordedResidual> recorded;
+    recorded.reserve(all.size());
+    std::vector<estimator::Residual*> asked;
+    for (estimator::Residual* residual : all)
+        asked.push_back(&recorded.emplace_back(*residual));
+    memory.estimate = estimator::estimate(parameters, asked, input.setup.derived, options);
+    for (const RecordedResidual& residual : recorded)
+        memory.changes.push_back(residual.changes());
+    return memory.estimate;
+}
+
+/// @param known  the stage has run before and left `memory`, which is filled otherwise.
+StageRun estimate_stage(StageInput& input, const StageJob& stage, Parameters parameters, StageMemory& memory,
+                        bool known) {
     StageRun run;
     run.result.stage = stage.name();
     estimator::EstimateOptions options = input.options;
     if (stage.kind == StageJob::Kind::prediction) {
-        PredictionStart start =
-            prediction_start(input.work.job, input.data, input.setup, input.cycle_binding, parameters);
+        std::optional<Departure::Allowed> leaving(std::in_place, input.work.departure);
+        PredictionStart start = prediction_start(input.work.job, input.data, input.setup, input.cycle_binding,
+                                                 parameters, known ? &memory.prediction : nullptr);
+        leaving.reset();
         run.residuals = std::move(start.residuals);
-        for (std::size_t i = 0; i < parameters.size(); ++i)
-            parameters[i].start = start.theta[static_cast<Eigen::Index>(i)];
+        memory.prediction = start.theta;
+        begin_at(start.theta, parameters);
         options = prediction_options(options);
+    } else {
+        run.residuals = stage_residuals(input, stage, parameters, memory.cycles, known);
     }
-    CycleStart start;
-    if (stage.kind != StageJob::Kind::prediction) run.residuals = stage_residuals(input, stage, parameters, start);
     if (run.residuals.all().empty())
         return skipped(stage, parameters, "no cycle was found: there is nothing to estimate from");
     check_enough_readings(input.work.job, input.setup, run.residuals);
     if (input.starts != nullptr && input.work.job.estimate->multi_start.starts > 1)
-        try_starts(input, start.nodes, run.residuals, parameters);
-    run.estimate = estimator::estimate(parameters, run.residuals.all(), input.setup.derived, options);
-    run.estimate.iterations += start.iterations;
-    run.estimate.evaluations += start.evaluations;
+        try_starts(input, memory, known, run.residuals, parameters);
+    run.estimate = minimised(input, parameters, run.residuals, options, memory, known);
+    run.estimate.iterations += memory.cycles.iterations;
+    run.estimate.evaluations += memory.cycles.evaluations;
     run.parameters = std::move(parameters);
     return run;
 }
@@ -220,26 +202,77 @@ const models::ParameterBinding& searched_binding(const Job& job, const EstimateS
 }
 
 StageRun fit_stage(StageInput& input, const StageJob& stage, const Parameters& parameters) {
-    StageRun run = estimate_stage(input, stage, parameters);
+    StageMemory unused;
+    StageRun run = estimate_stage(input, stage, parameters, unused, false);
     if (run.result.status != skipped_status) describe(input, run);
     return run;
 }
 
-StageRun run_stage(StageInput& input, const StageJob& stage, const Parameters& parameters, const StageRun* before) {
+namespace {
+
+/// A stage that has finished before: everything but the computing.
+StageRun remembered_stage(StageInput& input, const StageJob& stage, const Parameters& parameters, StageMemory& memory) {
+    if (memory.search) {
+        input.search = *memory.search;
+        store_harvest(input);
+    }
+    StageRun run = memory.skipped.empty() ? estimate_stage(input, stage, parameters, memory, true)
+                                          : skipped(stage, parameters, memory.skipped);
+    if (run.result.status == skipped_status) {
+        input.work.progress.reused(stage.name(), run.result.message);
+        return run;
+    }
+    describe(input, run);
+    input.work.progress.reused(
+        stage.name(), fmt::format("{} after {} iterations, from checkpoint.bin", estimator::name(run.estimate.status),
+                                  run.estimate.iterations));
+    return run;
+}
+
+StageRun computed_stage(StageInput& input, const StageJob& stage, const Parameters& parameters, const StageRun* before,
+                        StageMemory& memory, const std::string& name) {
     if (stage.kind == StageJob::Kind::harvest) {
-        const std::string reason =
-            before == nullptr ? "no estimate from cycles points anywhere" : harvest_cycles(input, *before);
-        if (!reason.empty()) return skipped(stage, parameters, reason);
+        const std::string cycles = name + " cycles";
+        const bool known = input.checkpoint != nullptr && input.checkpoint->recall(cycles, memory);
+        if (known && memory.search) {
+            input.search = *memory.search;
+            store_harvest(input);
+            input.work.progress.reused("harvest", fmt::format("{} cycles", input.search.cycles.size()));
+        } else if (!known) {
+            memory.skipped =
+                before == nullptr ? "no estimate from cycles points anywhere" : harvest_cycles(input, *before);
+            if (memory.skipped.empty()) memory.search = input.search;
+            if (input.checkpoint != nullptr && !input.work.interruption.asked()) input.checkpoint->keep(cycles, memory);
+        }
+        if (!memory.skipped.empty()) return skipped(stage, parameters, memory.skipped);
     }
     // A single stage is called after the whole, which has begun.
     if (input.work.job.estimate->strategy.size() > 1) input.work.progress.begin(stage.name());
-    StageRun run = fit_stage(input, stage, parameters);
+    StageRun run = estimate_stage(input, stage, parameters, memory, false);
+    if (run.result.status == skipped_status) {
+        memory.skipped = run.result.message;
+    } else {
+        describe(input, run);
+    }
+    return run;
+}
+
+}  // namespace
+
+StageRun run_stage(StageInput& input, const StageJob& stage, const Parameters& parameters, const StageRun* before,
+                   const std::string& name) {
+    StageMemory memory;
+    if (input.checkpoint != nullptr && input.checkpoint->recall(name, memory))
+        return remembered_stage(input, stage, parameters, memory);
+    StageRun run = computed_stage(input, stage, parameters, before, memory, name);
+    // Kept before it is told, so that what was told is there. An interruption leaves a stage half done.
+    if (input.checkpoint != nullptr && !input.work.interruption.asked()) input.checkpoint->keep(name, memory);
     if (run.result.status == skipped_status) {
         input.work.progress.end(run.result.message);
-        return run;
+    } else {
+        input.work.progress.end(
+            fmt::format("{} after {} iterations", estimator::name(run.estimate.status), run.estimate.iterations));
     }
-    input.work.progress.end(
-        fmt::format("{} after {} iterations", estimator::name(run.estimate.status), run.estimate.iterations));
     return run;
 }
 
@@ -249,7 +282,8 @@ StrategyRun run_strategy(StageInput& input, const std::vector<StageJob>& stages,
     Parameters current = parameters;
     for (const StageJob& stage : stages) {
         if (input.work.interruption.asked()) break;
-        StageRun run = run_stage(input, stage, current, strategy.best ? &*strategy.best : nullptr);
+        StageRun run = run_stage(input, stage, current, strategy.best ? &*strategy.best : nullptr,
+                                 fmt::format("stage {}", strategy.stages.size()));
         strategy.stages.push_back(run.result);
         strategy.iterations += run.result.iterations;
         strategy.evaluations += run.result.evaluations;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/checkpoint.hpp"
 #include "apps/data_stage.hpp"
 #include "apps/estimate_residuals.hpp"
 #include "apps/estimate_setup.hpp"
@@ -29,6 +30,7 @@ struct StageInput {
     PosteriorResults* starts = nullptr;  ///< where several starts are told of, when the job asks for them
     /// Nodes that series begin from: by experiment of the series, by fitted segment; empty: guessed.
     std::vector<std::vector<Eigen::MatrixXd>> nodes;
+    Checkpoint* checkpoint = nullptr;  ///< what stages leave to a run that goes on; none: nothing
 };
 
 /// A stage that has run, with what its estimate was made from.
@@ -47,11 +49,13 @@ struct StageRun {
     [[nodiscard]] bool usable() const;
 };
 
-/// Runs one stage from the starts of `parameters`.
+/// Runs one stage from the starts of `parameters`, or takes what the checkpoint knows of it: the same to the bit.
 /// @param before  the best of the stages before: what a harvest looks from; nullptr: none has run.
+/// @param name    in the checkpoint.
 /// @throws orbits::DataError when the data cannot serve its residuals.
 [[nodiscard]] StageRun run_stage(StageInput& input, const StageJob& stage,
-                                 const std::vector<estimator::FreeParameter>& parameters, const StageRun* before);
+                                 const std::vector<estimator::FreeParameter>& parameters, const StageRun* before,
+                                 const std::string& name);
 
 /// The minimisation of a stage alone: what a harvest adds is there already, and the cycles' parameters near it.
 /// @throws orbits::DataError as run_stage.

@@ -14,6 +14,9 @@ public:
 
     /// Somebody asked to stop.
     [[nodiscard]] bool asked() const;
+    /// Returns when somebody asks to stop, or wake() was called.
+    void wait() const;
+    void wake() const;
 
 private:
     using Handler = void (*)(int);

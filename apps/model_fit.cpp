@@ -13,10 +13,12 @@ ModelFit::ModelFit(const StageInput& input, Job job, std::vector<std::vector<Eig
             input.work.document,
             input.work.progress,
             input.work.interruption,
-            input.work.folder},
+            input.work.folder,
+            input.work.departure},
       setup_(estimate_setup(job_, fitted_labels(job_, input.data))),
       input_{work_,     input.data,    input.section, setup_,  searched_binding(job_, setup_),
-             prepared_, input.options, input.search,  nullptr, std::move(nodes)} {
+             prepared_, input.options, input.search,  nullptr, std::move(nodes),
+             nullptr} {
     input_.options.progress = {};
     add_series(job_, input.data, setup_, prepared_);
     (void)add_waveform(job_, input.data, setup_, setup_.start(), prepared_.waveform);

@@ -91,6 +91,7 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
     if (!section->remark.empty()) work.progress.say(section->remark);
     orbits::CycleSearch search;
     try {
+        const Departure::Allowed leaving(work.departure);
         search = orbits::find_cycles(section->series(), section->options);
     } catch (const std::invalid_argument& error) {
         // The job was checked: what is refused here is the series (too short, a coordinate without spread).
@@ -115,7 +116,11 @@ orbits::Invariants compute_invariants(const Workspace& work, const SearchedSecti
     options.expansion = work.job.orbits->expansion;
     options.lyapunov.symmetry_signs = section.options.symmetry_signs;
     try {
-        orbits::Invariants invariants = find_invariants(section.series(), search, options);
+        const auto find = [&] {
+            const Departure::Allowed leaving(work.departure);
+            return find_invariants(section.series(), search, options);
+        };
+        const orbits::Invariants invariants = find();
         work.folder.store("invariants.json", invariants_text(invariants));
         work.progress.end("exponents, dimensions and entropies");
         return invariants;

@@ -21,9 +21,10 @@ constexpr std::array<std::string_view, 16> result_names{
     "residuals.csv",        "timing.json",       "waveform.svg", "report.html"};
 
 /// Those that no stage takes up again.
-constexpr std::array<std::string_view, 12> unsigned_names{
-    "estimate_orbits.json", "model_section.svg", "invariants.json", "branch.csv", "branch.svg",   "result.json",
-    "residuals.csv",        "section.svg",       "timing.json",     "log.txt",    "waveform.svg", "report.html"};
+constexpr std::array<std::string_view, 13> unsigned_names{
+    "estimate_orbits.json", "model_section.svg", "invariants.json", "branch.csv",  "branch.svg",
+    "result.json",          "residuals.csv",     "section.svg",     "timing.json", "log.txt",
+    "waveform.svg",         "report.html",       "checkpoint.bin"};
 
 std::string shortened(const std::string& text) {
     constexpr std::size_t longest = 100;  // a value can be a whole part of the job
@@ -147,12 +148,14 @@ void OutputFolder::claim() {
 }
 
 void OutputFolder::store(const std::string& name, std::string_view bytes) {
+    const std::lock_guard lock(mutex_);
     claim();
     write_atomically(file(name), bytes);
 }
 
 void OutputFolder::store(const std::string& name,
                          const std::function<void(const std::filesystem::path& temporary)>& writer) {
+    const std::lock_guard lock(mutex_);
     claim();
     write_atomically(file(name), writer);
 }

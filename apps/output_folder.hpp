@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -53,9 +54,9 @@ public:
     OutputFolder& operator=(const OutputFolder&) = delete;
 
     [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder_ / name; }
-    /// Stores a file of the run, whole or not at all. The first one is preceded by job.json; where the folder held
-    /// another job (`force`), its results are removed then, but for series and cycles: those say in their fingerprint
-    /// whether they fit.
+    /// Stores a file of the run, whole or not at all. Thread-safe. The first one is preceded by job.json; where the
+    /// folder held another job (`force`), its results are removed then, but for series and cycles: those say in their
+    /// fingerprint whether they fit.
     void store(const std::string& name, std::string_view bytes);
     /// The same for writers that need a path.
     void store(const std::string& name, const std::function<void(const std::filesystem::path& temporary)>& writer);
@@ -63,6 +64,7 @@ public:
 private:
     void claim();
 
+    std::mutex mutex_;  ///< one file at a time, and none half written when a run is left
     std::filesystem::path folder_;
     std::string job_text_;
     bool created_;         ///< by this run

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/checkpoint_fields.hpp"
 #include "estimator/evidence.hpp"
 
 namespace orbid::apps {
@@ -78,7 +79,7 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
                        const std::vector<estimator::Residual*>& residuals,
                        const std::vector<estimator::DerivedQuantity>& derived,
                        const estimator::EstimateOptions& options, const estimator::Estimate& estimate,
-                       PosteriorResults& results) {
+                       Checkpoint& checkpoint, PosteriorResults& results) {
     const EstimateJob& job = *work.job.estimate;
     estimator::EstimateOptions quiet = options;
     quiet.progress = {};
@@ -100,26 +101,45 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
             work.progress.end(error.what());
         }
     };
+    // What a run before this one has finished is taken from it. Kept before it is told.
+    const auto keep = [&](const std::string& name, auto& found) {
+        if (!work.interruption.asked()) checkpoint.keep(name, found);
+    };
     if (job.profile.any()) {
         attempt("profile", [&] {
+            if (checkpoint.recall("profile", results.profiles)) {
+                work.progress.reused("profile", fmt::format("{} unknowns", results.profiles.size()));
+                return;
+            }
             work.progress.begin("profile");
             estimator::ProfileOptions profile;
             profile.names = chosen(job.profile, parameters);
             results.profiles = estimator::profiles(parameters, residuals, quiet, estimate, profile);
+            keep("profile", results.profiles);
             work.progress.end(fmt::format("{} unknowns", results.profiles.size()));
         });
     }
     if (job.marginals.any()) {
         attempt("marginals", [&] {
+            if (checkpoint.recall("marginals", results.marginals)) {
+                work.progress.reused("marginals", fmt::format("{} unknowns", results.marginals.size()));
+                return;
+            }
             work.progress.begin("marginals");
             estimator::MarginalOptions marginal;
             marginal.names = chosen(job.marginals, parameters);
             results.marginals = estimator::marginals(parameters, residuals, quiet, estimate, marginal);
+            keep("marginals", results.marginals);
             work.progress.end(fmt::format("{} unknowns", results.marginals.size()));
         });
     }
     if (job.sample.draws > 0) {
         attempt("posterior", [&] {
+            if (checkpoint.recall("posterior", results.sample)) {
+                work.folder.store("posterior.csv", draws_text(*results.sample));
+                work.progress.reused("posterior", fmt::format("{} chains", results.sample->chains.size()));
+                return;
+            }
             estimator::SampleOptions sample;
             sample.draws = static_cast<int>(job.sample.draws);
             sample.chains = static_cast<int>(job.sample.chains);
@@ -132,6 +152,7 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
             results.sample = estimator::sample_posterior(parameters, residuals, derived, quiet, estimate, sample);
             name_as_elsewhere(*results.sample);
             work.folder.store("posterior.csv", draws_text(*results.sample));
+            keep("posterior", results.sample);
             work.progress.end(fmt::format("{} chains: {}{}", results.sample->chains.size(),
                                           name(results.sample->status),
                                           results.sample->trusted ? "" : ", not trusted"));

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "apps/checkpoint.hpp"
 #include "apps/estimate_residuals.hpp"
 #include "apps/posterior_results.hpp"
 #include "apps/workspace.hpp"
@@ -20,7 +21,7 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
                        const std::vector<estimator::Residual*>& residuals,
                        const std::vector<estimator::DerivedQuantity>& derived,
                        const estimator::EstimateOptions& options, const estimator::Estimate& estimate,
-                       PosteriorResults& results);
+                       Checkpoint& checkpoint, PosteriorResults& results);
 
 /// Residuals of every group that has a distribution to be looked at.
 [[nodiscard]] std::vector<GroupDiagnostic> diagnose_residuals(const std::vector<estimator::Residual*>& residuals,

@@ -169,6 +169,7 @@ void Progress::finish(std::string_view outcome) {
 
 void Progress::reused(std::string_view stage, std::string_view what) {
     const std::lock_guard lock(mutex_);
+    if (running_ && stage_ == stage) running_ = false;
     times_.push_back({std::string(stage), 0.0, true});
     const std::string line = fmt::format("{:<9} {:>11}  {}", stage, "reused", what);
     keep(line);

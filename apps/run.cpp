@@ -1,6 +1,8 @@
 #include "apps/run.hpp"
 
 #include <cstdio>
+#include <cstdlib>
+#include <functional>
 #include <optional>
 #include <thread>
 
@@ -8,11 +10,12 @@
 #include <tbb/global_control.h>
 
 #include "apps/branch_stage.hpp"
+#include "apps/colour.hpp"
 #include "apps/command_report.hpp"
 #include "apps/data_stage.hpp"
+#include "apps/departure.hpp"
 #include "apps/estimate_stage.hpp"
 #include "apps/evaluated_model.hpp"
-#include "apps/fingerprint.hpp"
 #include "apps/first_use.hpp"
 #include "apps/interruption.hpp"
 #include "apps/invariants_file.hpp"
@@ -24,6 +27,7 @@
 #include "apps/progress.hpp"
 #include "apps/searched_section.hpp"
 #include "apps/section_plot.hpp"
+#include "apps/signed_files.hpp"
 #include "apps/summary.hpp"
 #include "apps/version.hpp"
 #include "apps/workspace.hpp"
@@ -38,26 +42,6 @@ constexpr int no_valid_answer = 1;
 constexpr int wrong_call = 2;
 constexpr int unusable_data = 3;
 constexpr int interrupted = 130;
-
-/// SHA-256 of a file the job names; a job that states it wants that very file.
-void sign(const std::filesystem::path& path, std::string& expected) {
-    if (!std::filesystem::exists(path)) throw orbits::DataError(fmt::format("{}: no such file", path.string()));
-    const std::string found = sha256_of_file(path);
-    if (!expected.empty() && expected != found) {
-        throw orbits::DataError(
-            fmt::format("{}: is not the file the job was made for: its SHA-256 is {}, the job says {}", path.string(),
-                        found, expected));
-    }
-    expected = found;
-}
-
-void sign_files(Job& job) {
-    for (DataJob& data : job.data) {
-        if (data.file) sign(data.file->path, data.file->sha256);
-        if (data.inputs && data.inputs->file) sign(*data.inputs->file, data.inputs->sha256);
-    }
-    if (job.orbits && job.orbits->file) sign(*job.orbits->file, job.orbits->sha256);
-}
 
 bool wants(const RunOptions& options, Stage stage) {
     return options.stage == Stage::all || options.stage == stage;
@@ -82,6 +66,14 @@ int exit_code(estimator::EstimateStatus status) {
     }
 }
 
+/// result.json of a run that is left before its estimate.
+std::string result_without_estimate() {
+    estimator::Estimate estimate;
+    estimate.status = estimator::EstimateStatus::interrupted;
+    estimate.message = "interrupted before the estimate";
+    return result_text(estimate, {});
+}
+
 /// Runs the stages that the command and the job name; the exit code is the worst of theirs.
 int run_stages(const Workspace& work) {
     const Job& job = work.job;
@@ -90,6 +82,7 @@ int run_stages(const Workspace& work) {
     const bool loading = wants(work.options, Stage::simulate) || (searching && is_section_search(job)) ||
                          (estimating && (job.estimate->series || job.estimate->waveform || is_section_search(job)));
     int code = success;
+    if (estimating) work.departure.shows(result_without_estimate());
 
     std::vector<Experiment> data;
     if (loading) data = load_data(work);
@@ -123,7 +116,8 @@ int run_stages(const Workspace& work) {
     }
     if (estimating) {
         const EstimateOutcome outcome = run_estimate(work, data, section ? &*section : nullptr, search);
-        print(estimate_summary(outcome.estimate, outcome.context, job.title));
+        print(with_status_colours(estimate_summary(outcome.estimate, outcome.context, job.title),
+                                  is_coloured(work.options.color, stdout)));
         code = std::max(code, exit_code(outcome.estimate.status));
         // What was asked for and could not be done.
         for (const auto& [block, reason] : outcome.context.posterior.refused) {
@@ -168,10 +162,23 @@ int run_job(const Job& asked, const RunOptions& options) {
         const nlohmann::ordered_json ordered = job_document(job, options.out, versions());
         const nlohmann::json document = nlohmann::json::parse(ordered.dump());
         OutputFolder folder(options.out, document, job_text(job, options.out, versions()), options.force);
-        const Workspace work{job, options, document, progress, interruption, folder};
+        const auto store_times = [&] {
+            folder.store("timing.json", timing_text(progress.times(), threads, versions()));
+            folder.store("log.txt", progress.log_text());
+        };
+        const auto leave = [&](const std::string& result) {
+            if (!result.empty()) folder.store("result.json", result);
+            progress.end("interrupted");
+            store_times();
+            std::fflush(nullptr);
+            // No destructors: threads still compute with what they would destroy.
+            std::_Exit(interrupted);
+        };
+        Departure departure(interruption, options.own_process ? std::function<void(const std::string&)>(leave)
+                                                              : std::function<void(const std::string&)>());
+        const Workspace work{job, options, document, progress, interruption, folder, departure};
         const int code = run_stages(work);
-        folder.store("timing.json", timing_text(progress.times(), threads, versions()));
-        folder.store("log.txt", progress.log_text());
+        store_times();
         store_report(folder);
         return code;
     } catch (const FolderRefused& error) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "apps/job.hpp"
 
@@ -16,6 +17,10 @@ struct RunOptions {
     bool quiet = false;         ///< no progress on standard error
     bool force = false;         ///< overwrite a folder that holds the result of another job
     Stage stage = Stage::all;
+    /// The process is there for this run alone: asked to stop, the run may end it where a computation cannot be
+    /// stopped.
+    bool own_process = false;
+    std::string color = "auto";  ///< of summaries: see is_coloured()
 };
 
 /// Runs a job and stores its results.

@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/departure.hpp"
 #include "apps/interruption.hpp"
 #include "apps/job.hpp"
 #include "apps/output_folder.hpp"
@@ -30,6 +31,7 @@ struct Workspace {
     Progress& progress;
     const InterruptionGuard& interruption;
     OutputFolder& folder;
+    Departure& departure;
 
     [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder.file(name); }
     [[nodiscard]] const models::System& system() const { return *job.model.system; }

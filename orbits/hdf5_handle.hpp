@@ -1,8 +1,8 @@
 #pragma once
 
-#include <hdf5.h>
-
 #include <utility>
+
+#include "orbits/hdf5_library.hpp"
 
 namespace orbid::orbits {
 

@@ -1,5 +1,8 @@
 #include "apps/atomic_file.hpp"
 
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <chrono>
 #include <fstream>
 #include <stdexcept>
@@ -65,16 +68,24 @@ TEST_CASE("a file that cannot be written or read is named with the reason", "[ap
     CHECK(folder.entries() == 1);
 }
 
-TEST_CASE("only old temporaries are tidied away", "[apps]") {
+TEST_CASE("temporaries of processes that are no more, and old ones, are tidied away", "[apps]") {
     const TemporaryFolder folder;
-    for (const char* name : {".orbid-tmp-1-0.series.h5", ".orbid-tmp-2-0.series.h5", "mine.txt"}) {
-        std::ofstream(folder.path() / name) << "x";
-    }
+    // A child that has ended, and was waited for: its number is free.
+    const pid_t gone = ::fork();
+    if (gone == 0) ::_exit(0);
+    ::waitpid(gone, nullptr, 0);
+    const auto name = [](pid_t process, int count) {
+        return ".orbid-tmp-" + std::to_string(process) + "-" + std::to_string(count) + ".series.h5";
+    };
+    for (const std::string& file : {name(gone, 0), name(::getpid(), 0), name(::getpid(), 1), std::string("mine.txt")})
+        std::ofstream(folder.path() / file) << "x";
     const auto two_days_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(48);
-    std::filesystem::last_write_time(folder.path() / ".orbid-tmp-1-0.series.h5", two_days_ago);
+    std::filesystem::last_write_time(folder.path() / name(::getpid(), 1), two_days_ago);
     std::filesystem::last_write_time(folder.path() / "mine.txt", two_days_ago);
     apps::remove_leftover_temporaries(folder.path());
-    CHECK_FALSE(std::filesystem::exists(folder.path() / ".orbid-tmp-1-0.series.h5"));
+    CHECK_FALSE(std::filesystem::exists(folder.path() / name(gone, 0)));
+    CHECK_FALSE(std::filesystem::exists(folder.path() / name(::getpid(), 1)));
+    CHECK(std::filesystem::exists(folder.path() / name(::getpid(), 0)));
     CHECK(folder.entries() == 2);
 }
 

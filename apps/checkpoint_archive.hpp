@@ -1,0 +1,125 @@
+#pragma once
+
+#include <array>
+#include <complex>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace orbid::apps {
+
+/// Stored bytes end early or hold sizes that cannot be: they were not written by this program.
+class DamagedCheckpoint : public std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+/// Values to bytes and back, bit by bit, in one function per type: what is written in an order is read in it.
+///
+/// Numbers stand as this machine holds them: a checkpoint goes on where it was made. Structs are known by a function
+/// `fields(archive, value)` that hands all members to the archive.
+class Archive {
+public:
+    /// Appends to `bytes`.
+    explicit Archive(std::string& bytes) : written_(&bytes) {}
+    /// Reads from `bytes`.
+    explicit Archive(std::string_view bytes) : left_(bytes) {}
+
+    [[nodiscard]] bool reading() const { return written_ == nullptr; }
+    /// Nothing is left to be read.
+    [[nodiscard]] bool at_end() const { return left_.empty(); }
+
+    /// @throws DamagedCheckpoint when reading finds too few bytes.
+    template <class... T>
+    void operator()(T&... values) {
+        (transfer(values), ...);
+    }
+
+private:
+    void bytes(void* data, std::size_t size) {
+        if (size == 0) return;
+        if (!reading()) {
+            written_->append(static_cast<const char*>(data), size);
+            return;
+        }
+        if (left_.size() < size) throw DamagedCheckpoint("a checkpoint ends early");
+        std::memcpy(data, left_.data(), size);
+        left_.remove_prefix(size);
+    }
+
+    /// The number of elements; each takes at least `smallest` bytes, so that no wild number allocates the memory.
+    std::size_t count(std::size_t size, std::size_t smallest) {
+        std::uint64_t stored = size;
+        bytes(&stored, sizeof(stored));
+        if (reading() && stored * smallest > left_.size()) throw DamagedCheckpoint("a checkpoint holds a wrong size");
+        return static_cast<std::size_t>(stored);
+    }
+
+    template <class T>
+    void transfer(T& value) {
+        if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T>) {
+            bytes(&value, sizeof(T));
+        } else {
+            fields(*this, value);
+        }
+    }
+    void transfer(std::string& text) {
+        text.resize(count(text.size(), 1));
+        bytes(text.data(), text.size());
+    }
+    template <class T>
+    void transfer(std::complex<T>& value) {
+        bytes(&value, sizeof(value));
+    }
+    template <class T>
+    void transfer(std::vector<T>& list) {
+        list.resize(count(list.size(), 1));
+        for (T& value : list)
+            transfer(value);
+    }
+    template <class T, std::size_t N>
+    void transfer(std::array<T, N>& list) {
+        for (T& value : list)
+            transfer(value);
+    }
+    template <class First, class Second>
+    void transfer(std::pair<First, Second>& both) {
+        transfer(both.first);
+        transfer(both.second);
+    }
+    template <class T>
+    void transfer(std::optional<T>& value) {
+        bool there = value.has_value();
+        transfer(there);
+        if (!there) return;
+        if (!value) value.emplace();
+        transfer(*value);
+    }
+    template <int Rows, int Columns>
+    void transfer(Eigen::Matrix<double, Rows, Columns>& matrix) {
+        std::uint64_t rows = static_cast<std::uint64_t>(matrix.rows());
+        std::uint64_t columns = static_cast<std::uint64_t>(matrix.cols());
+        bytes(&rows, sizeof(rows));
+        bytes(&columns, sizeof(columns));
+        if (reading()) {
+            // A vector of no rows takes no bytes, whatever its columns.
+            const std::uint64_t most = left_.size() / sizeof(double);
+            if (columns > 0 && rows > most / columns) throw DamagedCheckpoint("a checkpoint holds a wrong size");
+            matrix.resize(static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(columns));
+        }
+        bytes(matrix.data(), static_cast<std::size_t>(matrix.size()) * sizeof(double));
+    }
+
+    std::string* written_ = nullptr;
+    std::string_view left_;
+};
+
+}  // namespace orbid::apps

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <hdf5.h>
+
+namespace orbid::orbits {
+
+/// The address of a function or variable of the HDF5 library, which is loaded when first asked for: most commands read
+/// no HDF5 file, and the library with all it depends on (transfer of files over networks, cryptography) takes three
+/// times as long to load as the rest of the program.
+/// @throws DataError naming library and reason when it cannot be loaded.
+[[nodiscard]] void* hdf5_symbol(const char* name);
+
+/// A function of the library under its own name: hides the one of the header, which the program is not linked with.
+template <class Function>
+class Hdf5Function {
+public:
+    explicit constexpr Hdf5Function(const char* name) : name_(name) {}
+    operator Function*() const { return reinterpret_cast<Function*>(hdf5_symbol(name_)); }
+
+private:
+    const char* name_;
+};
+
+/// An identifier that the library fills in when it is opened, likewise. Behind the macros of the header.
+class Hdf5Identifier {
+public:
+    explicit constexpr Hdf5Identifier(const char* name) : name_(name) {}
+    operator hid_t() const { return *static_cast<hid_t*>(hdf5_symbol(name_)); }
+
+private:
+    const char* name_;
+};
+
+inline constexpr Hdf5Function<decltype(::H5Aclose)> H5Aclose{"H5Aclose"};
+inline constexpr Hdf5Function<decltype(::H5Acreate2)> H5Acreate2{"H5Acreate2"};
+inline constexpr Hdf5Function<decltype(::H5Aexists)> H5Aexists{"H5Aexists"};
+inline constexpr Hdf5Function<decltype(::H5Aget_space)> H5Aget_space{"H5Aget_space"};
+inline constexpr Hdf5Function<decltype(::H5Aget_type)> H5Aget_type{"H5Aget_type"};
+inline constexpr Hdf5Function<decltype(::H5Aopen)> H5Aopen{"H5Aopen"};
+inline constexpr Hdf5Function<decltype(::H5Aread)> H5Aread{"H5Aread"};
+inline constexpr Hdf5Function<decltype(::H5Awrite)> H5Awrite{"H5Awrite"};
+inline constexpr Hdf5Function<decltype(::H5Dclose)> H5Dclose{"H5Dclose"};
+inline constexpr Hdf5Function<decltype(::H5Dcreate2)> H5Dcreate2{"H5Dcreate2"};
+inline constexpr Hdf5Function<decltype(::H5Dget_space)> H5Dget_space{"H5Dget_space"};
+inline constexpr Hdf5Function<decltype(::H5Dget_type)> H5Dget_type{"H5Dget_type"};
+inline constexpr Hdf5Function<decltype(::H5Dopen2)> H5Dopen2{"H5Dopen2"};
+inline constexpr Hdf5Function<decltype(::H5Dread)> H5Dread{"H5Dread"};
+inline constexpr Hdf5Function<decltype(::H5Dvlen_reclaim)> H5Dvlen_reclaim{"H5Dvlen_reclaim"};
+inline constexpr Hdf5Function<decltype(::H5Dwrite)> H5Dwrite{"H5Dwrite"};
+inline constexpr Hdf5Function<decltype(::H5Eget_auto2)> H5Eget_auto2{"H5Eget_auto2"};
+inline constexpr Hdf5Function<decltype(::H5Eset_auto2)> H5Eset_auto2{"H5Eset_auto2"};
+inline constexpr Hdf5Function<decltype(::H5Fclose)> H5Fclose{"H5Fclose"};
+inline constexpr Hdf5Function<decltype(::H5Fcreate)> H5Fcreate{"H5Fcreate"};
+inline constexpr Hdf5Function<decltype(::H5Fflush)> H5Fflush{"H5Fflush"};
+inline constexpr Hdf5Function<decltype(::H5Fis_hdf5)> H5Fis_hdf5{"H5Fis_hdf5"};
+inline constexpr Hdf5Function<decltype(::H5Fopen)> H5Fopen{"H5Fopen"};
+inline constexpr Hdf5Function<decltype(::H5Gclose)> H5Gclose{"H5Gclose"};
+inline constexpr Hdf5Function<decltype(::H5Gcreate2)> H5Gcreate2{"H5Gcreate2"};
+inline constexpr Hdf5Function<decltype(::H5Gget_info)> H5Gget_info{"H5Gget_info"};
+inline constexpr Hdf5Function<decltype(::H5Gopen2)> H5Gopen2{"H5Gopen2"};
+inline constexpr Hdf5Function<decltype(::H5Lexists)> H5Lexists{"H5Lexists"};
+inline constexpr Hdf5Function<decltype(::H5Pclose)> H5Pclose{"H5Pclose"};
+inline constexpr Hdf5Function<decltype(::H5Pcreate)> H5Pcreate{"H5Pcreate"};
+inline constexpr Hdf5Function<decltype(::H5Pset_obj_track_times)> H5Pset_obj_track_times{"H5Pset_obj_track_times"};
+inline constexpr Hdf5Function<decltype(::H5Sclose)> H5Sclose{"H5Sclose"};
+inline constexpr Hdf5Function<decltype(::H5Screate)> H5Screate{"H5Screate"};
+inline constexpr Hdf5Function<decltype(::H5Screate_simple)> H5Screate_simple{"H5Screate_simple"};
+inline constexpr Hdf5Function<decltype(::H5Sget_simple_extent_dims)> H5Sget_simple_extent_dims{
+    "H5Sget_simple_extent_dims"};
+inline constexpr Hdf5Function<decltype(::H5Sget_simple_extent_ndims)> H5Sget_simple_extent_ndims{
+    "H5Sget_simple_extent_ndims"};
+inline constexpr Hdf5Function<decltype(::H5Sget_simple_extent_npoints)> H5Sget_simple_extent_npoints{
+    "H5Sget_simple_extent_npoints"};
+inline constexpr Hdf5Function<decltype(::H5Sselect_hyperslab)> H5Sselect_hyperslab{"H5Sselect_hyperslab"};
+inline constexpr Hdf5Function<decltype(::H5Tclose)> H5Tclose{"H5Tclose"};
+inline constexpr Hdf5Function<decltype(::H5Tcopy)> H5Tcopy{"H5Tcopy"};
+inline constexpr Hdf5Function<decltype(::H5Tget_class)> H5Tget_class{"H5Tget_class"};
+inline constexpr Hdf5Function<decltype(::H5Tget_size)> H5Tget_size{"H5Tget_size"};
+inline constexpr Hdf5Function<decltype(::H5Tis_variable_str)> H5Tis_variable_str{"H5Tis_variable_str"};
+inline constexpr Hdf5Function<decltype(::H5Tset_cset)> H5Tset_cset{"H5Tset_cset"};
+inline constexpr Hdf5Function<decltype(::H5Tset_size)> H5Tset_size{"H5Tset_size"};
+inline constexpr Hdf5Function<decltype(::H5Tset_strpad)> H5Tset_strpad{"H5Tset_strpad"};
+inline constexpr Hdf5Function<decltype(::H5check_version)> H5check_version{"H5check_version"};
+inline constexpr Hdf5Function<decltype(::H5open)> H5open{"H5open"};
+
+inline constexpr Hdf5Identifier H5P_CLS_DATASET_CREATE_ID_g{"H5P_CLS_DATASET_CREATE_ID_g"};
+inline constexpr Hdf5Identifier H5P_CLS_GROUP_CREATE_ID_g{"H5P_CLS_GROUP_CREATE_ID_g"};
+inline constexpr Hdf5Identifier H5T_C_S1_g{"H5T_C_S1_g"};
+inline constexpr Hdf5Identifier H5T_IEEE_F64LE_g{"H5T_IEEE_F64LE_g"};
+inline constexpr Hdf5Identifier H5T_NATIVE_DOUBLE_g{"H5T_NATIVE_DOUBLE_g"};
+inline constexpr Hdf5Identifier H5T_NATIVE_SCHAR_g{"H5T_NATIVE_SCHAR_g"};
+
+}  // namespace orbid::orbits
