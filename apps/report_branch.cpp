@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 
 #include <fmt/format.h>
 
@@ -20,8 +21,14 @@ using detail::text_at;
 
 constexpr std::size_t most_orbits = 2000;  // rows of the table of computed orbits
 
+/// "plot" of the job's continuation: a coordinate, or "time".
+std::string plotted_coordinate(const Json& job) {
+    const Json::json_pointer place("/periodic/continuation/plot");
+    return job.contains(place) && job.at(place).is_string() ? job.at(place).get<std::string>() : std::string();
+}
+
 /// One picture per coordinate of the section; curves are cut where stability changes.
-ChartView branch_view(const Json& file, std::size_t coordinate) {
+ChartView branch_view(const Json& file, std::size_t coordinate, bool angle) {
     const Json& parameter = file.at("parameter");
     ChartView view;
     ChartRange x;
@@ -38,13 +45,21 @@ ChartView branch_view(const Json& file, std::size_t coordinate) {
             ChartLayer line{"line", stable ? "stable" : "unstable", stable ? 2 : 1, ""};
             line.dash = !stable;
             for (std::size_t j = 0; j < curves; ++j) {
+                double last = std::nan("");
                 for (std::size_t k = 0; k < points.size(); ++k) {
                     const bool here = (points[k].at("unstable").get<int>() == 0) == stable;
                     // A change of stability ends one curve and begins the other at the same point.
                     const bool before = k > 0 && (points[k - 1].at("unstable").get<int>() == 0) == stable;
                     const Json& states = points[k].at("points");
                     const double at = number_at(points[k], "parameter");
-                    const double value = states[j % states.size()].at(coordinate).get<double>();
+                    const double read = states[j % states.size()].at(coordinate).get<double>();
+                    const double value = angle ? models::wrapped(read) : read;
+                    if (angle && std::abs(value - last) > std::numbers::pi) {
+                        // It came round the circle: no line across.
+                        line.x.push_back(std::nan(""));
+                        line.y.push_back(std::nan(""));
+                    }
+                    last = value;
                     line.x.push_back(at);
                     line.y.push_back(here || before ? value : std::nan(""));
                     x.add(at);
@@ -68,7 +83,8 @@ ChartView branch_view(const Json& file, std::size_t coordinate) {
             layer.style = shape == shapes.end() ? 5 : shape->second;
             for (const Json& state : point.at("points")) {
                 layer.x.push_back(number_at(point, "parameter"));
-                layer.y.push_back(state.at(coordinate).get<double>());
+                const double value = state.at(coordinate).get<double>();
+                layer.y.push_back(angle ? models::wrapped(value) : value);
                 layer.labels.push_back(fmt::format("{}, period {}", name, point.at("period").dump()));
             }
         }
@@ -179,8 +195,15 @@ ReportChapter branch_chapter(const ReportSource& source) {
     if (source.run.branch && filled(*source.run.branch, "branches") != nullptr) {
         const Json& file = *source.run.branch;
         Chart chart{"branch", "Branches of periodic orbits over the parameter", "Coordinate", {}};
-        for (std::size_t i = 0; i < file.at("coordinates").size(); ++i)
-            chart.views.push_back(branch_view(file, i));
+        const ModelJob model = stored_model(source.run);
+        const std::string plotted = plotted_coordinate(source.run.job);
+        for (std::size_t i = 0; i < file.at("coordinates").size(); ++i) {
+            const auto name = file.at("coordinates")[i].get<std::string>();
+            const Eigen::Index index = model.system->coordinate_index(name);
+            const bool angle = index >= 0 && model.system->coordinates()[static_cast<std::size_t>(index)].angle;
+            // What the job plots comes first.
+            chart.views.insert(name == plotted ? chart.views.begin() : chart.views.end(), branch_view(file, i, angle));
+        }
         std::string html = figure_html(source, chart,
                                        "Periodic orbits as the parameter moves: stable ones solid, unstable ones "
                                        "dashed, bifurcations marked.");

@@ -42,12 +42,12 @@ std::string figure_html(const ReportSource& source, const Chart& chart, std::str
     const auto still = source.still_plots.find(chart.name);
     const bool live = !chart.views.empty();
     if (still == source.still_plots.end() && !live) return "";
-    std::string out = fmt::format("<figure id=\"plot-{}\"{}>\n", html_escaped(chart.name),
-                                  live ? fmt::format(" data-chart=\"{}\"", html_escaped(chart.name)) : "");
-    if (still != source.still_plots.end())
-        out += fmt::format("<div class=\"still\">{}</div>\n", still->second);
-    else
-        out += "<p class=\"still\">This plot needs scripts; its numbers are in the tables of this chapter.</p>\n";
+    const bool drawn = still != source.still_plots.end();
+    // Without a still picture there is nothing to see until the script shows the figure.
+    std::string out = fmt::format("<figure id=\"plot-{}\"{}{}>\n", html_escaped(chart.name),
+                                  live ? fmt::format(" data-chart=\"{}\"", html_escaped(chart.name)) : "",
+                                  drawn ? "" : " class=\"live-only\" hidden");
+    if (drawn) out += fmt::format("<div class=\"still\">{}</div>\n", still->second);
     out += fmt::format("<figcaption>{}</figcaption>\n</figure>\n", html_escaped(caption));
     if (!live) return out;
     out += fmt::format("<script type=\"application/json\" id=\"data-{}\">{}</script>\n", html_escaped(chart.name),

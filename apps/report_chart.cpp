@@ -66,6 +66,8 @@ Json axis_json(const ChartAxis& axis) {
     if (!axis.unit.empty() && axis.unit != "1") out["unit"] = axis.unit;
     if (axis.log) out["log"] = true;
     if (axis.deep) out["deep"] = true;
+    if (axis.circle) out["circle"] = true;
+    if (axis.whole) out["whole"] = true;
     if (!axis.names.empty()) out["names"] = axis.names;
     return out;
 }
@@ -130,6 +132,20 @@ std::string chart_text(const Chart& chart) {
             safe += c;
     }
     return safe;
+}
+
+void name_lines(ChartView& view, std::vector<std::string> names) {
+    const double last = static_cast<double>(names.size()) - 1.0;
+    for (ChartLayer& layer : view.layers) {
+        for (double& height : layer.y)
+            height = last - height;
+    }
+    std::reverse(names.begin(), names.end());
+    view.y.names = std::move(names);
+    view.y.lower = -0.6;
+    view.y.upper = last + 0.6;
+    // One line of text per name, however few.
+    view.height = std::min(0.8, 0.16 + 0.05 * (last + 1.0));
 }
 
 void ChartRange::add(double value) {

@@ -18,6 +18,8 @@ struct ChartAxis {
     double lower = 0.0;  ///< of the whole; what can be seen at most
     double upper = 1.0;
     bool log = false;
+    bool circle = false;                  ///< an angle from -pi to pi: ticks at parts of pi
+    bool whole = false;                   ///< only whole numbers have a meaning: ticks there
     bool deep = false;                    ///< may be enlarged 1e5 times instead of 64 times: long records
     std::vector<std::string> names = {};  ///< of the whole numbers from 0, instead of numbers
 };
@@ -63,6 +65,9 @@ struct Chart {
 
 /// The chart as JSON for a script element: no "<" in it.
 [[nodiscard]] std::string chart_text(const Chart& chart);
+
+/// Names the lines of a chart from the top: turns `names` and the heights of all layers over, and sets the axis.
+void name_lines(ChartView& view, std::vector<std::string> names);
 
 /// Least and greatest of finite numbers, fed bit by bit.
 class ChartRange {

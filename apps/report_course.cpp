@@ -56,6 +56,7 @@ Chart convergence_chart(const Json& history) {
         ChartView view;
         view.label = block == "theta" ? "parameters" : "error parameters";
         view.x = {"step", "", -0.5, number - 0.5};
+        view.x.whole = true;
         view.y = range.axis("objective above its last value", "", true);
         view.height = 0.42;
         view.layers = {std::move(line), std::move(points)};
@@ -72,12 +73,13 @@ Chart stage_chart(const Json& stages) {
     if (stages.size() < 2 || last == nullptr) return chart;
     for (const auto& [name, final_entry] : last->items()) {
         ChartView view;
+        std::vector<std::string> names;
         ChartLayer values{"points", "estimate", 2, ""};
         ChartLayer intervals{"intervals", "95 % interval", 2, ""};
         ChartRange range;
         for (const Json& stage : stages) {
-            const auto height = static_cast<double>(view.y.names.size());
-            view.y.names.push_back(text_at(stage, "stage"));
+            const auto height = static_cast<double>(names.size());
+            names.push_back(text_at(stage, "stage"));
             const Json* parameters = filled(stage, "parameters");
             const auto entry = parameters == nullptr ? Json::const_iterator() : parameters->find(name);
             if (parameters == nullptr || entry == parameters->end()) continue;
@@ -96,9 +98,6 @@ Chart stage_chart(const Json& stages) {
         if (values.x.size() < 2) continue;
         view.label = name;
         view.x = range.axis(name, text_at(final_entry, "unit"));
-        view.y.lower = -0.6;
-        view.y.upper = static_cast<double>(view.y.names.size()) - 0.4;
-        view.height = std::min(0.6, 0.16 + 0.05 * static_cast<double>(view.y.names.size()));
         const double reference = number_at(final_entry, "reference");
         if (std::isfinite(reference)) {
             ChartLayer rule{"rule", "reference", 1, "ink"};
@@ -107,6 +106,7 @@ Chart stage_chart(const Json& stages) {
         }
         view.layers.push_back(std::move(intervals));
         view.layers.push_back(std::move(values));
+        name_lines(view, std::move(names));
         chart.views.push_back(std::move(view));
     }
     return chart;

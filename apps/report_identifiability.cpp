@@ -94,6 +94,7 @@ Chart singular_value_chart(const Json& values) {
     if (points.x.size() < 2) return chart;
     ChartView view;
     view.x = {"direction", "", 0.4, static_cast<double>(values.size()) + 0.6};
+    view.x.whole = true;
     view.y = range.axis("singular value", "", true);
     view.height = 0.4;
     view.layers = {std::move(points)};

@@ -75,6 +75,7 @@ Chart deviation_chart(const Json& result) {
     ChartLayer intervals{"intervals", "95 % interval", 2, ""};
     ChartLayer values{"points", "estimate", 2, ""};
     ChartView view;
+    std::vector<std::string> names;
     ChartRange range;
     for (const char* list : {"parameters", "derived"}) {
         const Json* entries = filled(result, list);
@@ -84,8 +85,8 @@ Chart deviation_chart(const Json& result) {
             const double reference = number_at(entry, "reference");
             const Json* ends = filled(entry, "interval95");
             if (!std::isfinite(in_sds(entry)) || ends == nullptr || !(*ends)[0].is_number()) continue;
-            const auto height = static_cast<double>(view.y.names.size());
-            view.y.names.push_back(name);
+            const auto height = static_cast<double>(names.size());
+            names.push_back(name);
             intervals.lower.push_back(((*ends)[0].get<double>() - reference) / sd);
             intervals.upper.push_back(((*ends)[1].get<double>() - reference) / sd);
             intervals.y.push_back(height);
@@ -94,18 +95,15 @@ Chart deviation_chart(const Json& result) {
             values.labels.push_back(fmt::format("{} = {}", name, with_digits_of(number_at(entry, "value"), sd)));
         }
     }
-    if (view.y.names.empty()) return chart;
+    if (names.empty()) return chart;
     range.add(intervals.lower);
     range.add(intervals.upper);
     range.add(0.0);
-    view.x = range.axis("deviation from the reference in standard deviations", "");
-    view.y.lower = -0.6;
-    view.y.upper = static_cast<double>(view.y.names.size()) - 0.4;
-    // One line of text per name, however few.
-    view.height = std::min(0.8, 0.16 + 0.045 * static_cast<double>(view.y.names.size()));
+    view.x = range.axis("(estimate − reference) / sd", "");
     ChartLayer reference{"rule", "reference", 1, "ink"};
     reference.at_x = 0.0;
     view.layers = {reference, intervals, values};
+    name_lines(view, std::move(names));
     chart.views.push_back(std::move(view));
     return chart;
 }

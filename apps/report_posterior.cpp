@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "apps/html_text.hpp"
+#include "apps/marginal_density.hpp"
 #include "apps/report_chapter.hpp"
 #include "apps/summary_table.hpp"
 
@@ -174,14 +175,11 @@ Chart marginal_chart(const Json& result, const Json* marginals, const std::optio
             unit = text_at(*marginal, "unit");
             ChartLayer line{"line", "nested Laplace", 1, ""};
             if (const Json* points = filled(*marginal, "points")) {
-                for (const Json& point : *points) {
-                    const double density = std::exp(number_at(point, "log_density"));
-                    if (!std::isfinite(density)) continue;
-                    line.x.push_back(number_at(point, "value"));
-                    line.y.push_back(density);
-                    y.add(density);
-                    x.add(line.x.back());
-                }
+                MarginalDensity density = marginal_density(*points);
+                line.x = std::move(density.x);
+                line.y = std::move(density.y);
+                x.add(line.x);
+                y.add(line.y);
             }
             if (line.x.size() > 1) view.layers.push_back(std::move(line));
         }
@@ -303,10 +301,13 @@ ReportChapter posterior_chapter(const ReportSource& source) {
                                         profile_table(*profiles));
     std::optional<StoredDraws> draws;
     if (posterior != nullptr) draws = stored_draws(source.run);
+    Chart density_chart = marginal_chart(result, marginals, draws);
+    // Of draws alone the still picture is another.
+    if (marginals == nullptr) density_chart.name = "posterior";
     if (marginals != nullptr || draws)
         chapter.html += html_headed(
             3, "Densities",
-            figure_html(source, marginal_chart(result, marginals, draws),
+            figure_html(source, density_chart,
                         "Density of one quantity, all others integrated out. Lines are approximations, columns count "
                         "draws; they should agree."));
     if (marginals != nullptr) chapter.html += marginal_table(*marginals);

@@ -45,6 +45,7 @@ struct Group {
     std::string coordinate;
     std::vector<std::pair<std::string, Rows>> blocks;
     bool cycles = false;
+    std::string place = "time or phase";  ///< what residuals.csv counts along
 };
 
 std::vector<Group> groups_of(const std::vector<ResidualRow>& rows) {
@@ -55,7 +56,7 @@ std::vector<Group> groups_of(const std::vector<ResidualRow>& rows) {
     std::map<std::size_t, std::size_t> seen;
     for (const ResidualRow& row : rows) {
         const auto [found, fresh] = place.try_emplace({row.experiment, row.coordinate, is_cycle(row)}, groups.size());
-        if (fresh) groups.push_back({row.experiment, row.coordinate, {}, is_cycle(row)});
+        if (fresh) groups.push_back({row.experiment, row.coordinate, {}, is_cycle(row), "time or phase"});
         if (seen[found->second]++ % every != 0) continue;
         Group& group = groups[found->second];
         const auto [block, first] = block_place.try_emplace({found->second, row.block}, group.blocks.size());
@@ -63,6 +64,17 @@ std::vector<Group> groups_of(const std::vector<ResidualRow>& rows) {
         group.blocks[block->second].second.push_back(&row);
     }
     return groups;
+}
+
+/// Samples are placed by time, sections by the phase of their forcing or by time.
+std::string place_of(const StoredRun& run, const std::string& name) {
+    for (const Json* experiment : run.experiments()) {
+        if (text_at(*experiment, "name") != name) continue;
+        const Json* simulate = filled(*experiment, "simulate");
+        if (text_at(*experiment, "kind") == "samples" || (simulate != nullptr && simulate->contains("samples")))
+            return "time";
+    }
+    return "time or phase";
 }
 
 std::string label_of(const Group& group, bool several) {
@@ -113,7 +125,7 @@ Chart residual_chart(const std::vector<Group>& groups) {
         if (group.cycles) view.layers.push_back(std::move(cycles));
         if (x.empty()) continue;
         view.label = label_of(group, several);
-        view.x = x.axis(group.cycles ? "cycles, in their order" : "time or phase", "");
+        view.x = x.axis(group.cycles ? "cycles, in their order" : group.place, "");
         view.x.deep = true;
         view.y = y.axis("residual / sd", "");
         view.height = 0.42;
@@ -181,7 +193,7 @@ ChartView course_view(const Group& group, const std::string& block, const Rows& 
     ChartView view;
     view.label = group.blocks.size() == 1 && several ? label_of(group, several)
                                                      : fmt::format("{}, segment {}", label_of(group, several), block);
-    view.x = x.axis("time or phase", "");
+    view.x = x.axis(group.place, "");
     view.x.deep = true;
     view.y = y.axis(display_name(group.coordinate), "");
     view.height = 0.42;
@@ -303,7 +315,9 @@ std::string used_table(const Json& counts) {
 
 ReportChapter residual_chapter(const ReportSource& source) {
     ReportChapter chapter{"residuals", "Fit and residuals", ""};
-    const std::vector<Group> groups = groups_of(source.residuals);
+    std::vector<Group> groups = groups_of(source.residuals);
+    for (Group& group : groups)
+        group.place = place_of(source.run, group.experiment);
     const Json* result = source.run.result ? &*source.run.result : nullptr;
     if (result != nullptr) {
         if (const Json* list = filled(*result, "residuals")) chapter.html += used_table(*list);
@@ -318,6 +332,8 @@ ReportChapter residual_chapter(const ReportSource& source) {
                                 "Observed values (dots) and what the estimated model predicts (line). Of cycles, "
                                 "observed against predicted points." +
                                     thinned);
+    chapter.html += figure_html(source, Chart{"waveform", "", "", {}},
+                                "Measured steady states (dots) and computed ones (lines) over one turn of the orbit.");
     if (result != nullptr) {
         if (const Json* list = filled(*result, "prediction")) chapter.html += prediction_table(*list);
     }

@@ -182,6 +182,7 @@ ChartAxis whole_axis(const orbits::SeriesCoordinate& coordinate, const ChartRang
     if (coordinate.angle) {
         axis.lower = -std::numbers::pi;
         axis.upper = std::numbers::pi;
+        axis.circle = true;
     }
     return axis;
 }
@@ -216,36 +217,34 @@ Chart section_chart(const SectionPoints& section, const Json* cycles, PointBlock
     return chart;
 }
 
-/// Largest multipliers over the period, to see how unstable the skeleton is.
+/// Largest multipliers by period, those of one period side by side by size, to see how unstable the skeleton is.
 Chart multiplier_chart(const Json& cycles) {
-    std::map<int, ChartLayer> periods;
+    std::map<int, std::vector<std::pair<double, std::size_t>>> periods;
     ChartRange range;
-    std::size_t number = 0;
-    double longest = 1.0;
-    for (const Json& cycle : cycles) {
-        const double largest = largest_multiplier(cycle);
-        if (largest > 0.0) {
-            const int period = cycle.at("period").get<int>();
-            ChartLayer& layer = periods[period];
-            layer.kind = "points";
-            layer.name = fmt::format("period {}", period);
-            layer.style = std::clamp(period, 1, 8);
-            layer.x.push_back(period);
-            layer.y.push_back(largest);
-            layer.labels.push_back(fmt::format("cycle {}", number));
-            longest = std::max(longest, static_cast<double>(period));
-            range.add(largest);
-        }
-        ++number;
+    for (std::size_t number = 0; number < cycles.size(); ++number) {
+        const double largest = largest_multiplier(cycles[number]);
+        if (!(largest > 0.0)) continue;
+        periods[cycles[number].at("period").get<int>()].emplace_back(largest, number);
+        range.add(largest);
     }
-    Chart chart{"multipliers", "Largest multiplier of each cycle over its period", "", {}};
+    Chart chart{"multipliers", "Largest multiplier of each cycle by period", "", {}};
     if (range.empty()) return chart;
     ChartView view;
-    view.x = {"period", "", 0.4, longest + 0.6};
+    for (auto& [period, list] : periods) {
+        std::sort(list.begin(), list.end());
+        ChartLayer layer{"points", fmt::format("period {}", period), std::clamp(period, 1, 8), ""};
+        for (std::size_t k = 0; k < list.size(); ++k) {
+            // Within 0.8 of the way to the next period.
+            layer.x.push_back(period + 0.8 * ((static_cast<double>(k) + 0.5) / static_cast<double>(list.size()) - 0.5));
+            layer.y.push_back(list[k].first);
+            layer.labels.push_back(fmt::format("cycle {}", list[k].second));
+        }
+        view.layers.push_back(std::move(layer));
+    }
+    view.x = {"period, cycles by size", "", periods.begin()->first - 0.6, periods.rbegin()->first + 0.6};
+    view.x.whole = true;
     view.y = range.axis("largest |multiplier|", "", true);
     view.height = 0.45;
-    for (auto& [period, layer] : periods)
-        view.layers.push_back(std::move(layer));
     chart.views.push_back(std::move(view));
     return chart;
 }

@@ -270,7 +270,7 @@ std::string verdict_html(const ReportSource& source) {
     if (!remarks.empty()) {
         out += "<ul>\n";
         for (const Remark& remark : remarks)
-            out += fmt::format("<li class=\"{}\"><strong>{}</strong> {}</li>\n", look(remark.weight),
+            out += fmt::format("<li class=\"{}\"><strong>{}</strong> <span>{}</span></li>\n", look(remark.weight),
                                word(remark.weight), html_escaped(remark.text));
         out += "</ul>\n";
     }

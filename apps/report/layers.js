@@ -38,18 +38,19 @@ export function trace_marker(path, shape, x, y, r) {
 
 function draw_points(context, layer, frame) {
   const shape = shape_of(layer.style);
-  // Dense clouds of unlabelled points get dots that let each other be seen.
-  const many = layer.x.length > 3000;
-  const r = (many ? 1.5 : radius_of(layer.style)) * frame.scale;
+  // Dense clouds of unlabelled points get dots that let each other be seen, less dense ones small marks without edge.
+  const dots = layer.x.length > 3000;
+  const small = layer.x.length > 300;
+  const r = (dots ? 1.5 : small ? 0.7 * radius_of(layer.style) : radius_of(layer.style)) * frame.scale;
   const path = new Path2D();
   for (let i = 0; i < layer.x.length; ++i) {
     const x = frame.x(layer.x[i]);
     const y = frame.y(layer.y[i]);
     if (!(x > frame.left - 9 && x < frame.right + 9 && y > frame.top - 9 && y < frame.bottom + 9)) continue;
-    if (many) path.rect(x - r, y - r, 2 * r, 2 * r);
+    if (dots) path.rect(x - r, y - r, 2 * r, 2 * r);
     else trace_marker(path, shape, x, y, r);
   }
-  context.globalAlpha = many ? 0.45 : 1;
+  context.globalAlpha = dots ? 0.45 : small ? 0.7 : 1;
   if (layer.open) {
     context.lineWidth = 1.6 * frame.scale;
     context.strokeStyle = layer.colour;
@@ -57,8 +58,8 @@ function draw_points(context, layer, frame) {
   } else {
     context.fillStyle = layer.colour;
     context.fill(path);
-    if (!many) {
-      context.lineWidth = frame.scale;
+    if (!small || layer.labels) {
+      context.lineWidth = 0.8 * frame.scale;
       context.strokeStyle = frame.paper;
       context.stroke(path);
     }

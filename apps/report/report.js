@@ -13,4 +13,7 @@ const near = new IntersectionObserver((entries) => {
     new Chart(target, spec);
   }
 }, { rootMargin: "400px" });
-for (const figure of document.querySelectorAll("figure[data-chart]")) near.observe(figure);
+for (const figure of document.querySelectorAll("figure[data-chart]")) {
+  figure.hidden = false; // one that has no still picture
+  near.observe(figure);
+}

@@ -145,7 +145,7 @@ for (const name of reports) {
   test(`${name}: reads without scripts`, async () => {
     const page = await open_report(session.browser, name, { javaScriptEnabled: false });
     const html = readFileSync(report_path(name), "utf8");
-    const figures = (html.match(/<figure /g) ?? []).length;
+    const figures = (html.match(/<figure (?![^>]* hidden)/g) ?? []).length;
     const pictures = page.locator("figure .still svg");
     assert.equal(await pictures.count(), figures, "a figure has no still picture");
     for (let i = 0; i < figures; ++i) {

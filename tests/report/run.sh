@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Looks at reports in headless Chromium: tests/report/run.sh PROGRAM FOLDER
-# PROGRAM is orbid; FOLDER takes packages and reports. Exit code 77, which CTest calls skipped, without Chromium or npm.
+# Looks at reports in headless Chromium: tests/report/run.sh PROGRAM FOLDER [long_tasks]
+# PROGRAM is orbid; FOLDER takes packages and reports. With long_tasks the times of a report with a million points are
+# printed (Chromium's own trace) instead of testing. Exit code 77, which CTest calls skipped, without Chromium or npm.
 set -euo pipefail
 program=$(realpath "$1")
 mkdir -p "$2"
@@ -29,4 +30,5 @@ for job in pendulum_table3 hare_lynx pendulum_cascade henon; do
 done
 "$program" run "$here/hostile_names.json" --out "$ORBID_REPORTS/hostile" --quiet --force >/dev/null
 cd "$folder"
+if [[ ${3:-} == long_tasks ]]; then exec node long_tasks.js; fi
 exec node --test --test-concurrency=1 ./*_test.js
