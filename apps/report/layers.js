@@ -39,8 +39,8 @@ export function trace_marker(path, shape, x, y, r) {
 function draw_points(context, layer, frame) {
   const shape = shape_of(layer.style);
   // Dense clouds of unlabelled points get dots that let each other be seen, less dense ones small marks without edge.
-  const dots = layer.x.length > 3000;
-  const small = layer.x.length > 300;
+  const dots = !layer.labels && layer.x.length > 3000;
+  const small = !layer.labels && layer.x.length > 300;
   const r = (dots ? 1.5 : small ? 0.7 * radius_of(layer.style) : radius_of(layer.style)) * frame.scale;
   const path = new Path2D();
   for (let i = 0; i < layer.x.length; ++i) {
@@ -58,7 +58,7 @@ function draw_points(context, layer, frame) {
   } else {
     context.fillStyle = layer.colour;
     context.fill(path);
-    if (!small || layer.labels) {
+    if (!small) {
       context.lineWidth = 0.8 * frame.scale;
       context.strokeStyle = frame.paper;
       context.stroke(path);
