@@ -14,7 +14,7 @@ using namespace orbid::tests;
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 
 /// Inverse of base64_text, written from the RFC.
 std::vector<unsigned> bytes_of(const std::string& text) {
@@ -87,7 +87,8 @@ TEST_CASE("base64 follows the test vectors of RFC 4648", "[apps][report]") {
 }
 
 TEST_CASE("packed numbers: plain, even or in steps", "[apps][report]") {
-    CHECK(packed_numbers(std::vector<double>{1.5, nan, -2.0}).dump() == "[1.5,null,-2.0]");
+    const std::vector<double> few{1.5, undefined, -2.0};
+    CHECK(packed_numbers(few).dump() == "[1.5,null,-2.0]");
 
     std::vector<double> even;
     for (int i = 0; i < 1000; ++i)
@@ -101,7 +102,7 @@ TEST_CASE("packed numbers: plain, even or in steps", "[apps][report]") {
     std::normal_distribution<double> normal(2.0, 5.0);
     for (int i = 0; i < 300; ++i)
         rough.push_back(normal(random));
-    rough[17] = nan;
+    rough[17] = undefined;
     const auto steps = packed_numbers(rough);
     REQUIRE(steps["bits"] == 32);
     const auto bytes = bytes_of(steps["base64"].get<std::string>());
@@ -121,7 +122,7 @@ TEST_CASE("packed numbers: plain, even or in steps", "[apps][report]") {
     }
 
     CHECK(packed_numbers(std::vector<double>(70000, 1.0))["bits"] == 16);
-    const auto nothing = packed_numbers(std::vector<double>(100, nan));
+    const auto nothing = packed_numbers(std::vector<double>(100, undefined));
     CHECK(nothing["lower"] == 0.0);
 }
 
@@ -191,7 +192,7 @@ TEST_CASE("axes hold their data with room, also where these are one value or non
     ChartRange range;
     CHECK(range.empty());
     CHECK(range.axis("x", "").upper > range.axis("x", "").lower);
-    range.add(nan);
+    range.add(undefined);
     CHECK(range.empty());
     range.add(3.0);
     CHECK(range.axis("x", "").lower < 3.0);
