@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <tuple>
 
 #include "apps/catalog_plots.hpp"
 #include "apps/cycle_reader.hpp"
@@ -97,13 +98,22 @@ void draw_density(Panel& panel, const SectionPoints& points) {
     }
     std::stable_sort(shown.begin(), shown.end(), [](const Dot& a, const Dot& b) { return a.density < b.density; });
     for (std::size_t shade = 0; shade < shades.size(); ++shade) {
+        // Shades hold equal numbers of dots: the picture uses its whole range whatever the density's.
+        const auto begin = shown.begin() + static_cast<std::ptrdiff_t>(shown.size() * shade / shades.size());
+        const auto end = shown.begin() + static_cast<std::ptrdiff_t>(shown.size() * (shade + 1) / shades.size());
+        // In bands of 2 pt from left to right: steps from dot to dot are short then, and so is the path.
+        constexpr double band = 2.0;
+        std::sort(begin, end, [&](const Dot& a, const Dot& b) {
+            const auto place = [&](const Dot& dot) {
+                return std::make_tuple(std::floor(panel.y(points.y[dot.point]) / band), points.x[dot.point], dot.point);
+            };
+            return place(a) < place(b);
+        });
         std::vector<double> x;
         std::vector<double> y;
-        // Shades hold equal numbers of dots: the picture uses its whole range whatever the density's.
-        for (std::size_t k = shown.size() * shade / shades.size(); k < shown.size() * (shade + 1) / shades.size();
-             ++k) {
-            x.push_back(points.x[shown[k].point]);
-            y.push_back(points.y[shown[k].point]);
+        for (auto dot = begin; dot != end; ++dot) {
+            x.push_back(points.x[dot->point]);
+            y.push_back(points.y[dot->point]);
         }
         panel.dots(x, y, shades[shade], 0.55);
     }

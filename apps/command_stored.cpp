@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "apps/atomic_file.hpp"
+#include "apps/output_folder.hpp"
 #include "apps/picture_file.hpp"
 #include "apps/plot_catalog.hpp"
 #include "apps/stored_run.hpp"
@@ -21,22 +22,6 @@ namespace {
 
 constexpr int wrong_call = 2;
 constexpr int unusable_data = 3;
-
-/// Runs a command on stored files, and says on standard error what is wrong with them.
-int with_stored_files(const std::function<int()>& command) {
-    try {
-        return command();
-    } catch (const StoredRunRefused& error) {
-        std::cerr << error.what() << '\n';
-        return wrong_call;
-    } catch (const PictureRefused& error) {
-        std::cerr << error.what() << '\n';
-        return wrong_call;
-    } catch (const orbits::DataError& error) {
-        std::cerr << error.what() << '\n';
-        return unusable_data;
-    }
-}
 
 /// The value of an option as a number within a range.
 double number_of(const CommandCall& call, const std::string& option, double without, double lowest, double highest) {
@@ -60,6 +45,24 @@ std::string plot_list(const StoredRun& run) {
 }
 
 }  // namespace
+
+int with_stored_files(const std::function<int()>& command) {
+    const auto refused = [](const std::exception& error, int code) {
+        std::cerr << error.what() << '\n';
+        return code;
+    };
+    try {
+        return command();
+    } catch (const StoredRunRefused& error) {
+        return refused(error, wrong_call);
+    } catch (const PictureRefused& error) {
+        return refused(error, wrong_call);
+    } catch (const FolderRefused& error) {
+        return refused(error, wrong_call);
+    } catch (const orbits::DataError& error) {
+        return refused(error, unusable_data);
+    }
+}
 
 std::vector<std::string> plot_formats() {
     return {"svg", "pdf", "png"};

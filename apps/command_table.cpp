@@ -142,8 +142,23 @@ const std::vector<Command>& command_table() {
          "",
          show_help},
         {"schema", "", {}, {}, {}, ""},
-        {"predict", "", {}, {}, {}, ""},
-        {"compare", "", {}, {}, {}, ""}};
+        {"predict",
+         "how well the estimate of a stored run predicts a further record",
+         {{"DIR", WordKind::folder}, {"DATA", WordKind::file}},
+         {{"out", "DIR", "folder of the prediction (default DIR/predict_NAME)", WordKind::folder},
+          {"experiment", "NAME", "experiment of the run that the record is like (default: the only one)"},
+          {"threads", "N", "threads (default 0: all cores); results do not depend on it", WordKind::number},
+          {"force", "", "overwrite a folder that holds the result of another job"}},
+         {{"orbid predict out further.csv", "errors over the record, and how far ahead they stay within 2 sds"}},
+         "DATA is a table or HDF5 file in the layout of the run's data, or a JSON file with one \"data\" object.",
+         predict_run},
+        {"compare",
+         "two stored runs beside each other",
+         {{"DIR", WordKind::folder}, {"DIR2", WordKind::folder}},
+         {},
+         {{"orbid compare out other", "parameters in sds of their difference, error scales, jobs, cycles"}},
+         "",
+         compare_runs}};
     return all;
 }
 

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "apps/posterior_results.hpp"
+#include "apps/prediction_results.hpp"
 #include "apps/summary_table.hpp"
 
 namespace orbid::apps {
@@ -214,7 +215,13 @@ std::string prediction_table(const std::vector<Prediction>& predictions) {
         table.add({prediction.experiment, prediction.segment, prediction.fitted ? "fitted" : "predicted", rms,
                    significant(prediction.normalised_rms, 3)});
     }
-    return table.text();
+    std::string out = table.text();
+    for (const auto& prediction : predictions) {
+        if (prediction.fitted) continue;
+        const std::string said = judgement(prediction.normalised_rms);
+        if (!said.empty()) out += fmt::format("  {}, segment {}: {}\n", prediction.experiment, prediction.segment, said);
+    }
+    return out;
 }
 
 }  // namespace

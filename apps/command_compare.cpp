@@ -1,0 +1,18 @@
+#include <iostream>
+
+#include "apps/command_stored.hpp"
+#include "apps/run_comparison.hpp"
+#include "apps/stored_run.hpp"
+
+namespace orbid::apps {
+
+int compare_runs(const CommandCall& call) {
+    return with_stored_files([&] {
+        const StoredRun first = read_stored_run(call.words[0]);
+        const StoredRun second = read_stored_run(call.words[1]);
+        std::cout << comparison_text(first, second);
+        return 0;
+    });
+}
+
+}  // namespace orbid::apps

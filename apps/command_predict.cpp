@@ -1,0 +1,40 @@
+#include <filesystem>
+#include <iostream>
+
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+
+#include "apps/command_stored.hpp"
+#include "apps/forecast.hpp"
+#include "apps/job_writer.hpp"
+#include "apps/output_folder.hpp"
+#include "apps/prediction_job.hpp"
+#include "apps/prediction_results.hpp"
+#include "apps/version.hpp"
+
+namespace orbid::apps {
+
+int predict_run(const CommandCall& call) {
+    const int threads = call.whole_number("threads", 0, 0);
+    std::optional<tbb::global_control> limit;
+    if (threads > 0) limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    return with_stored_files([&] {
+        const StoredRun run = read_stored_run(call.words[0]);
+        const std::filesystem::path data = call.words[1];
+        const PredictionJob job = prediction_job(run, data, call.value("experiment", ""));
+        const std::filesystem::path out =
+            call.value("out", (run.folder / ("predict_" + data.stem().string())).string());
+        const nlohmann::json document = nlohmann::json::parse(job_document(job.stored, out, versions()).dump());
+        OutputFolder folder(out, document, job_text(job.stored, out, versions()), call.has("force"));
+        Experiment record;
+        record.series = recorded_series(job.stored, 0);
+        record.inputs = by_segment(load_inputs(job.stored, job.stored.data[0]), record.series.segments.size());
+        const Forecast result = forecast(job, record);
+        folder.store("prediction.json", prediction_text(result));
+        folder.store("residuals.csv", residuals_text(result.rows));
+        std::cout << prediction_summary(result, job.stored.title);
+        return 0;
+    });
+}
+
+}  // namespace orbid::apps
