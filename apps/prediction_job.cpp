@@ -95,7 +95,8 @@ Json experiment_entry(const StoredRun& run, const Json& like, const std::filesys
         }
     }
     if (data.extension() == ".json") {
-        for (const auto& [key, value] : data_object(data).items())
+        const Json given = data_object(data);
+        for (const auto& [key, value] : given.items())
             entry[key] = value;
         if (is_table(entry["file"].get<std::string>()) && !entry.contains("columns") && simulated)
             describe_table(stored_model(run), entry["file"].get<std::string>(), entry);

@@ -16,8 +16,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Align = SummaryTable::Align;
 
-/// A change of the initial state that grows by less than e^4 over the record is no chaos worth a Lyapunov time.
-constexpr double chaotic_growth = 4.0;
+/// A change of the initial state that grows by less than a thousand (e^7) over the record is no chaos worth a Lyapunov
+/// time: transients and drifts of a phase do as much.
+constexpr double chaotic_growth = 7.0;
 
 Json rms_json(const std::vector<CoordinateForecast>& list) {
     Json out = Json::object();
@@ -116,8 +117,10 @@ std::string samples_remarks(const Forecast& forecast) {
     double squares = 0.0;
     std::size_t count = 0;
     bool chaotic = false;
+    bool early = true;  // every forecast of a chaotic segment ends within a Lyapunov time
     for (const SegmentForecast& one : forecast.segments) {
         chaotic = chaotic || is_chaotic(one);
+        if (is_chaotic(one) && !(one.horizon * one.growth < 1.0)) early = false;
         if (!std::isfinite(one.course_normalised)) continue;
         squares += one.course_normalised * one.course_normalised;
         ++count;
@@ -127,6 +130,11 @@ std::string samples_remarks(const Forecast& forecast) {
             "  the record is chaotic: what is not known of its beginning grows until nothing is left of a forecast, "
             "also of a\n  true model; the horizon says how far that is, and \"course\" may fail for this reason "
             "alone\n";
+        if (early) {
+            out +=
+                "  but it ends within one Lyapunov time, before the beginning can be blamed: the model, its parameters "
+                "or the error\n  scale do not describe this record\n";
+        }
     } else if (count > 0) {
         const std::string said = judgement(std::sqrt(squares / static_cast<double>(count)));
         if (!said.empty()) out += "  " + said + "\n";

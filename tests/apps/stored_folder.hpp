@@ -16,7 +16,8 @@ inline void write_stored_run(const Path& folder, double a = 1.4, double sd = 0.0
                       "residuals": [ { "type": "series", "data": ["run1"] } ] },
         "output": { "series": "none" } })");
     write_job(folder / "job.json", job);
-    json result = json::parse(R"({ "format": "orbid-result/1", "status": "converged", "message": "",
+    nlohmann::ordered_json result =
+        nlohmann::ordered_json::parse(R"({ "format": "orbid-result/1", "status": "converged", "message": "",
         "parameters": {
           "b": { "value": 0.3, "sd": 0.02, "interval95": [0.26, 0.34], "start": 0.2, "reference": 0.3, "unit": "1" },
           "a": { "value": 0, "sd": 0, "interval95": [1.38, 1.42], "start": 1.3, "reference": 1.4, "unit": "1" } },
@@ -29,7 +30,7 @@ inline void write_stored_run(const Path& folder, double a = 1.4, double sd = 0.0
                      { "round": 1, "block": "theta", "accepted": false, "before": 1, "after": 2 } ] })");
     result["parameters"]["a"]["value"] = a;
     result["parameters"]["a"]["sd"] = sd;
-    write_job(folder / "result.json", result);
+    write_text(folder / "result.json", result.dump(2));
     // The fixed point, and the cycle of period 2 with other points than the map's: only drawn and matched here.
     write_job(folder / "cycles.json", json::parse(R"({ "format": "orbid-cycles/1", "model": "henon",
         "coordinates": ["x", "y"], "units": ["1", "1"], "cycles": [

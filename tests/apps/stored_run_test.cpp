@@ -93,11 +93,11 @@ TEST_CASE("a stored record is found in the folder or where it was read from", "[
     const TemporaryFolder folder;
     const Path out = folder.path() / "out";
     json job = json::parse(R"({ "model": { "name": "henon" }, "seed": 2,
-        "data": { "name": "run1", "simulate": { "sections": 200 } }, "output": { "series": "csv" } })");
+        "data": { "name": "run1", "simulate": { "sections": 3000 } }, "output": { "series": "csv" } })");
     REQUIRE(orbid_with({"simulate", write_job(folder.path() / "job.json", job), "--out", out}).code == 0);
     const auto simulated = stored_series(read_stored_run(out), 0);
     REQUIRE(simulated.has_value());
-    CHECK(simulated->size() == 200);
+    CHECK(simulated->size() == 3000);
 
     std::filesystem::copy_file(out / "series.csv", folder.path() / "record.csv");
     json measured = json::parse(R"({ "model": { "name": "henon" },
