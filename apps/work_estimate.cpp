@@ -29,8 +29,10 @@ constexpr double posterior_steps = 10.0;         // gradients per draw
 constexpr double profile_sweeps = 100.0;         // per unknown: some twenty minimisations from near by
 constexpr double bytes = sizeof(double);
 constexpr double megabyte = 1e6;
-// Copies of a series that a search holds at once: mirrored, wrapped, in trees of neighbours.
-constexpr double search_copies = 6.0;
+// What a search holds at once over what the series takes (docs/orbits.md).
+constexpr double search_copies = 3.0;
+// The equations of one map fitted to all data: 3 x 8 bytes x 3600^2 for cells of 2 % over the pendulum's attractor.
+constexpr double noisy_search_bytes = 3e8;
 
 /// What the numbers of a job come to; one object per call.
 class Estimator {
@@ -47,7 +49,9 @@ public:
         if (job_.orbits && !job_.orbits->file) {
             const double seconds = search_seconds();
             add("orbits", fmt::format("{:.0f} points, periods {}", points(job_.orbits->data), periods_text()),
-                search_copies * points(job_.orbits->data) * n_ * bytes, seconds);
+                search_copies * points(job_.orbits->data) * n_ * bytes +
+                    (is_clean(job_.data[job_.orbits->data]) ? 0.0 : noisy_search_bytes),
+                seconds);
         }
         if (job_.periodic) periodic();
         if (job_.estimate) estimate();
@@ -125,7 +129,8 @@ private:
         for (const OrbitStart& start : periodic.orbits)
             starts += static_cast<double>(start.period);
         if (!periodic.orbits.empty())
-            add("periodic", fmt::format("{} orbits", periodic.orbits.size()), 0.0, starts * orbit / threads_);
+            add("periodic", fmt::format("{} orbit{}", periodic.orbits.size(), periodic.orbits.size() == 1 ? "" : "s"),
+                0.0, starts * orbit / threads_);
         if (periodic.search) {
             const auto count = static_cast<double>(periodic.search->points);
             double found = 0.0;

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""How long orbid takes to start: `orbid --help` and `orbid check JOB`, beside an empty C++ program and `python3 -c pass`.
+"""How long orbid takes to start: `orbid --help`, `orbid check JOB` and `orbid run` of a job of no size, beside an empty C++
+program and `python3 -c pass`.
 
     bench/startup.py [BUILD_FOLDER] [REPETITIONS]      default: build/release, 101
 
@@ -8,6 +9,7 @@ All commands take turns, so that a machine that is busy for a while is busy for 
 """
 
 import os
+import shutil
 import statistics
 import subprocess
 import sys
@@ -15,6 +17,9 @@ import tempfile
 import time
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+
+TINY = """{ "model": { "name": "henon" },
+  "data": { "simulate": { "sections": 100, "trajectories": 1 } }, "output": { "series": "csv" } }"""
 
 
 def seconds(command):
@@ -45,6 +50,11 @@ def main():
             "orbid check hare_lynx.json": [orbid, "check", hares],
             "/usr/bin/python3 -c pass": ["/usr/bin/python3", "-c", "pass"],
         }
+        job = os.path.join(folder, "tiny.json")
+        with open(job, "w") as file:
+            file.write(TINY)
+        results = os.path.join(folder, "results")
+        commands["orbid run, 100 iterates of a map"] = [orbid, "run", job, "--out", results, "--quiet"]
         other = subprocess.run(["bash", "-c", "command -v python3"], capture_output=True, text=True).stdout.strip()
         if other and other != "/usr/bin/python3":
             commands["python3 -c pass (of the PATH)"] = [other, "-c", "pass"]
@@ -52,6 +62,7 @@ def main():
         for _ in range(repetitions):
             for name, command in commands.items():
                 times[name].append(seconds(command))
+                shutil.rmtree(results, ignore_errors=True)
     peer = statistics.median(times["/usr/bin/python3 -c pass"])
     for name, list_of_times in times.items():
         median = statistics.median(list_of_times)

@@ -1,11 +1,14 @@
 #include "apps/command_line.hpp"
 
-#include <filesystem>
 #include <iostream>
 #include <sstream>
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
+
+#include "apps/command_help.hpp"
+#include "apps/command_table.hpp"
 #include "tests/catch.hpp"
 
 using namespace orbid::apps;
@@ -66,6 +69,41 @@ TEST_CASE("help, models, new and check print what they say", "[apps][command]") 
     CHECK(check.code == 0);
     CHECK_THAT(check.out, ContainsSubstring("1048576 sections on 4 trajectories, 16.8 MB") &&
                               ContainsSubstring("l, k2, k3 from cycles"));
+}
+
+TEST_CASE("help has all commands, options and exit codes, examples, and fits 80 columns", "[apps][command]") {
+    const std::string overview = outcome({"help"}).out;
+    CHECK(overview == outcome({"--help"}).out);
+    for (const ExitCode& code : exit_codes())
+        CHECK_THAT(overview, ContainsSubstring(fmt::format("{:>5}  ", code.code)));
+    for (const EnvironmentVariable& variable : environment_variables())
+        CHECK_THAT(overview, ContainsSubstring(variable.name));
+    const auto fits = [](const std::string& text) {
+        std::istringstream lines(text);
+        for (std::string line; std::getline(lines, line);) {
+            // A command to be typed is not broken.
+            const bool example = line.starts_with("  orbid ") || line.starts_with("usage: ");
+            CAPTURE(line);
+            CHECK((example || line.size() <= 80));
+        }
+    };
+    fits(overview);
+    for (const Command& command : command_table()) {
+        if (command.run == nullptr) continue;
+        CAPTURE(command.name);
+        CHECK_THAT(overview, ContainsSubstring("  " + command.name + " "));
+        const std::string page = outcome({"help", command.name}).out;
+        CHECK(page == outcome({command.name, "--help"}).out);
+        fits(page);
+        CHECK_FALSE(command.examples.empty());
+        for (const CommandExample& example : command.examples)
+            CHECK_THAT(page, ContainsSubstring(example.line));
+        for (const CommandOption& option : command.options)
+            CHECK_THAT(page, ContainsSubstring("--" + option.name));
+    }
+    const Outcome unknown = outcome({"help", "rum"});
+    CHECK(unknown.code == 2);
+    CHECK_THAT(unknown.error, ContainsSubstring("did you mean \"run\"?"));
 }
 
 TEST_CASE("the page of a model lists what its variants have besides", "[apps]") {
