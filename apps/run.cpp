@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <functional>
 #include <optional>
+#include <stdexcept>
 #include <thread>
 
 #include <fmt/format.h>
@@ -41,6 +42,7 @@ constexpr int success = 0;
 constexpr int no_valid_answer = 1;
 constexpr int wrong_call = 2;
 constexpr int unusable_data = 3;
+constexpr int not_stored = 4;
 constexpr int interrupted = 130;
 
 bool wants(const RunOptions& options, Stage stage) {
@@ -167,12 +169,19 @@ int run_job(const Job& asked, const RunOptions& options) {
             folder.store("log.txt", progress.log_text());
         };
         const auto leave = [&](const std::string& result) {
-            if (!result.empty()) folder.store("result.json", result);
-            progress.end("interrupted");
-            store_times();
+            int code = interrupted;
+            try {
+                if (!result.empty()) folder.store("result.json", result);
+                progress.end("interrupted");
+                store_times();
+            } catch (const std::runtime_error& error) {
+                // Nobody is above this thread: a full disk is told here.
+                fmt::print(stderr, "orbid: {}\n", error.what());
+                code = not_stored;
+            }
             std::fflush(nullptr);
             // No destructors: threads still compute with what they would destroy.
-            std::_Exit(interrupted);
+            std::_Exit(code);
         };
         Departure departure(interruption, options.own_process ? std::function<void(const std::string&)>(leave)
                                                               : std::function<void(const std::string&)>());
