@@ -234,7 +234,9 @@ void EquationReader::find_surfaces() {
             else
                 surfaces.push_back(*node);
         }
-        for (std::size_t k = 0; k < arguments.size(); ++k)
+        // Of a surface that is listed with a mistake one problem is enough.
+        const bool listed = problems_.size() == problems_before_;
+        for (std::size_t k = 0; listed && k < arguments.size(); ++k)
             if (jumps[k] && std::find(surfaces.begin(), surfaces.end(), arguments[k]) == surfaces.end())
                 report(Part::model, 0,
                        "the equations jump with a sign() whose argument \"switching\" does not list: list it, or leave "

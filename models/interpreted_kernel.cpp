@@ -288,9 +288,10 @@ ShapeChoice shape_for(const Equations& equations, std::string& why) {
     };
     if (equations.text().stiff) return beyond("stiff equations");
     if (!equations.inputs().empty()) {
-        if (!equations.surfaces().empty()) return beyond("switching together with measured inputs");
-        if (n > 4) return beyond("more than four coordinates with measured inputs");
         if (equations.inputs().size() > InterpretedInputs<4>::inputs.size()) return beyond("more than four inputs");
+        if (equations.dry_friction()) return {interpreted_shape<InterpretedFrictionInputs>(), 2};
+        if (!equations.surfaces().empty()) return beyond("switching surfaces together with measured inputs");
+        if (n > 4) return beyond("more than four coordinates with measured inputs");
         if (n <= 2) return {interpreted_shape<InterpretedInputs<2>>(), 2};
         return {interpreted_shape<InterpretedInputs<4>>(), 4};
     }

@@ -202,6 +202,18 @@ struct InterpretedInputs : InterpretedShape<n> {
     }
 };
 
+/// One degree of freedom with dry friction and measured inputs.
+struct InterpretedFrictionInputs : InterpretedShape<2> {
+    using Shape = InterpretedShape<2>;
+    static constexpr auto inputs = InterpretedInputs<2>::inputs;
+    static bool smooth(const Values<double, q>& /*p*/) { return false; }
+    template <class T, class S>
+    static State<T, 2> rhs(const T& /*t*/, const State<T, 2>& x, const Values<T, constant_count>& c, const S& side,
+                           const std::array<T, 4>& u) {
+        return Shape::rates(u.data(), x, c, u.data(), &side);
+    }
+};
+
 /// x -> F(x).
 template <std::size_t n>
 struct InterpretedMap : InterpretedShape<n> {
