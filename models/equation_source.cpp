@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "models/formula_text.hpp"
 #include "models/staged_equations.hpp"
 
 namespace orbid::models {
@@ -18,164 +19,6 @@ using Operation = ExpressionGraph::Operation;
 constexpr std::size_t most_constants = 48;
 /// States of a fixed number of coordinates are inlined everywhere; beyond, loops are as fast.
 constexpr std::size_t most_fixed_coordinates = 8;
-
-std::string_view function_name(Operation operation) {
-    switch (operation) {
-        case Operation::sin:
-            return "sin";
-        case Operation::cos:
-            return "cos";
-        case Operation::tan:
-            return "tan";
-        case Operation::asin:
-            return "asin";
-        case Operation::acos:
-            return "acos";
-        case Operation::atan:
-            return "atan";
-        case Operation::sinh:
-            return "sinh";
-        case Operation::cosh:
-            return "cosh";
-        case Operation::tanh:
-            return "tanh";
-        case Operation::exp:
-            return "exp";
-        case Operation::log:
-            return "log";
-        case Operation::sqrt:
-            return "sqrt";
-        case Operation::abs:
-            return "abs";
-        default:
-            return "detail::sign_of";
-    }
-}
-
-/// Formulas as C++: a statement for each part that is used more than once, and one formula for each result.
-///
-/// What is used once is not named: a number of LocalDual that has a name is stored and read again, which took 1.4 times
-/// as long (flows of Lorenz's equations).
-class Statements {
-public:
-    /// @param one_side  the side is a number, not an array
-    Statements(const ExpressionGraph& graph, const std::vector<Node>& results, bool one_side)
-        : graph_(graph), results_(results), one_side_(one_side), uses_(graph.size(), 0), depth_(graph.size(), 0) {
-        for (const Node node : results)
-            ++uses_[node];
-        for (Node i = static_cast<Node>(graph_.size()); i-- > 0;) {
-            if (uses_[i] == 0 || is_simple(i)) continue;
-            ++uses_[graph_[i].a];
-            if (is_binary(graph_[i].operation)) ++uses_[graph_[i].b];
-        }
-        for (Node i = 0; i < graph_.size(); ++i) {
-            if (uses_[i] == 0 || is_simple(i)) continue;
-            depth_[i] = 1 + std::max(depth_in(graph_[i].a), is_binary(graph_[i].operation) ? depth_in(graph_[i].b) : 0);
-        }
-    }
-
-    [[nodiscard]] std::string definitions() const {
-        std::string text =
-            "        using std::abs, std::sqrt, std::exp, std::log, std::pow;\n"
-            "        using std::sin, std::cos, std::tan, std::asin, std::acos, std::atan;\n"
-            "        using std::sinh, std::cosh, std::tanh;\n";
-        for (Node i = 0; i < graph_.size(); ++i)
-            if (uses_[i] > 0 && is_named(i)) text += fmt::format("        const T n{} = {};\n", i, formula(i));
-        return text;
-    }
-    [[nodiscard]] std::string result(std::size_t i) const { return operand(results_[i]); }
-    /// All results beside each other.
-    [[nodiscard]] std::string list() const {
-        std::string text;
-        for (std::size_t i = 0; i < results_.size(); ++i)
-            text += (i > 0 ? ", " : "") + result(i);
-        return text;
-    }
-
-private:
-    /// Brackets of brackets of that many levels are more than compilers like.
-    static constexpr int deepest = 40;
-
-    [[nodiscard]] bool is_simple(Node node) const {
-        return graph_[node].operation == Operation::number || is_variable(graph_[node].operation);
-    }
-    [[nodiscard]] bool is_named(Node node) const {
-        return !is_simple(node) && (uses_[node] > 1 || depth_[node] > deepest);
-    }
-    /// Levels of brackets that an operand adds.
-    [[nodiscard]] int depth_in(Node node) const { return is_simple(node) || is_named(node) ? 0 : depth_[node]; }
-
-    [[nodiscard]] std::string operand(Node node) const {
-        const auto& entry = graph_[node];
-        switch (entry.operation) {
-            case Operation::number:
-                return fmt::format("T({:a})", entry.value);
-            case Operation::parameter:
-                return fmt::format("p[{}]", entry.index);
-            case Operation::coordinate:
-                return fmt::format("x[{}]", entry.index);
-            case Operation::phase:
-                return "phase";
-            case Operation::input:
-                return fmt::format("u[{}]", entry.index);
-            case Operation::side:
-                return fmt::format("T({})", side(entry.index));
-            case Operation::constant:
-                return fmt::format("c[{}]", entry.index);
-            case Operation::forcing:
-                return "force";
-            default:
-                return is_named(node) ? fmt::format("n{}", node) : fmt::format("({})", formula(node));
-        }
-    }
-    [[nodiscard]] std::string side(std::size_t index) const {
-        return one_side_ ? "side" : fmt::format("side[{}]", index);
-    }
-    /// As an operand beside one of type T: numbers and sides as they are.
-    [[nodiscard]] std::string beside(Node node, Node other) const {
-        const auto& entry = graph_[node];
-        const auto type = graph_[other].operation;
-        if (entry.operation == Operation::number) return fmt::format("({:a})", entry.value);
-        return entry.operation == Operation::side && type != Operation::side && type != Operation::number
-                   ? side(entry.index)
-                   : operand(node);
-    }
-    [[nodiscard]] std::string formula(Node node) const {
-        const auto& entry = graph_[node];
-        const auto between = [&](char symbol) {
-            const bool product = entry.operation == Operation::multiply;
-            const auto text = [&](Node one, Node other) {
-                const bool plain = graph_[one].operation == Operation::number || product;
-                return plain ? beside(one, other) : operand(one);
-            };
-            return fmt::format("{} {} {}", text(entry.a, entry.b), symbol, text(entry.b, entry.a));
-        };
-        switch (entry.operation) {
-            case Operation::add:
-                return between('+');
-            case Operation::subtract:
-                return between('-');
-            case Operation::multiply:
-                return between('*');
-            case Operation::divide:
-                return between('/');
-            case Operation::power:
-                return fmt::format("pow({}, {})", operand(entry.a),
-                                   graph_[entry.b].operation == Operation::number
-                                       ? fmt::format("{:a}", graph_[entry.b].value)
-                                       : operand(entry.b));
-            case Operation::negate:
-                return fmt::format("-{}", operand(entry.a));
-            default:
-                return fmt::format("{}({})", function_name(entry.operation), operand(entry.a));
-        }
-    }
-
-    const ExpressionGraph& graph_;
-    std::vector<Node> results_;
-    bool one_side_;
-    std::vector<int> uses_, depth_;
-};
 
 /// "a, b, c" of what `text` gives for 0, 1, ...
 template <class Text>
@@ -249,12 +92,12 @@ private:
         return text;
     }
 
-    [[nodiscard]] Statements statements(const std::vector<Node>& nodes) const {
+    [[nodiscard]] FormulaText statements(const std::vector<Node>& nodes) const {
         return {stages_.graph, nodes, equations_.dry_friction()};
     }
     /// The body of a function that returns all of these.
     [[nodiscard]] std::string body(const std::vector<Node>& nodes) const {
-        const Statements formulas = statements(nodes);
+        const FormulaText formulas = statements(nodes);
         return fmt::format("{}        return {{{}}};\n    }}\n", formulas.definitions(), formulas.list());
     }
 
@@ -279,7 +122,7 @@ private:
         if (!equations_.inputs().empty())
             arguments += fmt::format(", const std::array<T, {}>& u", equations_.inputs().size());
         if (!stages_.forcing) return text + function("rhs", arguments, stages_.rates);
-        const Statements force = statements({*stages_.forcing});
+        const FormulaText force = statements({*stages_.forcing});
         text += fmt::format(
             "    template <class T>\n    static T forcing(const T& phase, {}) {{\n{}        return {};\n    }}\n",
             constants, force.definitions(), force.result(0));
@@ -298,7 +141,7 @@ private:
     }
 
     std::string loop() const {
-        const Statements rates = statements(stages_.rates);
+        const FormulaText rates = statements(stages_.rates);
         std::string text = fmt::format(
             "    template <class T>\n    static void rhs(const T&, std::span<const T> x, const Values<T, {}>& p, "
             "std::span<T> f) {{\n        const auto c = constants(p);\n{}",

@@ -18,25 +18,18 @@ using tests::problems;
 namespace {
 
 /// A job whose model is written in it; the second line holds the equations.
-std::string job_with(const std::string&from = "", const std::string&to = ""){std::string text = R"({ "model": {
-  "equations": { "x": "v", "v": "b * cos(tau) - k * x - c * sign(v)"},
-    "parameters" : {"k" : {"value" : 4, "unit" : "1/s^2", "domain" : "positive"}, "c" : 0.5, "b" : 0.9, "omega" : 1.5},
-                   "forcing_phase" : {
-    "name" : "tau", "frequency" : "omega"
-}
-}
-, "data" : {
-    "simulate" : {
-        "sections" : 64, "trajectories" : 2
-    }
-}
-})";
+std::string job_with(const std::string& from = "", const std::string& to = "") {
+    std::string text = R"json({ "model": {
+  "equations": { "x": "v", "v": "b * cos(tau) - k * x - c * sign(v)" },
+  "parameters": { "k": { "value": 4, "unit": "1/s^2", "domain": "positive" }, "c": 0.5, "b": 0.9, "omega": 1.5 },
+  "forcing_phase": { "name": "tau", "frequency": "omega" } },
+  "data": { "simulate": { "sections": 64, "trajectories": 2 } } })json";
     if (!from.empty()) {
-    const auto at = text.find(from);
-    REQUIRE(at != std::string::npos);
-    text.replace(at, from.size(), to);
-}
-return text;
+        const auto at = text.find(from);
+        REQUIRE(at != std::string::npos);
+        text.replace(at, from.size(), to);
+    }
+    return text;
 }
 
 }  // namespace
@@ -109,32 +102,31 @@ TEST_CASE("a job with equations estimates what the registered model does", "[app
     const std::string model = R"("model": { "name": "lorenz",)";
     const auto at = text.find(model);
     REQUIRE(at != std::string::npos);
-    text.replace(at, model.size(), R"("model": { "equations": { "x": "sigma * (y - x)", "y": "x * (rho - z) - y",
-        "z": "x * y - beta * z"
-}, "compile": false,)");
+    text.replace(at, model.size(), R"json("model": { "equations": { "x": "sigma * (y - x)", "y": "x * (rho - z) - y",
+        "z": "x * y - beta * z" }, "compile": false,)json");
     const auto job = tests::write_text(folder.path() / "equations.json", text);
-const auto run = tests::orbid_with({"run", job, "--out", folder.path() / "a"});
-CAPTURE(run.error);
-REQUIRE(run.code == 0);
-const auto registered =
-    tests::orbid_with({"run", ORBID_SOURCE_DIR "/configs/lorenz.json", "--out", folder.path() / "b"});
-REQUIRE(registered.code == 0);
-const json mine = tests::read_json(folder.path() / "a" / "result.json");
-const json theirs = tests::read_json(folder.path() / "b" / "result.json");
-CHECK(mine["model"]["evaluated"] == "interpreted");
-CHECK_FALSE(theirs.contains("model"));
-for (const char* name : {"sigma", "rho", "beta"}) {
-    const double value = mine["parameters"][name]["value"], other = theirs["parameters"][name]["value"];
-    // What the minimisation leaves of an sd; measured 1e-9 of it.
-    CHECK(std::abs(value - other) < 1e-5 * theirs["parameters"][name]["sd"].get<double>());
-}
-// The stored job repeats the run.
-const auto again = tests::orbid_with({"run", folder.path() / "a" / "job.json", "--out", folder.path() / "c"});
-REQUIRE(again.code == 0);
-CHECK(read_whole_file(folder.path() / "c" / "result.json") == read_whole_file(folder.path() / "a" / "result.json"));
-const auto check = tests::orbid_with({"check", job});
-CHECK(check.code == 0);
-CHECK_THAT(check.out, ContainsSubstring("equations  interpreted, as the job says"));
+    const auto run = tests::orbid_with({"run", job, "--out", folder.path() / "a"});
+    CAPTURE(run.error);
+    REQUIRE(run.code == 0);
+    const auto registered =
+        tests::orbid_with({"run", ORBID_SOURCE_DIR "/configs/lorenz.json", "--out", folder.path() / "b"});
+    REQUIRE(registered.code == 0);
+    const json mine = tests::read_json(folder.path() / "a" / "result.json");
+    const json theirs = tests::read_json(folder.path() / "b" / "result.json");
+    CHECK(mine["model"]["evaluated"] == "interpreted");
+    CHECK_FALSE(theirs.contains("model"));
+    for (const char* name : {"sigma", "rho", "beta"}) {
+        const double value = mine["parameters"][name]["value"], other = theirs["parameters"][name]["value"];
+        // What the minimisation leaves of an sd; measured 1e-9 of it.
+        CHECK(std::abs(value - other) < 1e-5 * theirs["parameters"][name]["sd"].get<double>());
+    }
+    // The stored job repeats the run.
+    const auto again = tests::orbid_with({"run", folder.path() / "a" / "job.json", "--out", folder.path() / "c"});
+    REQUIRE(again.code == 0);
+    CHECK(read_whole_file(folder.path() / "c" / "result.json") == read_whole_file(folder.path() / "a" / "result.json"));
+    const auto check = tests::orbid_with({"check", job});
+    CHECK(check.code == 0);
+    CHECK_THAT(check.out, ContainsSubstring("equations  interpreted, as the job says"));
 }
 
 TEST_CASE("the example with equations in the job finds its parameters", "[apps][run][equations]") {

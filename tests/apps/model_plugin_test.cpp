@@ -96,7 +96,8 @@ TEST_CASE("compiled equations are kept, found again, and replaced when broken", 
     CHECK(again.cached);
     // The same bits as interpreted, iterate by iterate.
     std::string why;
-    const models::KernelSystem compiled(again.kernel), interpreted(models::interpreted_kernel(equations, why));
+    const models::KernelSystem of_compiled(again.kernel), of_interpreted(models::interpreted_kernel(equations, why));
+    const models::System &compiled = of_compiled, &interpreted = of_interpreted;
     const std::vector<double> durations{1.0, 2.0, 30.0};
     const std::vector<Eigen::Index> free{0, 1};
     const Eigen::Vector2d x0(0.1, 0.2);
@@ -168,24 +169,16 @@ TEST_CASE("a run says that its equations were compiled", "[apps][plugin]") {
     if (no_compiler()) return;
     const tests::TemporaryFolder folder;
     const Variable cache("XDG_CACHE_HOME", folder.path() / "cache");
-    const auto job = tests::write_text(folder.path() / "job.json", R"({
-      "model": { "kind": "map", "equations": { "x": "r * x * (1 - x)"
-}
-, "parameters" : {"r" : 3.9}, "compile" : true
-}
-, "data" : {
-    "simulate" : {
-        "sections" : 256, "trajectories" : 2, "transient" : 10
-    }
-}
-})");
+    const auto job = tests::write_text(folder.path() / "job.json", R"json({
+      "model": { "kind": "map", "equations": { "x": "r * x * (1 - x)" }, "parameters": { "r": 3.9 }, "compile": true },
+      "data": { "simulate": { "sections": 256, "trajectories": 2, "transient": 10 } } })json");
     const auto before = tests::orbid_with({"check", job});
-CHECK_THAT(before.out, ContainsSubstring("equations  compiled first"));
-const auto run = tests::orbid_with({"run", job, "--out", folder.path() / "out"});
-CAPTURE(run.error);
-CHECK(run.code == 0);
-CHECK_THAT(run.error, ContainsSubstring("equations compiled"));
-CHECK_THAT(apps::read_whole_file(folder.path() / "out" / "log.txt"), ContainsSubstring("equations compiled"));
-const auto after = tests::orbid_with({"check", job});
-CHECK_THAT(after.out, ContainsSubstring("equations  compiled, in the cache"));
+    CHECK_THAT(before.out, ContainsSubstring("equations  compiled first"));
+    const auto run = tests::orbid_with({"run", job, "--out", folder.path() / "out"});
+    CAPTURE(run.error);
+    CHECK(run.code == 0);
+    CHECK_THAT(run.error, ContainsSubstring("equations compiled"));
+    CHECK_THAT(apps::read_whole_file(folder.path() / "out" / "log.txt"), ContainsSubstring("equations compiled"));
+    const auto after = tests::orbid_with({"check", job});
+    CHECK_THAT(after.out, ContainsSubstring("equations  compiled, in the cache"));
 }
