@@ -171,7 +171,7 @@ TEST_CASE("a run says that its equations were compiled", "[apps][plugin]") {
     const Variable cache("XDG_CACHE_HOME", folder.path() / "cache");
     const auto job = tests::write_text(folder.path() / "job.json", R"json({
       "model": { "kind": "map", "equations": { "x": "r * x * (1 - x)" }, "parameters": { "r": 3.9 }, "compile": true },
-      "data": { "simulate": { "sections": 256, "trajectories": 2, "transient": 10 } } })json");
+      "data": { "simulate": { "sections": 256, "trajectories": 2, "transient": 10, "initial": [[0.3], [0.4]] } } })json");
     const auto before = tests::orbid_with({"check", job});
     CHECK_THAT(before.out, ContainsSubstring("equations  compiled first"));
     const auto run = tests::orbid_with({"run", job, "--out", folder.path() / "out"});
