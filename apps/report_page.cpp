@@ -14,12 +14,13 @@ namespace orbid::apps {
 
 namespace {
 
-/// Every plot the catalogue has for the run, at the width of the page's text. One that cannot be drawn (its record has
+/// Every plot the catalogue has for the run. It is shown half as large again; drawn at full size, the dots of a dense
+/// section would take more of the page than everything else. One that cannot be drawn (its record has
 /// gone) is left out: its chapter says so.
 void draw_still_plots(ReportSource& source) {
     PlotStyle style;
-    style.width_mm = 180.0;
-    style.font_pt = 9.0;
+    style.width_mm = 130.0;
+    style.font_pt = 6.5;
     for (const AvailablePlot& plot : available_plots(source.run)) {
         try {
             source.still_plots[plot.name] = plot_svg(source.run, plot.name, style);

@@ -82,7 +82,7 @@ std::string what_was_done(const StoredRun& run) {
                 if (!(used > 0.0)) continue;
                 const auto n = static_cast<std::size_t>(used);
                 from.push_back(type == "cycles"   ? counted(n, "unstable periodic orbit")
-                               : type == "series" ? counted(n, "piece") + " of the record"
+                               : type == "series" ? counted(n, "interval") + " of the record"
                                                   : fmt::format("{} ({})", counted(n, "record"), type));
             }
         }

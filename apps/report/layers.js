@@ -40,7 +40,7 @@ function draw_points(context, layer, frame) {
   const shape = shape_of(layer.style);
   // Dense clouds of unlabelled points get dots that let each other be seen, less dense ones small marks without edge.
   const dots = !layer.labels && layer.x.length > 3000;
-  const small = !layer.labels && layer.x.length > 300;
+  const small = !layer.labels && layer.x.length > 120;
   const r = (dots ? 1.5 : small ? 0.7 * radius_of(layer.style) : radius_of(layer.style)) * frame.scale;
   const path = new Path2D();
   for (let i = 0; i < layer.x.length; ++i) {

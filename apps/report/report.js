@@ -4,14 +4,27 @@ import { make_sortable } from "./sortable_table.js";
 
 for (const table of document.querySelectorAll("table.sortable")) make_sortable(table);
 
+/** Figures whose chart is to be made, in the order they came near. */
+const waiting = [];
+
+/** Makes one chart per task, so that several that come into view at once do not hold the page up. */
+function make_next() {
+  const figure = waiting.shift();
+  if (figure === undefined) return;
+  const spec = JSON.parse(document.getElementById(`data-${figure.dataset.chart}`).textContent);
+  new Chart(figure, spec);
+  setTimeout(make_next, 0);
+}
+
 // A chart is made when it comes near the view: a page of thirty opens at once.
 const near = new IntersectionObserver((entries) => {
+  const idle = waiting.length === 0;
   for (const { isIntersecting, target } of entries) {
     if (!isIntersecting) continue;
     near.unobserve(target);
-    const spec = JSON.parse(document.getElementById(`data-${target.dataset.chart}`).textContent);
-    new Chart(target, spec);
+    waiting.push(target);
   }
+  if (idle) setTimeout(make_next, 0);
 }, { rootMargin: "400px" });
 for (const figure of document.querySelectorAll("figure[data-chart]")) {
   figure.hidden = false; // one that has no still picture
