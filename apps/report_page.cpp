@@ -80,8 +80,10 @@ std::string report_html(const StoredRun& run) {
         html_escaped(name));
     out += report_style();
     out += fmt::format(
-        "</style>\n</head>\n<body>\n<header>\n<h1>{}</h1>\n<p class=\"about\">{}</p>\n</header>\n"
+        "</style>\n{}</head>\n<body>\n<header>\n<h1>{}</h1>\n<p class=\"about\">{}</p>\n</header>\n"
         "<nav aria-label=\"Contents\"><ul>\n{}</ul></nav>\n<main>\n",
+        // Known before the first paint: still pictures that live charts will replace are not painted at all.
+        report_script().empty() ? "" : "<script>document.documentElement.className = \"scripted\"</script>\n",
         html_escaped(name), html_escaped(subtitle(run)), contents);
     out += verdict_html(source);
     out += body;

@@ -11,9 +11,11 @@ const waiting = [];
 function make_next() {
   const figure = waiting.shift();
   if (figure === undefined) return;
+  setTimeout(make_next, 0);
+  figure.classList.add("failed"); // until it is drawn
   const spec = JSON.parse(document.getElementById(`data-${figure.dataset.chart}`).textContent);
   new Chart(figure, spec);
-  setTimeout(make_next, 0);
+  figure.classList.remove("failed");
 }
 
 // A chart is made when it comes near the view: a page of thirty opens at once.
