@@ -6,6 +6,7 @@
 #include "apps/command_model.hpp"
 #include "apps/command_report.hpp"
 #include "apps/command_run.hpp"
+#include "apps/command_schema.hpp"
 #include "apps/command_stored.hpp"
 #include "apps/manual_page.hpp"
 #include "apps/model_listing.hpp"
@@ -141,7 +142,13 @@ const std::vector<Command>& command_table() {
          {{"orbid help run", ""}},
          "",
          show_help},
-        {"schema", "", {}, {}, {}, ""},
+        {"schema",
+         "print the JSON Schema of jobs, for editors",
+         {},
+         {{"markdown", "", "all keys as a page instead"}},
+         {{"orbid schema > orbid-job.schema.json", "what a job's \"$schema\" may name"}},
+         "",
+         show_schema},
         {"predict",
          "how well the estimate of a stored run predicts a further record",
          {{"DIR", WordKind::folder}, {"DATA", WordKind::file}},

@@ -6,12 +6,6 @@ namespace orbid::apps {
 
 namespace {
 
-// Beyond any picture and any memory; the limits only keep numbers in their types.
-constexpr std::uint64_t most_branch_points = 1'000'000;
-constexpr std::uint64_t most_branches = 10'000;
-constexpr std::uint64_t longest_period = 1000;
-constexpr std::uint64_t most_found = 1'000'000;
-
 const std::vector<std::string> switch_names{"period_doubling", "symmetry_breaking"};
 
 /// { "first": 0.01, "smallest": 1e-7, "largest": 0.05 }
@@ -19,7 +13,7 @@ void read_step(const ValueReader& value, periodic::ContinuationOptions& options)
     ObjectReader object(value);
     const auto read = [&](std::string_view key, double& step) {
         const auto found = object.find(key);
-        if (found) step = found->positive().value_or(step);
+        if (found) step = found->number().value_or(step);
         return found;
     };
     const auto first = read("first", options.first_step);
@@ -41,14 +35,9 @@ void read_step(const ValueReader& value, periodic::ContinuationOptions& options)
 
 void read_switch(const ValueReader& value, periodic::ContinuationOptions& options) {
     options.switch_doublings = options.switch_symmetry = false;
-    std::vector<std::size_t> seen;
     for (const ValueReader& item : value.items()) {
         const auto choice = item.choice(switch_names);
-        if (!choice) continue;
-        if (std::find(seen.begin(), seen.end(), *choice) != seen.end())
-            item.report(fmt::format("\"{}\" is listed twice", switch_names[*choice]));
-        seen.push_back(*choice);
-        (*choice == 0 ? options.switch_doublings : options.switch_symmetry) = true;
+        if (choice) (*choice == 0 ? options.switch_doublings : options.switch_symmetry) = true;
     }
 }
 
@@ -67,27 +56,13 @@ void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index
     const auto to = object.find("to");
     const auto direction = object.find("direction");
     if (direction) {
-        const auto number = direction->number([](double x) { return x == -1.0 || x == 0.0 || x == 1.0; },
-                                              "1 (first to larger values), -1 (to smaller ones) or 0 (both ways)");
-        options.direction = static_cast<int>(number.value_or(0.0));
-    }
-    if (object.find("from")) {
-        object.report("from",
-                      "a branch starts at the model's own value of the parameter: \"to\" says where it ends, or "
-                      "\"range\": [lower, upper]");
-    }
-    if (range && to) to->report("says the same as \"range\": one of the two must be left out");
-    if (!range && !to && object.valid()) {
-        object.self().report("needs \"range\": [lower, upper], or \"to\": the value where the branch ends");
+        options.direction = static_cast<int>(direction->number().value_or(0.0));
     }
     if (!parameter) return;
     const double start = job.model.values[*parameter];
     const std::string name = parameter_names(job)[static_cast<std::size_t>(*parameter)];
     if (range) {
         const auto items = range->items();
-        if (range->is(JsonValue::Kind::array) && items.size() != 2) {
-            range->report(fmt::format("must be [lower, upper], not {} values", items.size()));
-        }
         if (items.size() != 2) return;
         const auto lower = read_end(items[0], *parameter, job);
         const auto upper = read_end(items[1], *parameter, job);
@@ -101,7 +76,6 @@ void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index
                 fmt::format("must contain the value that the branch starts at: the model's {} is {}", name, start));
         }
     } else if (to) {
-        if (direction) direction->report("follows from \"to\": must be left out");
         const auto end = read_end(*to, *parameter, job);
         if (!end) return;
         if (*end == start) {
@@ -141,7 +115,7 @@ void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& pe
     periodic::ContinuationOptions& options = continuation.options;
     ObjectReader object(value);
     std::optional<Eigen::Index> parameter;
-    if (const auto name = object.require("parameter", "the parameter that is followed")) {
+    if (const auto name = object.find("parameter")) {
         const auto text = name->text();
         if (text) parameter = parameter_named(*text, *name, job);
         options.parameter = parameter.value_or(0);
@@ -149,26 +123,26 @@ void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& pe
     read_range(object, job, parameter, options);
     if (const auto orbit = object.find("orbit")) {
         // How many a search finds is not known before.
-        const std::uint64_t last = periodic.search ? most_found : std::max<std::size_t>(periodic.orbits.size(), 1) - 1;
-        continuation.orbit = static_cast<std::size_t>(orbit->whole(0, last).value_or(0));
+        const std::size_t count = std::max<std::size_t>(periodic.orbits.size(), 1);
+        const auto number = orbit->number([&](double x) { return periodic.search || x < static_cast<double>(count); },
+                                          fmt::format("below {}, the number of starts", count));
+        continuation.orbit = static_cast<std::size_t>(number.value_or(0.0));
     }
     if (const auto step = object.find("step")) read_step(*step, options);
     if (const auto points = object.find("points"))
-        options.maximum_points =
-            static_cast<std::size_t>(points->whole(2, most_branch_points).value_or(options.maximum_points));
+        options.maximum_points = static_cast<std::size_t>(points->whole().value_or(options.maximum_points));
     if (const auto branches = object.find("branches"))
-        options.maximum_branches =
-            static_cast<std::size_t>(branches->whole(1, most_branches).value_or(options.maximum_branches));
+        options.maximum_branches = static_cast<std::size_t>(branches->whole().value_or(options.maximum_branches));
     if (const auto choice = object.find("switch")) read_switch(*choice, options);
     if (const auto period = object.find("maximum_period")) {
-        const auto number = period->whole(1, longest_period);
+        const auto number = period->whole();
         if (number) options.maximum_period = static_cast<int>(*number);
         if (number && continuation.orbit < periodic.orbits.size() &&
             periodic.orbits[continuation.orbit].period > options.maximum_period)
             period->report(fmt::format("must be at least the period of the orbit it starts at, {}, not {}",
                                        periodic.orbits[continuation.orbit].period, options.maximum_period));
     }
-    if (const auto time = object.find("maximum_time")) options.longest = time->positive().value_or(options.longest);
+    if (const auto time = object.find("maximum_time")) options.longest = time->number().value_or(options.longest);
     continuation.plotted = read_plotted(object, job);
     object.finish();
     periodic.continuation = std::move(continuation);

@@ -26,9 +26,7 @@ void read_variants(const ValueReader& value, const Job& job, CriticismJob& criti
         if (!choice) continue;
         const std::string& name = known[*choice];
         const auto& list = criticism.variants;
-        if (std::find(list.begin(), list.end(), name) != list.end()) {
-            item.report(fmt::format("\"{}\" is listed twice", name));
-        } else if (name != job.model.variant) {
+        if (std::find(list.begin(), list.end(), name) == list.end() && name != job.model.variant) {
             // The job's own stands for itself: a list of all variants compares it with the others.
             Job other;
             other.model.system = models::make_system(job.model.name, name, job.model.size);
@@ -89,12 +87,10 @@ void read_criticism(ObjectReader& object, const Job& job, EstimateJob& estimate)
     if (const auto variants = inner.find("variants")) read_variants(*variants, job, criticism);
     if (const auto without = inner.find("without")) read_without(*without, job, estimate, criticism);
     if (const auto held_out = inner.find("held_out")) {
-        // Half: a fit to less than it predicts says little about the model of the whole.
-        criticism.held_out =
-            held_out->number([](double x) { return x >= 0.0 && x <= 0.5; }, ">= 0 and <= 0.5").value_or(0.0);
+        criticism.held_out = held_out->number().value_or(0.0);
     }
     inner.finish();
-    if (inner.valid() && !criticism.any() && value->problem_count() == problems_before) {
+    if (value->sound() && !criticism.any() && value->problem_count() == problems_before) {
         value->report(
             "names nothing to compare: \"variants\" of the model, parameters \"without\" which it is tried, or a share "
             "\"held_out\"");

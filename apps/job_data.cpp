@@ -19,11 +19,7 @@ std::vector<std::string> read_labels(const ValueReader& value) {
         } else if (item.is(JsonValue::Kind::string)) {
             label = item.value().text;
         } else {
-            item.report_kind("the label of a segment (a number or a text)");
             continue;
-        }
-        if (std::find(result.begin(), result.end(), label) != result.end()) {
-            item.report(fmt::format("segment {} is listed twice", label));
         }
         result.push_back(label);
     }
@@ -38,7 +34,6 @@ void read_segments(const ValueReader& value, DataJob& data) {
             (void)fit->choice({"all"});
         } else {
             data.fit = read_labels(*fit);
-            if (data.fit->empty()) fit->report("must name at least one segment, or be \"all\"");
             for (const std::string& label : *data.fit) {
                 if (std::find(data.predict.begin(), data.predict.end(), label) == data.predict.end()) continue;
                 fit->report(fmt::format("segment {} stands in \"predict\" too", label));
@@ -71,9 +66,7 @@ void read_free_initial_value(ObjectReader& object, InitialValueJob& initial) {
     }
     if (const auto bounds = object.find("bounds")) {
         const auto items = bounds->items();
-        if (items.size() != 2) {
-            if (bounds->is(JsonValue::Kind::array)) bounds->report("must be [lower, upper]; null stands for no bound");
-        } else {
+        if (items.size() == 2) {
             if (!items[0].is(JsonValue::Kind::null)) initial.lower = items[0].number().value_or(initial.lower);
             if (!items[1].is(JsonValue::Kind::null)) initial.upper = items[1].number().value_or(initial.upper);
             if (!(initial.lower < initial.upper)) {
@@ -102,10 +95,7 @@ InitialValueJob read_initial_value(const ValueReader& value) {
         (void)value.choice({"estimate"});
         return initial;
     }
-    if (!value.is(JsonValue::Kind::object)) {
-        value.report_kind("\"estimate\", { \"value\": ... } or { \"start\": ..., \"prior\": ... }");
-        return initial;
-    }
+    if (value.refused()) return initial;
     ObjectReader object(value);
     if (const auto fixed = object.find("value")) {
         initial.estimate = false;
@@ -156,15 +146,11 @@ void read_observe(ObjectReader& object, const Job& job, DataJob& data) {
         data.observe.push_back(*index);
     }
     std::sort(data.observe.begin(), data.observe.end());
-    if (value->is(JsonValue::Kind::array) && value->value().items.empty()) {
-        value->report("must name at least one coordinate");
-    }
 }
 
 void read_source(ObjectReader& object, const Job& job, DataJob& data) {
     const auto simulate = object.find("simulate");
     const auto file = object.find("file");
-    if (simulate && file) object.report("simulate", "stands beside \"file\": an experiment has one source");
     if (file) {
         data.file.emplace();
         read_file(object, *file, job, *data.file);
@@ -173,7 +159,6 @@ void read_source(ObjectReader& object, const Job& job, DataJob& data) {
         read_simulation(*simulate, job, *data.simulation);
     } else {
         data.simulation.emplace();
-        if (object.valid()) object.self().report("needs \"simulate\": { ... } or \"file\": \"...\"");
     }
 }
 
@@ -183,7 +168,7 @@ DataJob read_experiment(const ValueReader& value, const std::string& default_nam
     ObjectReader object(value);
     if (const auto name = object.find("name")) {
         const auto text = name->text();
-        if (text && is_name(*text, *name)) data.name = *text;
+        if (text) data.name = *text;
     }
     read_source(object, job, data);
     read_inputs(object, job, data);
@@ -220,11 +205,8 @@ void read_data(ObjectReader& root, Job& job) {
     std::vector<ValueReader> experiments;
     if (value->is(JsonValue::Kind::array)) {
         experiments = value->items();
-        if (experiments.empty()) value->report("must hold at least one experiment");
     } else if (value->is(JsonValue::Kind::object)) {
         experiments.push_back(*value);
-    } else {
-        value->report_kind("an object { ... }, or a list of them");
     }
     for (std::size_t i = 0; i < experiments.size(); ++i) {
         DataJob data = read_experiment(experiments[i], fmt::format("run{}", i + 1), job);

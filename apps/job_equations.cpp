@@ -29,7 +29,7 @@ public:
         read_choices();
         model_.finish();
         // What is no text, name or number cannot be understood further.
-        if (equations_.problem_count() > before) return;
+        if (!model_.self().sound() || equations_.problem_count() > before) return;
         std::vector<models::EquationProblem> problems;
         const auto equations = models::Equations::read(text_, problems);
         for (const models::EquationProblem& problem : problems)
@@ -53,7 +53,7 @@ private:
         const auto name = model_.find("name");
         if (!name) return;
         const auto read = name->text();
-        if (!read || !is_name(*read, *name)) return;
+        if (!read) return;
         for (const models::ModelEntry& entry : models::registered_models())
             if (entry.name == *read) {
                 name->report(fmt::format("\"{}\" is a model of orbid: equations need a name of their own", *read));
@@ -67,8 +67,6 @@ private:
             at_[Part::coordinate].push_back(member);
             if (const auto text = member.text()) text_.coordinates.push_back({name, *text});
         }
-        if (equations_.is(JsonValue::Kind::object) && equations_.members().empty())
-            equations_.report("no equation: one per coordinate, { \"x\": \"...\" }");
         if (const auto order = model_.find("coordinates")) put_in_order(*order);
         if (const auto definitions = model_.find("definitions")) {
             for (const auto& [name, member] : definitions->members()) {
@@ -105,31 +103,25 @@ private:
     }
 
     void read_parameters() {
-        const auto value = model_.require("parameters", "the parameters of the equations, { \"k\": 1.0 }");
+        const auto value = model_.find("parameters");
         if (!value) return;
         for (const auto& [name, member] : value->members()) {
             at_[Part::parameter].push_back(member);
             models::EquationText::Parameter parameter;
             parameter.name = name;
             if (!member.is(JsonValue::Kind::object)) {
-                if (!member.is(JsonValue::Kind::number)) {
-                    member.report_kind("a number or { \"value\": ..., \"unit\": ..., \"domain\": ... }");
-                    continue;
-                }
-                parameter.value = member.value().number;
+                parameter.value = member.number().value_or(0.0);
             } else {
                 read_parameter(member, parameter);
             }
             text_.parameters.push_back(std::move(parameter));
         }
-        if (value->is(JsonValue::Kind::object) && value->members().empty())
-            value->report("no parameter: at least one, { \"k\": 1.0 }");
+        if (value->sound() && value->members().empty()) value->report("no parameter: at least one, { \"k\": 1.0 }");
     }
 
     static void read_parameter(const ValueReader& member, models::EquationText::Parameter& parameter) {
         ObjectReader object(member);
-        if (const auto number = object.require("value", "the value of the parameter"))
-            parameter.value = number->number().value_or(0.0);
+        if (const auto number = object.find("value")) parameter.value = number->number().value_or(0.0);
         if (const auto unit = object.find("unit")) parameter.unit = unit->text().value_or("1");
         if (const auto domain = object.find("domain")) {
             const auto choice = domain->choice({"any", "positive", "nonnegative"});
@@ -137,7 +129,7 @@ private:
                                                   models::Domain::nonnegative};
             if (choice) parameter.domain = domains[*choice];
         }
-        if (const auto size = object.find("typical")) parameter.typical = size->positive();
+        if (const auto size = object.find("typical")) parameter.typical = size->number();
         if (const auto words = object.find("description")) parameter.description = words->text().value_or("");
         object.finish();
     }
@@ -153,13 +145,10 @@ private:
         if (phase->is(JsonValue::Kind::object)) {
             ObjectReader object(*phase);
             if (const auto name = object.find("name")) forcing.phase = name->text().value_or(forcing.phase);
-            if (const auto frequency = object.require("frequency", "the parameter omega [rad/s]"))
-                forcing.frequency = frequency->text().value_or("");
+            if (const auto frequency = object.find("frequency")) forcing.frequency = frequency->text().value_or("");
             object.finish();
         } else if (phase->is(JsonValue::Kind::string)) {
             forcing.frequency = phase->value().text;
-        } else {
-            phase->report_kind("the name of the frequency, or { \"name\": \"phase\", \"frequency\": \"omega\" }");
         }
         text_.forcing = forcing;
     }
@@ -171,7 +160,6 @@ private:
                 if (!name) continue;
                 Quantity* coordinate = coordinate_of(*name, item);
                 if (coordinate == nullptr) continue;
-                if (coordinate->angle) item.report(fmt::format("\"{}\" is listed twice", *name));
                 coordinate->angle = true;
                 // Angles are in radians, whatever is said of them: sin and cos read them so.
                 if (coordinate->unit == "1") coordinate->unit = "rad";
@@ -201,9 +189,9 @@ private:
         ObjectReader object(*value);
         models::Symmetry symmetry;
         symmetry.signs.assign(text_.coordinates.size(), 1.0);
-        if (const auto signs = object.require("signs", "{ \"x\": -1, ... }; a coordinate not named keeps its sign")) {
+        if (const auto signs = object.find("signs")) {
             for (const auto& [name, member] : signs->members()) {
-                const auto sign = member.number([](double s) { return s == 1.0 || s == -1.0; }, "1 or -1");
+                const auto sign = member.number();
                 if (const Quantity* coordinate = coordinate_of(name, member); coordinate != nullptr && sign)
                     symmetry.signs[static_cast<std::size_t>(coordinate - text_.coordinates.data())] = *sign;
             }
@@ -218,8 +206,8 @@ private:
         if (const auto compile = model_.find("compile")) {
             if (compile->is(JsonValue::Kind::boolean))
                 compile_ = compile->value().boolean ? CompileChoice::always : CompileChoice::never;
-            else if (!compile->is(JsonValue::Kind::string) || compile->value().text != "auto")
-                compile->report_kind("\"auto\", true or false");
+            else
+                (void)compile->choice({"auto"});
         }
     }
 

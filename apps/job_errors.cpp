@@ -9,9 +9,6 @@ namespace orbid::apps {
 
 namespace {
 
-/// Degrees of freedom of Student's t where none are given: tails as heavy as real outliers, and a variance.
-constexpr double usual_dof = 4.0;
-
 /// What is said in one entry of "errors" beyond its numbers, for checks that look at several entries.
 struct ErrorEntry {
     ErrorJob* error;
@@ -19,22 +16,19 @@ struct ErrorEntry {
 };
 
 /// The inner part of { "estimate": { "start", "prior" } }.
-template <class Accept>
-void read_estimated(const ValueReader& value, double& start, estimator::Prior& prior, Accept accept,
-                    std::string_view rule) {
+void read_estimated(const ValueReader& value, double& start, estimator::Prior& prior) {
     ObjectReader object(value);
-    if (const auto entry = object.find("start")) start = entry->number(accept, rule).value_or(start);
+    if (const auto entry = object.find("start")) start = entry->number().value_or(start);
     if (const auto entry = object.find("prior")) prior = read_prior(*entry).value_or(estimator::Prior{});
     object.finish();
 }
 
 /// number | "estimate" | { "estimate": { "start", "prior" } }. `unset` is the start where none is given.
-template <class Accept>
-void read_number_or_estimate(const ValueReader& value, double unset, Accept accept, std::string_view rule,
-                             bool& estimate, double& target, estimator::Prior& prior) {
+void read_number_or_estimate(const ValueReader& value, double unset, bool& estimate, double& target,
+                             estimator::Prior& prior) {
     if (value.is(JsonValue::Kind::number)) {
         estimate = false;
-        target = value.number(accept, rule).value_or(target);
+        target = value.number().value_or(target);
         return;
     }
     estimate = true;
@@ -43,16 +37,12 @@ void read_number_or_estimate(const ValueReader& value, double unset, Accept acce
         (void)value.choice({"estimate"});
     } else if (value.is(JsonValue::Kind::object)) {
         ObjectReader object(value);
-        if (const auto inner = object.require("estimate", "{ \"start\": ..., \"prior\": ... }")) {
-            read_estimated(*inner, target, prior, accept, rule);
+        if (const auto inner = object.find("estimate")) {
+            read_estimated(*inner, target, prior);
         }
         object.finish();
-    } else {
-        value.report_kind("a number, \"estimate\" or { \"estimate\": { \"start\": ..., \"prior\": ... } }");
     }
 }
-
-constexpr auto is_positive = [](double x) { return x > 0.0; };
 
 void read_scale(const ValueReader& value, ErrorJob& error) {
     estimator::ErrorScale& scale = error.scale;
@@ -60,27 +50,23 @@ void read_scale(const ValueReader& value, ErrorJob& error) {
                             std::any_of(value.value().members.begin(), value.value().members.end(),
                                         [](const JsonMember& member) { return member.key == "column"; });
     if (!has_column) {
-        read_number_or_estimate(value, 0.0, is_positive, "> 0", scale.estimate, scale.value, scale.prior);
+        read_number_or_estimate(value, 0.0, scale.estimate, scale.value, scale.prior);
         return;
     }
     ObjectReader object(value);
     const auto column = object.find("column");
     error.sd_column = column->text().value_or("");
-    if (column->is(JsonValue::Kind::string) && error.sd_column.empty())
-        column->report("must be the header of a column");
     scale.estimate = false;
     scale.value = 1.0;
     if (const auto factor = object.find("factor")) {
-        read_number_or_estimate(*factor, 0.0, is_positive, "> 0", scale.estimate, scale.value, scale.prior);
+        read_number_or_estimate(*factor, 0.0, scale.estimate, scale.value, scale.prior);
     }
     object.finish();
 }
 
-void read_shape(ObjectReader& object, std::string_view key, double unset, bool estimated, bool (*accept)(double),
-                std::string_view rule, estimator::ErrorParameter& parameter) {
-    parameter = {estimated, unset, estimator::FlatPrior{}};
+void read_shape(ObjectReader& object, std::string_view key, double unset, estimator::ErrorParameter& parameter) {
     if (const auto value = object.find(key)) {
-        read_number_or_estimate(*value, unset, accept, rule, parameter.estimate, parameter.value, parameter.prior);
+        read_number_or_estimate(*value, unset, parameter.estimate, parameter.value, parameter.prior);
     }
 }
 
@@ -88,8 +74,7 @@ estimator::ErrorDistribution read_distribution(ObjectReader& object, std::size_t
     switch (choice) {
         case 1: {
             estimator::StudentErrors errors;
-            read_shape(
-                object, "dof", usual_dof, false, [](double x) { return x >= 1.0; }, ">= 1", errors.dof);
+            read_shape(object, "dof", errors.dof.value, errors.dof);
             return errors;
         }
         case 2:
@@ -98,16 +83,12 @@ estimator::ErrorDistribution read_distribution(ObjectReader& object, std::size_t
             return estimator::LogNormalErrors{};
         case 4: {
             estimator::RelativeErrors errors;
-            read_shape(
-                object, "relative", errors.relative.value, true, [](double x) { return x > 0.0; }, "> 0",
-                errors.relative);
+            read_shape(object, "relative", errors.relative.value, errors.relative);
             return errors;
         }
         case 5: {
             estimator::AutoregressiveErrors errors;
-            read_shape(
-                object, "correlation", errors.correlation.value, true, [](double x) { return x > -1.0 && x < 1.0; },
-                "between -1 and 1", errors.correlation);
+            read_shape(object, "correlation", errors.correlation.value, errors.correlation);
             return errors;
         }
         default:
@@ -124,7 +105,7 @@ void read_error(const ValueReader& value, ErrorJob& error) {
     error.distribution = read_distribution(object, choice);
     if (const auto sd = object.find("sd")) read_scale(*sd, error);
     if (const auto floor = object.find("floor")) {
-        error.floor = floor->nonnegative().value_or(0.0);
+        error.floor = floor->number().value_or(0.0);
         if (!error.scale.estimate) floor->report("belongs to a sd that is estimated; this one is given");
         if (error.scale.estimate && error.scale.value > 0.0 && error.scale.value < error.floor) {
             floor->report(fmt::format("{} lies above the start {} of the sd", error.floor, error.scale.value));
@@ -179,16 +160,16 @@ void check_use(const ErrorEntry& entry, const ErrorUse& use, const Job& job) {
 void read_wishart(const ValueReader& value, CovarianceJob& covariance) {
     const auto size = static_cast<Eigen::Index>(covariance.coordinates.size());
     ObjectReader prior(value);
-    const auto inner = prior.require("inverse_wishart", "{ \"dof\": ..., \"matrix\": [[...], ...] }");
+    const auto inner = prior.find("inverse_wishart");
     prior.finish();
     if (!inner) return;
     ObjectReader object(*inner);
-    if (const auto dof = object.require("dof", "a number above the number of responses less one")) {
+    if (const auto dof = object.find("dof")) {
         covariance.dof =
             dof->number([&](double x) { return x > static_cast<double>(size - 1); }, fmt::format("> {}", size - 1))
                 .value_or(0.0);
     }
-    if (const auto matrix = object.require("matrix", "one row per response")) {
+    if (const auto matrix = object.find("matrix")) {
         covariance.psi = read_matrix(*matrix, size).value_or(Eigen::MatrixXd::Identity(size, size));
         const Eigen::MatrixXd& psi = covariance.psi;
         if (psi != psi.transpose() || Eigen::LLT<Eigen::MatrixXd>(psi).info() != Eigen::Success) {
@@ -224,15 +205,12 @@ void read_covariance(const ValueReader& value, const ErrorUse& use, const Job& j
                                     "estimated (a \"start\" is allowed), its prior that of the covariance",
                                     name));
         }
-        if (covariance.coordinates.size() < 2 && list.is(JsonValue::Kind::array)) {
-            list.report("must name two coordinates or more");
-        }
     };
     if (value.is(JsonValue::Kind::array)) {
         read_list(value);
     } else {
         ObjectReader object(value);
-        if (const auto of = object.require("of", "the coordinates, [\"a\", \"b\"]")) read_list(*of);
+        if (const auto of = object.find("of")) read_list(*of);
         if (const auto prior = object.find("prior")) read_wishart(*prior, covariance);
         object.finish();
     }
@@ -258,7 +236,7 @@ estimator::ErrorScale read_multiplier_error(const ValueReader& value) {
     // Other distributions would need other curvatures than those that the analysis' covariance gives.
     if (const auto distribution = object.find("distribution")) (void)distribution->choice({"normal"});
     if (const auto sd = object.find("sd")) {
-        read_number_or_estimate(*sd, 0.0, is_positive, "> 0", scale.estimate, scale.value, scale.prior);
+        read_number_or_estimate(*sd, 0.0, scale.estimate, scale.value, scale.prior);
     }
     object.finish();
     return scale;
@@ -304,7 +282,7 @@ void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, st
         }
         *error = std::move(read);
         entries.push_back({&*error, member});
-        if (member.problem_count() == problems_before) check_use(entries.back(), use, job);
+        if (member.sound() && member.problem_count() == problems_before) check_use(entries.back(), use, job);
     }
     const auto beside = residual.find("covariance");
     if (within && beside) beside->report("stands in \"errors\" already");

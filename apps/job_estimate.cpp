@@ -39,10 +39,7 @@ void set_default_bounds(const models::Parameter& entry, estimator::FreeParameter
 /// [lower, upper], null = none.
 void read_bounds(const ValueReader& value, const models::Parameter& entry, estimator::FreeParameter& free) {
     const auto items = value.items();
-    if (items.size() != 2) {
-        if (value.is(JsonValue::Kind::array)) value.report("must be [lower, upper]; null stands for no bound");
-        return;
-    }
+    if (items.size() != 2) return;
     const auto bound = [](const ValueReader& item, double none) {
         return item.is(JsonValue::Kind::null) ? none : item.number().value_or(none);
     };
@@ -95,7 +92,7 @@ FreeParameterJob read_free(const ValueReader& value, Eigen::Index index, const J
     free.scale = entry.domain == models::Domain::positive ? estimator::Scale::log : estimator::Scale::linear;
     ObjectReader object(value);
     if (const auto tie = object.find("tied")) {
-        read_tie(object, *tie, result);
+        read_tie(*tie, result);
         object.finish();
         return result;
     }
@@ -112,7 +109,7 @@ FreeParameterJob read_free(const ValueReader& value, Eigen::Index index, const J
     if (const auto prior = object.find("prior")) free.prior = read_prior(*prior).value_or(estimator::Prior{});
     object.finish();
     // What is wrong already would only be reported a second time in other words.
-    if (value.problem_count() == problems_before) check_start(start.value_or(value), entry, free);
+    if (value.sound() && value.problem_count() == problems_before) check_start(start.value_or(value), entry, free);
     return result;
 }
 
@@ -168,7 +165,7 @@ void read_estimate(ObjectReader& root, Job& job) {
     }
     EstimateJob estimate;
     ObjectReader object(*value);
-    if (const auto parameters = object.require("parameters", "the free ones; {} for none")) {
+    if (const auto parameters = object.find("parameters")) {
         for (const auto& [name, member] : parameters->members()) {
             const auto index = parameter_named(name, member, job);
             if (index) estimate.parameters.push_back(read_free(member, *index, job));
@@ -189,7 +186,7 @@ void read_estimate(ObjectReader& root, Job& job) {
     if (const auto residuals = object.find("residuals")) {
         read_residuals(*residuals, job, estimate);
     } else if (estimate.automatic) {
-        add_usual_residuals(*strategy, job, estimate);
+        add_usual_residuals(*strategy, object.description_of("residuals"), job, estimate);
     } else {
         (void)object.require("residuals",
                              "[ { \"type\": \"cycles\" } ], for example; with \"strategy\": \"auto\" not needed");

@@ -61,13 +61,8 @@ ColumnJob read_column(const ValueReader& value, Eigen::Index index, const models
         column.column = *value.text();
         return column;
     }
-    if (!value.is(JsonValue::Kind::object)) {
-        value.report_kind(
-            "the name of a column, or { \"column\": ..., \"unit\": ..., \"sign\": ..., \"offset\": ... }");
-        return column;
-    }
     ObjectReader object(value);
-    if (const auto name = object.require("column", "its header in the file")) column.column = name->text().value_or("");
+    if (const auto name = object.find("column")) column.column = name->text().value_or("");
     if (const auto unit = object.find("unit")) {
         column.unit = unit->text().value_or(column.unit);
         if (!orbits::unit_factor(column.unit, entry.unit)) {
@@ -76,8 +71,7 @@ ColumnJob read_column(const ValueReader& value, Eigen::Index index, const models
         }
     }
     if (const auto sign = object.find("sign")) {
-        const auto number = sign->number([](double x) { return x == 1.0 || x == -1.0; }, "1 or -1");
-        column.sign = number == -1.0 ? -1 : 1;
+        column.sign = sign->number() == -1.0 ? -1 : 1;
     }
     if (const auto offset = object.find("offset")) column.offset = offset->number().value_or(0.0);
     object.finish();
@@ -89,12 +83,8 @@ void read_time(const ValueReader& value, std::string& column, std::string& time_
         column = *value.text();
         return;
     }
-    if (!value.is(JsonValue::Kind::object)) {
-        value.report_kind("the name of a column, or { \"column\": ..., \"unit\": ... }");
-        return;
-    }
     ObjectReader object(value);
-    if (const auto name = object.require("column", "its header in the file")) column = name->text().value_or("");
+    if (const auto name = object.find("column")) column = name->text().value_or("");
     if (const auto unit = object.find("unit")) {
         time_unit = unit->text().value_or("s");
         if (!orbits::unit_factor(time_unit, "s")) {
@@ -115,7 +105,7 @@ void read_file(ObjectReader& data, const ValueReader& path, const Job& job, File
         }
     }
     file.sha256 = read_sha256(data);
-    if (const auto kind = data.require("kind", "\"section\" or \"samples\"")) {
+    if (const auto kind = data.find("kind")) {
         if (kind->choice({"section", "samples"}) == 1) file.sampling = Sampling::samples;
         const bool map = job.model.system && job.model.system->kind() == models::Kind::map;
         if (map && file.sampling == Sampling::samples) {

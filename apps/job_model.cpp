@@ -31,10 +31,10 @@ void resolve(const ValueReader& name_value, const std::optional<ValueReader>& va
         const std::vector<std::string> known(entry->variants.begin(), entry->variants.end());
         if (known.empty()) {
             // job.json writes "" for a model without variants.
-            if (!variant_value->is(JsonValue::Kind::string) || !variant_value->value().text.empty()) {
+            if (!variant_value->value().text.empty()) {
                 variant_value->report(fmt::format("the model {} has no variants", *name));
             }
-        } else if (!variant_value->is(JsonValue::Kind::string) || !variant_value->value().text.empty()) {
+        } else if (!variant_value->value().text.empty()) {
             // "" is the default: a job.json written before the model had variants says so.
             const auto choice = variant_value->choice(known);
             if (!choice) return;
@@ -60,11 +60,11 @@ void resolve(const ValueReader& name_value, const std::optional<ValueReader>& va
 }  // namespace
 
 void read_model(ObjectReader& root, Job& job) {
-    const auto value = root.require("model", "{ \"name\": ..., \"parameters\": { ... } }");
+    const auto value = root.find("model");
     if (!value) return;
     ObjectReader model(*value);
     if (model.find("equations")) return read_equations(model, job);
-    const auto name = model.require("name", "one of the models that `orbid models` lists");
+    const auto name = model.find("name");
     const auto variant = model.find("variant");
     const auto size = model.find("size");
     if (name) resolve(*name, variant, size, job);

@@ -4,12 +4,6 @@ namespace orbid::apps {
 
 namespace {
 
-// 16 GB of doubles of a plane model; beyond that recurrences gain nothing that stabilised starts do not find.
-constexpr std::uint64_t most_points = 1'000'000'000;
-constexpr std::uint64_t fewest_points = 100;  // rule of OrbitSearchOptions::points
-constexpr std::uint64_t most_trajectories = 65536;
-constexpr std::uint64_t most_patience = 1'000'000'000;  // tries every start there is
-
 /// States from which the first trajectories begin.
 void read_initial(const ValueReader& value, const Job& job, periodic::OrbitSearchOptions& search) {
     std::vector<Eigen::VectorXd> states;
@@ -28,18 +22,17 @@ void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& pe
     search.seed = job.seed;
     search.symmetry = job.model.system && job.model.system->symmetry().has_value();
     ObjectReader object(value);
-    if (const auto periods = object.require("periods", "a list, in periods of the forcing, iterations, or crossings")) {
+    if (const auto periods = object.find("periods")) {
         search.periods = read_periods(*periods).value_or(search.periods);
     }
     if (const auto points = object.find("points"))
-        search.points = static_cast<std::size_t>(points->whole(fewest_points, most_points).value_or(search.points));
+        search.points = static_cast<std::size_t>(points->whole().value_or(search.points));
     if (const auto trajectories = object.find("trajectories"))
-        search.trajectories =
-            static_cast<std::size_t>(trajectories->whole(1, most_trajectories).value_or(search.trajectories));
+        search.trajectories = static_cast<std::size_t>(trajectories->whole().value_or(search.trajectories));
     if (const auto initial = object.find("initial")) read_initial(*initial, job, search);
     if (const auto patience = object.find("patience"))
-        search.patience = static_cast<std::size_t>(patience->whole(1, most_patience).value_or(search.patience));
-    if (const auto seed = object.find("seed")) search.seed = seed->whole(0, largest_exact_whole).value_or(search.seed);
+        search.patience = static_cast<std::size_t>(patience->whole().value_or(search.patience));
+    if (const auto seed = object.find("seed")) search.seed = seed->whole().value_or(search.seed);
     if (const auto stabilised = object.find("stabilised"))
         search.stabilised = stabilised->boolean().value_or(search.stabilised);
     if (const auto symmetry = object.find("symmetry")) {

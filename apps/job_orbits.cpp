@@ -9,12 +9,6 @@ namespace orbid::apps {
 
 namespace {
 
-// A local fit over more points than this is no longer local in any series of usable length.
-constexpr std::uint64_t most_neighbours = 100000;
-
-// Only guards the conversion to int.
-constexpr std::uint64_t most_recurrences = 1'000'000'000;
-
 /// Number of coefficients of a local map of n coordinates, intercept included, plus the two that
 /// CycleSearchOptions::neighbours asks for.
 std::uint64_t fewest_neighbours(std::size_t n, int order) {
@@ -42,13 +36,13 @@ void read_symmetry(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
 void read_partition(const ValueReader& value, const Job& job, OrbitsJob& orbits) {
     orbits::Partition partition;
     ObjectReader object(value);
-    if (const auto coordinate = object.require("coordinate", "the coordinate whose value decides about the symbol")) {
+    if (const auto coordinate = object.find("coordinate")) {
         const auto name = coordinate->text();
         if (name) partition.coordinate = coordinate_named(*name, *coordinate, job).value_or(0);
         if (name && job.section_plane && partition.coordinate == job.section_plane->coordinate)
             coordinate->report("has the same value at all points of the section; must be another coordinate");
     }
-    if (const auto boundaries = object.require("boundaries", "values between the parts, ascending")) {
+    if (const auto boundaries = object.find("boundaries")) {
         for (const ValueReader& item : boundaries->items()) {
             const auto number = item.number();
             if (number && !partition.boundaries.empty() && !(*number > partition.boundaries.back()))
@@ -56,7 +50,7 @@ void read_partition(const ValueReader& value, const Job& job, OrbitsJob& orbits)
             partition.boundaries.push_back(number.value_or(0.0));
         }
     }
-    if (const auto symbols = object.require("symbols", "one character per part, from below")) {
+    if (const auto symbols = object.find("symbols")) {
         partition.symbols = symbols->text().value_or("");
         if (symbols->is(JsonValue::Kind::string) && partition.symbols.size() != partition.boundaries.size() + 1)
             symbols->report(fmt::format("must have one character per part: {}, not {}", partition.boundaries.size() + 1,
@@ -78,7 +72,7 @@ void read_reading_error(const ValueReader& value, const Job& job, OrbitsJob& orb
     for (std::size_t i = 0; i < names.size(); ++i) {
         if (job.section_plane && static_cast<Eigen::Index>(i) == job.section_plane->coordinate) continue;
         if (const auto sd = object.require(names[i], "the sd of a reading, in the coordinate's unit"))
-            sds[static_cast<Eigen::Index>(i)] = sd->positive().value_or(1.0);
+            sds[static_cast<Eigen::Index>(i)] = sd->number().value_or(1.0);
     }
     object.finish();
     orbits.reading_sd = std::move(sds);
@@ -92,7 +86,7 @@ void read_invariants(const ValueReader& value, OrbitsJob& orbits) {
     }
     ObjectReader object(value);
     orbits.invariants = true;
-    if (const auto period = object.require("complete_to", "the period up to which the list of cycles is complete")) {
+    if (const auto period = object.find("complete_to")) {
         const int longest = *std::max_element(orbits.search.periods.begin(), orbits.search.periods.end());
         orbits.expansion.complete_to =
             static_cast<int>(period->whole(1, static_cast<std::uint64_t>(longest)).value_or(1));
@@ -105,7 +99,7 @@ void read_invariants(const ValueReader& value, OrbitsJob& orbits) {
     object.finish();
 }
 
-void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
+void read_search(ObjectReader& object, const Job& job, bool data_sound, OrbitsJob& orbits) {
     using Method = orbits::CycleSearchOptions::Method;
     orbits::CycleSearchOptions& search = orbits.search;
     if (const auto method = object.find("method")) {
@@ -119,10 +113,10 @@ void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     }
     if (const auto periods = object.find("periods")) search.periods = read_periods(*periods).value_or(search.periods);
     if (const auto box = object.find("box")) {
-        search.box = box->number([](double x) { return x > 0.0 && x < 0.5; }, "> 0 and < 0.5").value_or(search.box);
+        search.box = box->number().value_or(search.box);
     }
     if (const auto order = object.find("local_map")) {
-        const auto choice = order->choice(local_map_names, {});
+        const auto choice = order->choice(local_map_names);
         if (choice) search.order = static_cast<int>(*choice);
         if (search.method == Method::closest_return && search.order > 1) {
             order->report("with \"method\": \"closest_return\" maps are linear: must be \"linear\" or left out");
@@ -130,17 +124,20 @@ void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     }
     if (const auto neighbours = object.find("neighbours")) {
         const std::size_t n = std::max<std::size_t>(coordinate_names(job).size(), 1);
-        const auto number = neighbours->whole(fewest_neighbours(n, search.order), most_neighbours);
+        const auto number =
+            neighbours->number([&](double x) { return x >= static_cast<double>(fewest_neighbours(n, search.order)); },
+                               fmt::format("at least {}, the coefficients of a local map and two more",
+                                           fewest_neighbours(n, search.order)));
         search.neighbours = static_cast<int>(number.value_or(0));
     }
     if (const auto recurrences = object.find("minimum_recurrences")) {
-        search.minimum_recurrences =
-            static_cast<int>(recurrences->whole(1, most_recurrences).value_or(search.minimum_recurrences));
+        search.minimum_recurrences = static_cast<int>(recurrences->whole().value_or(search.minimum_recurrences));
     }
     if (const auto partition = object.find("partition")) read_partition(*partition, job, orbits);
     if (const auto error = object.find("reading_error")) read_reading_error(*error, job, orbits);
     if (const auto invariants = object.find("invariants")) read_invariants(*invariants, orbits);
     read_symmetry(object, job, orbits);
+    if (!data_sound) return;  // which series there are is not known
     // The first section series is searched; without one the first record of samples, cut by the job's section.
     const auto is = [](orbits::Series::Sampling sampling) {
         return [sampling](const DataJob& data) { return data.sampling() == sampling; };
@@ -185,7 +182,8 @@ void read_orbits(ObjectReader& root, Job& job) {
         orbits.file = read_path(*file, job);
         orbits.sha256 = read_sha256(object);
     } else if (object.valid()) {
-        read_search(object, job, orbits);
+        const auto data = root.find("data");
+        read_search(object, job, !data || data->sound(), orbits);
     }
     object.finish();
     job.orbits = std::move(orbits);

@@ -48,8 +48,8 @@ void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& pe
 [[nodiscard]] std::optional<estimator::Prior> read_prior(const ValueReader& value);
 /// "linear", "log", "log10" or "logit".
 [[nodiscard]] std::optional<estimator::Scale> read_scale(const ValueReader& value);
-/// "tied" of a parameter whose other keys are in `object`; resolve_tie() follows when all parameters are read.
-void read_tie(ObjectReader& object, const ValueReader& tie, FreeParameterJob& free);
+/// "tied" of a parameter; resolve_tie() follows when all parameters are read.
+void read_tie(const ValueReader& tie, FreeParameterJob& free);
 /// Checks a tie against all parameters and takes start and scale from the one it follows.
 void resolve_tie(const ValueReader& at, const Job& job, const EstimateJob& estimate, FreeParameterJob& free);
 /// "joint_priors", after the parameters.
@@ -60,8 +60,9 @@ void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estim
 /// "matching" and "interval" of a series residual, after its data. `staged`: the strategy chooses where it is silent.
 void read_shooting(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series);
 /// What "auto" uses where no residuals are named: cycles where they are searched or given, and the data as series.
-/// What is wrong with them is reported at `at`.
-void add_usual_residuals(const ValueReader& at, const Job& job, EstimateJob& estimate);
+/// What is wrong with them is reported at `at`; `residuals` is the description of a list of residuals.
+void add_usual_residuals(const ValueReader& at, const ValueDescription* residuals, const Job& job,
+                         EstimateJob& estimate);
 /// "strategy" and "scan", after the residuals.
 void read_strategy(ObjectReader& object, const Job& job, EstimateJob& estimate);
 /// "criticism", after the parameters and residuals.
@@ -114,9 +115,6 @@ void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, st
 
 /// A square matrix of `size` rows [[...], ...].
 [[nodiscard]] std::optional<Eigen::MatrixXd> read_matrix(const ValueReader& value, Eigen::Index size);
-
-/// Largest whole number up to which every whole number is a double: what a JSON number holds exactly.
-inline constexpr std::uint64_t largest_exact_whole = std::uint64_t{1} << 53U;
 
 /// Names given by the user: [A-Za-z_][A-Za-z0-9_]*; reported otherwise.
 [[nodiscard]] bool is_name(const std::string& name, const ValueReader& at);

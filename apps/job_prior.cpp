@@ -8,28 +8,19 @@ namespace orbid::apps {
 
 namespace {
 
-constexpr std::string_view prior_forms =
-    "\"flat\", or an object with one of \"normal\": { mean, sd }, \"lognormal\": { median, log_sd }, "
-    "\"uniform\": { lower, upper }, \"half_normal\": { scale }, \"half_cauchy\": { scale }, "
-    "\"gamma\": { shape, rate }, \"student_t\": { dof, location, scale }";
-
-/// The numbers of one density, each required.
+/// The numbers of one density.
 class DensityReader {
 public:
     explicit DensityReader(const ValueReader& value) : object_(value) {}
 
-    /// 1 after a problem was reported: every density allows it.
-    double number(std::string_view key) { return read(key, false); }
-    double positive(std::string_view key) { return read(key, true); }
+    /// 1 where it is missing or refused: every density allows it.
+    double number(std::string_view key) {
+        const auto entry = object_.find(key);
+        return entry ? entry->number().value_or(1.0) : 1.0;
+    }
     void finish() const { object_.finish(); }
 
 private:
-    double read(std::string_view key, bool positive) {
-        const auto entry = object_.require(key, positive ? "a number > 0" : "a number");
-        if (!entry) return 1.0;
-        return (positive ? entry->positive() : entry->number()).value_or(1.0);
-    }
-
     ObjectReader object_;
 };
 
@@ -38,29 +29,28 @@ std::optional<estimator::Prior> read_density(const std::string& form, const Valu
     std::optional<estimator::Prior> prior;
     if (form == "normal") {
         const double mean = density.number("mean");
-        prior = estimator::NormalPrior{mean, density.positive("sd")};
+        prior = estimator::NormalPrior{mean, density.number("sd")};
     } else if (form == "lognormal") {
-        const double median = density.positive("median");
-        prior = estimator::LogNormalPrior{median, density.positive("log_sd")};
+        const double median = density.number("median");
+        prior = estimator::LogNormalPrior{median, density.number("log_sd")};
     } else if (form == "uniform") {
-        const std::size_t problems_before = value.problem_count();
         const double lower = density.number("lower");
         const double upper = density.number("upper");
-        if (value.problem_count() == problems_before && !(lower < upper)) {
+        if (value.sound() && !(lower < upper)) {
             value.report(fmt::format("lower {} must be below upper {}", lower, upper));
         }
         prior = estimator::UniformPrior{lower, upper};
     } else if (form == "half_normal") {
-        prior = estimator::HalfNormalPrior{density.positive("scale")};
+        prior = estimator::HalfNormalPrior{density.number("scale")};
     } else if (form == "half_cauchy") {
-        prior = estimator::HalfCauchyPrior{density.positive("scale")};
+        prior = estimator::HalfCauchyPrior{density.number("scale")};
     } else if (form == "gamma") {
-        const double shape = density.positive("shape");
-        prior = estimator::GammaPrior{shape, density.positive("rate")};
+        const double shape = density.number("shape");
+        prior = estimator::GammaPrior{shape, density.number("rate")};
     } else {
-        const double dof = density.positive("dof");
+        const double dof = density.number("dof");
         const double location = density.number("location");
-        prior = estimator::StudentPrior{dof, location, density.positive("scale")};
+        prior = estimator::StudentPrior{dof, location, density.number("scale")};
     }
     density.finish();
     return prior;
@@ -72,9 +62,9 @@ std::optional<estimator::JointNormalPrior> read_joint_normal(const ValueReader& 
                                                              std::vector<std::string>& taken) {
     ObjectReader object(value);
     const std::size_t problems_before = value.problem_count();
-    const auto names = object.require("names", "a list of estimated parameters");
-    const auto mean = object.require("mean", "a list of numbers, one per name");
-    const auto covariance = object.require("covariance", "a symmetric matrix [[..], ..]");
+    const auto names = object.find("names");
+    const auto mean = object.find("mean");
+    const auto covariance = object.find("covariance");
     object.finish();
     if (!names || !mean || !covariance) return std::nullopt;
     estimator::JointNormalPrior prior;
@@ -108,7 +98,7 @@ std::optional<estimator::JointNormalPrior> read_joint_normal(const ValueReader& 
         prior.mean[static_cast<Eigen::Index>(i)] = means[i].number().value_or(0.0);
     if (const auto matrix = read_matrix(*covariance, count)) prior.covariance = *matrix;
     // What is wrong already would only be reported a second time in other words.
-    if (value.problem_count() != problems_before) return std::nullopt;
+    if (!value.sound() || value.problem_count() != problems_before) return std::nullopt;
     try {
         estimator::validate(prior);
     } catch (const std::invalid_argument& error) {
@@ -124,10 +114,6 @@ std::optional<estimator::Prior> read_prior(const ValueReader& value) {
     if (value.is(JsonValue::Kind::string)) {
         if (!value.choice({"flat"})) return std::nullopt;
         return estimator::FlatPrior{};
-    }
-    if (!value.is(JsonValue::Kind::object) || value.value().members.size() != 1) {
-        value.report(fmt::format("must be {}", prior_forms));
-        return std::nullopt;
     }
     ObjectReader object(value);
     std::optional<estimator::Prior> prior;
@@ -165,7 +151,7 @@ void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& es
     std::vector<std::string> taken;
     for (const ValueReader& item : value.items()) {
         ObjectReader object(item);
-        if (const auto normal = object.require("normal", "{ \"names\": .., \"mean\": .., \"covariance\": .. }")) {
+        if (const auto normal = object.find("normal")) {
             if (auto prior = read_joint_normal(*normal, job, estimate, taken)) {
                 estimate.joint_priors.push_back(std::move(*prior));
             }

@@ -4,6 +4,8 @@
 #include <stdexcept>
 
 #include "apps/atomic_file.hpp"
+#include "apps/description_check.hpp"
+#include "apps/job_description.hpp"
 #include "apps/job_parts.hpp"
 
 namespace orbid::apps {
@@ -23,6 +25,7 @@ void read_output(ObjectReader& root, Job& job) {
 
 /// Keys that job.json carries beside the job: what wrote it, nothing that a run depends on.
 void read_origin(ObjectReader& root) {
+    (void)root.find("$schema");
     if (const auto format = root.find("format")) (void)format->choice({"orbid-job/1"});
     if (const auto versions = root.find("versions")) {
         for (const auto& [name, value] : versions->members())
@@ -35,7 +38,7 @@ void read_root(const ValueReader& value, Job& job) {
     read_origin(root);
     if (const auto title = root.find("title")) job.title = title->text().value_or("");
     read_model(root, job);
-    if (const auto seed = root.find("seed")) job.seed = seed->whole(0, largest_exact_whole).value_or(job.seed);
+    if (const auto seed = root.find("seed")) job.seed = seed->whole().value_or(job.seed);
     read_section(root, job);
     read_data(root, job);
     read_orbits(root, job);
@@ -47,7 +50,7 @@ void read_root(const ValueReader& value, Job& job) {
     const bool simulates =
         std::any_of(job.data.begin(), job.data.end(), [](const DataJob& data) { return data.simulation.has_value(); });
     const bool named = root.find("orbits") || root.find("periodic") || root.find("estimate");
-    if (root.valid() && !named && !simulates) {
+    if (value.sound() && !named && !simulates) {
         root.self().report(
             "names nothing to do: add \"data\" with \"simulate\", \"orbits\", \"periodic\" or \"estimate\"");
     }
@@ -60,7 +63,10 @@ JobReading read_job_with(std::string_view text, const std::filesystem::path& sou
     reading.problems = std::move(document.problems);
     Job job;
     job.source = std::filesystem::absolute(source).lexically_normal();
-    if (document.root) read(ValueReader(*document.root, "", reading.problems), job);
+    if (document.root) {
+        check_described(*document.root, job_description(), reading.problems);
+        read(ValueReader(*document.root, "", reading.problems, &job_description()), job);
+    }
     std::stable_sort(reading.problems.begin(), reading.problems.end(), [](const Problem& a, const Problem& b) {
         return a.place.line != b.place.line ? a.place.line < b.place.line : a.place.column < b.place.column;
     });

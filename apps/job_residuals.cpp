@@ -55,8 +55,6 @@ void read_series_data(const ValueReader& value, const Job& job, SeriesResidualJo
         }
         series.data.push_back(static_cast<std::size_t>(at - known.begin()));
     }
-    if (value.is(JsonValue::Kind::array) && value.value().items.empty())
-        value.report("must name at least one experiment");
     std::sort(series.data.begin(), series.data.end());
 }
 
@@ -110,11 +108,9 @@ void read_series(ObjectReader& object, const Job& job, EstimateJob& estimate) {
 }  // namespace
 
 void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate) {
-    const auto items = value.items();
-    if (items.empty() && value.is(JsonValue::Kind::array)) value.report("must hold at least one residual");
-    for (const ValueReader& item : items) {
+    for (const ValueReader& item : value.items()) {
         ObjectReader object(item);
-        const auto type = object.require("type", "\"cycles\", \"series\" or \"waveform\"");
+        const auto type = object.find("type");
         const auto choice = type ? type->choice({"cycles", "series", "waveform"}) : std::nullopt;
         if (!choice) continue;  // without the type every other key would be called unknown
         if (*choice == 0) {

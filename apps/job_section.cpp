@@ -21,9 +21,7 @@ void read_plane(ObjectReader& section, Job& job) {
         plane.value = value->number().value_or(0.0);
     }
     if (const auto direction = section.find("direction")) {
-        const auto number = direction->number([](double x) { return x == 1.0 || x == -1.0; },
-                                              "1 (the coordinate rises) or -1 (it falls)");
-        plane.direction = number == -1.0 ? -1 : 1;
+        plane.direction = direction->number() == -1.0 ? -1 : 1;
     }
     job.section_plane = plane;
 }
@@ -56,6 +54,10 @@ void read_section(ObjectReader& root, Job& job) {
             job.section_plane.emplace();  // one problem is enough: not also that sections have no plane
             return;
         }
+        if (!coordinate && !value->sound()) {
+            job.section_plane.emplace();
+            return;
+        }
         if (phase) forced_only();
         read_plane(section, job);
     } else {
@@ -64,7 +66,6 @@ void read_section(ObjectReader& root, Job& job) {
             return;
         }
         if (phase) job.section_phase = phase->number().value_or(0.0);
-        section.reserve({"value", "direction"});
     }
     section.finish();
 }

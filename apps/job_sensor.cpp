@@ -9,9 +9,8 @@ namespace {
 using Type = models::Sensor::Type;
 
 /// The coordinate that a key names.
-std::optional<std::size_t> read_coordinate(ObjectReader& object, std::string_view key, std::string_view meaning,
-                                           const Job& job) {
-    const auto entry = object.require(key, meaning);
+std::optional<std::size_t> read_coordinate(ObjectReader& object, std::string_view key, const Job& job) {
+    const auto entry = object.find(key);
     const auto name = entry ? entry->text() : std::nullopt;
     const auto index = name ? coordinate_named(*name, *entry, job) : std::nullopt;
     if (!index) return std::nullopt;
@@ -20,13 +19,13 @@ std::optional<std::size_t> read_coordinate(ObjectReader& object, std::string_vie
 
 /// "angle", and the step of its encoder.
 std::optional<std::size_t> read_encoder(ObjectReader& object, const Job& job, models::Sensor& sensor) {
-    const auto angle = read_coordinate(object, "angle", "the coordinate that is read", job);
+    const auto angle = read_coordinate(object, "angle", job);
     if (angle) {
         sensor.angle = *angle;
         const models::Coordinate& entry = job.model.system->coordinates()[*angle];
         if (!entry.angle) object.report("angle", fmt::format("{} is no angle", entry.name));
     }
-    if (const auto step = object.find("step")) sensor.step = step->nonnegative().value_or(0.0);
+    if (const auto step = object.find("step")) sensor.step = step->number().value_or(0.0);
     if (const auto rounding = object.find("rounding")) {
         using Rounding = models::Sensor::Rounding;
         if (rounding->choice({"none", "nearest"}) == 1) sensor.rounding = Rounding::nearest;
@@ -39,26 +38,26 @@ std::optional<std::size_t> read_encoder(ObjectReader& object, const Job& job, mo
 
 /// An encoder beside a state or formulas: all its keys or none.
 void read_optional_encoder(ObjectReader& object, const Job& job, models::Sensor& sensor) {
-    const bool named = object.find("angle") || object.find("step") || object.find("rounding");
-    if (named) (void)read_encoder(object, job, sensor);
+    const bool has_angle = object.find("angle").has_value();
+    const bool named = has_angle || object.find("step") || object.find("rounding");
+    if (!named) return;
+    if (!has_angle) (void)object.require("angle", "the coordinate that is read");
+    (void)read_encoder(object, job, sensor);
 }
 
 void read_difference(ObjectReader& object, const Job& job, models::Sensor& sensor) {
     const auto angle = read_encoder(object, job, sensor);
-    const auto rate = read_coordinate(object, "rate", "the coordinate that the difference quotient stands for", job);
+    const auto rate = read_coordinate(object, "rate", job);
     if (rate) sensor.rate = *rate;
     if (angle && rate && *angle == *rate) object.report("rate", "must be another coordinate than the angle");
-    if (const auto delay = object.require("delay", "seconds between the two readings of the angle, > 0")) {
-        sensor.delay = delay->positive().value_or(1.0);
+    if (const auto delay = object.find("delay")) {
+        sensor.delay = delay->number().value_or(1.0);
     }
 }
 
 void read_functions(ObjectReader& object, const Job& job, models::Sensor& sensor) {
-    const auto readings = object.require("readings", "formulas: { \"x\": \"x^2 + y\", ... }");
+    const auto readings = object.find("readings");
     if (!readings) return;
-    if (readings->is(JsonValue::Kind::object) && readings->value().members.empty()) {
-        readings->report("must hold at least one formula: \"x\": \"x^2 + y\"");
-    }
     for (const auto& [name, member] : readings->members()) {
         const auto coordinate = coordinate_named(name, member, job);
         const auto text = member.text();
@@ -80,7 +79,7 @@ void read_functions(ObjectReader& object, const Job& job, models::Sensor& sensor
 models::Sensor read_sensor(const ValueReader& value, const Job& job) {
     models::Sensor sensor;
     ObjectReader object(value);
-    const auto type = object.require("type", "\"state\", \"function\" or \"angle_difference\"");
+    const auto type = object.find("type");
     const auto choice = type ? type->choice({"state", "function", "angle_difference"}) : std::nullopt;
     // Without a known type every other key would be called unknown.
     if (!choice) return sensor;

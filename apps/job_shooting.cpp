@@ -8,9 +8,6 @@ namespace {
 
 using Sampling = orbits::Series::Sampling;
 
-// Longer than any record; keeps a slip of the pen from overflowing.
-constexpr std::uint64_t longest_interval = 1000000000;
-
 /// "exact", "auto", { "sd": "estimate" } or { "sd": share of the range }.
 MatchingJob read_matching(const ValueReader& value) {
     MatchingJob matching;
@@ -18,18 +15,15 @@ MatchingJob read_matching(const ValueReader& value) {
         if (value.choice({"exact", "auto"}) == 0) matching.kind = MatchingJob::Kind::exact;
         return matching;
     }
-    if (!value.is(JsonValue::Kind::object)) {
-        value.report_kind("\"exact\", \"auto\", { \"sd\": \"estimate\" } or { \"sd\": a share of the range }");
-        return matching;
-    }
+    if (value.refused()) return matching;
     ObjectReader object(value);
-    if (const auto sd = object.require("sd", "\"estimate\", or a share of each coordinate's range")) {
+    if (const auto sd = object.find("sd")) {
         if (sd->is(JsonValue::Kind::string)) {
             (void)sd->choice({"estimate"});
             matching.kind = MatchingJob::Kind::estimated;
         } else {
             matching.kind = MatchingJob::Kind::given;
-            matching.sd = sd->number([](double x) { return x > 0.0 && x <= 1.0; }, "> 0 and <= 1").value_or(1.0);
+            matching.sd = sd->number().value_or(1.0);
         }
     }
     object.finish();
@@ -78,9 +72,7 @@ void read_shooting(ObjectReader& object, const Job& job, bool staged, SeriesResi
             matching->report("nothing is matched where the flow runs over whole segments: use \"interval\": \"auto\"");
     } else if (interval && interval->is(JsonValue::Kind::number)) {
         whole_segments = false;
-        series.interval = interval->whole(1, longest_interval).value_or(1);
-    } else if (interval) {
-        interval->report_kind("\"auto\", \"segment\" or a whole number of samples or sections");
+        series.interval = interval->whole().value_or(1);
     }
     if (whole_segments) {
         series.matching.kind = MatchingJob::Kind::exact;

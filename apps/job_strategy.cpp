@@ -60,7 +60,6 @@ void read_stages(const ValueReader& value, const Job& job, EstimateJob& estimate
                 if (const auto choice = inner.choice(residual_type_names))
                     add_type(inner, *choice, present, used, stage);
             }
-            if (item.value().items.empty()) item.report("must name the residuals that are estimated from together");
             std::sort(stage.residuals.begin(), stage.residuals.end());
             estimate.strategy.push_back(std::move(stage));
             continue;
@@ -85,10 +84,6 @@ void read_stages(const ValueReader& value, const Job& job, EstimateJob& estimate
         estimate.strategy.push_back(std::move(stage));
     }
     if (!value.is(JsonValue::Kind::array)) return;
-    if (value.value().items.empty()) {
-        value.report("must name at least one stage");
-        return;
-    }
     for (const ResidualType type : present) {
         if (std::find(used.begin(), used.end(), type) != used.end()) continue;
         value.report(fmt::format("must name every type of \"residuals\": there is no \"{}\"",
@@ -107,7 +102,8 @@ std::string StageJob::name() const {
     return fmt::format("{}", fmt::join(names, " + "));
 }
 
-void add_usual_residuals(const ValueReader& at, const Job& job, EstimateJob& estimate) {
+void add_usual_residuals(const ValueReader& at, const ValueDescription* residuals, const Job& job,
+                         EstimateJob& estimate) {
     JsonValue list;
     list.kind = JsonValue::Kind::array;
     list.place = at.value().place;
@@ -128,7 +124,7 @@ void add_usual_residuals(const ValueReader& at, const Job& job, EstimateJob& est
         at.report("\"auto\" needs \"data\", or \"orbits\" with a file of cycles, to estimate from");
         return;
     }
-    read_residuals(at.standing_for(list), job, estimate);
+    read_residuals(at.standing_for(list, residuals), job, estimate);
 }
 
 void read_strategy(ObjectReader& object, const Job& job, EstimateJob& estimate) {
@@ -137,10 +133,10 @@ void read_strategy(ObjectReader& object, const Job& job, EstimateJob& estimate) 
         // Everything at once.
         const auto present = present_types(estimate);
         if (!present.empty()) estimate.strategy.push_back({Kind::residuals, present});
-    } else if (!value->is(JsonValue::Kind::string)) {
+    } else if (value->is(JsonValue::Kind::array)) {
         read_stages(*value, job, estimate);
-    } else if (value->value().text != "auto") {
-        value->report_kind("\"auto\", or a list of \"prediction\", \"cycles\", \"harvest\", \"series\", \"waveform\"");
+    } else if (value->refused()) {
+        return;
     } else if (estimate.waveform) {
         value->report("\"auto\" knows no waveforms: list the stages, [\"waveform\"] for example");
     } else {

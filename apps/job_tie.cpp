@@ -13,24 +13,16 @@ bool has_own(const DataJob& data, Eigen::Index parameter) {
 
 }  // namespace
 
-void read_tie(ObjectReader& object, const ValueReader& tie, FreeParameterJob& free) {
-    // What belongs to the parameter that is followed.
-    for (const char* key : {"start", "scale", "bounds", "prior"}) {
-        if (object.find(key)) object.report(key, "belongs to the parameter that this one is tied to");
-    }
+void read_tie(const ValueReader& tie, FreeParameterJob& free) {
     estimator::FreeParameter& value = free.value;
     if (tie.is(JsonValue::Kind::string)) {
         value.tied_to = tie.text().value_or("");
         return;
     }
-    if (!tie.is(JsonValue::Kind::object)) {
-        tie.report_kind("an estimated parameter, or { \"to\": ..., \"factor\": ... }");
-        return;
-    }
     ObjectReader inner(tie);
-    if (const auto to = inner.require("to", "an estimated parameter")) value.tied_to = to->text().value_or("");
+    if (const auto to = inner.find("to")) value.tied_to = to->text().value_or("");
     if (const auto factor = inner.find("factor")) {
-        value.tie_factor = factor->number([](double x) { return x != 0.0; }, "other than 0").value_or(1.0);
+        value.tie_factor = factor->number().value_or(1.0);
     }
     inner.finish();
 }

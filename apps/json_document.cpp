@@ -62,8 +62,10 @@ public:
             rule = rule.substr(bracket + 2);
         }
         // position counts the bytes read, the last of which is the one that made no sense.
-        const Place place = place_of(position > 0 ? position - 1 : 0);
-        fail(place, fmt::format("column {}: {}", place.column, rule));
+        // A number too large is a whole token, which starts where the next one is looked for.
+        const bool number = dynamic_cast<const Json::out_of_range*>(&error) != nullptr;
+        const Place place = number ? next_token() : place_of(position > 0 ? position - 1 : 0);
+        fail(place, rule);
         return false;
     }
 
@@ -123,7 +125,8 @@ private:
                                        [&](const JsonMember& member) { return member.key == key_; });
         if (same != parent.members.end()) {
             document_.problems.push_back({key_place_, child_pointer(pointer(), key_),
-                                          fmt::format("duplicate key, first given in line {}", same->place.line)});
+                                          fmt::format("duplicate key, first given in line {}, column {}",
+                                                      same->place.line, same->place.column)});
             return;
         }
         parent.members.push_back({key_, key_place_, std::move(value)});
@@ -238,8 +241,8 @@ std::string_view description(JsonValue::Kind kind) {
 }
 
 std::string message(const Problem& problem, std::string_view file) {
-    return fmt::format("{}:{}: {}{}{}", file, problem.place.line, problem.pointer, problem.pointer.empty() ? "" : ": ",
-                       problem.rule);
+    return fmt::format("{}:{}:{}: {}{}{}", file, problem.place.line, problem.place.column, problem.pointer,
+                       problem.pointer.empty() ? "" : ": ", problem.rule);
 }
 
 std::string child_pointer(std::string_view pointer, std::string_view key) {

@@ -19,6 +19,8 @@ struct JsonMember;
 /// A JSON value that remembers where it stood.
 struct JsonValue {
     enum class Kind { null, boolean, number, string, array, object };
+    /// What check_described() has reported already.
+    enum class Flaw { none, within, itself };
 
     Kind kind = Kind::null;
     bool boolean = false;
@@ -28,6 +30,7 @@ struct JsonValue {
     std::vector<JsonValue> items;     ///< array
     std::vector<JsonMember> members;  ///< object, in the order of the file, keys unique
     Place place;
+    Flaw flaw = Flaw::none;  ///< itself: readers take the value as absent
 };
 
 struct JsonMember {
@@ -49,7 +52,7 @@ struct Problem {
     Kind kind = Kind::job;
 };
 
-/// "job.json:12: /estimate/parametres: unknown key; did you mean "parameters"?"
+/// "job.json:12:5: /estimate/parametres: unknown key; did you mean "parameters"?"
 [[nodiscard]] std::string message(const Problem& problem, std::string_view file);
 
 /// The pointer of a member or item below `pointer`, with ~ and / in keys escaped.

@@ -45,7 +45,7 @@ TEST_CASE("a wrong command line is refused with code 2", "[apps][command]") {
     };
     CHECK_THAT(refused({}), ContainsSubstring("usage: orbid COMMAND"));
     CHECK_THAT(refused({"estimat", "x"}), ContainsSubstring("did you mean \"estimate\"?"));
-    for (const std::string later : {"schema"}) {
+    for (const std::string later : {"report"}) {
         CHECK_THAT(refused({later}), ContainsSubstring("not in this version"));
     }
     CHECK_THAT(refused({"run"}), ContainsSubstring("takes JOB.json, not 0"));

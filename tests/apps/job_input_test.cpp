@@ -120,7 +120,7 @@ TEST_CASE("measured inputs that cannot be are refused with place and rule", "[ap
     const std::string file = R"("kind": "samples", "columns": { "time": "t", "stroke": "stroke" })";
     refused(R"("file": "run.csv", )" + file +
                 R"(, "interpolation": "cubic", "inputs": { "base_acceleration": "acc", "time": "t" })",
-            "/data/inputs/time: unknown key");
+            "/data/inputs/time: belongs to \"file\"");
     refused(R"("file": "run.h5", "kind": "samples", "inputs": { "base_acceleration": "acc" })",
             "/data/inputs: inputs come from a table in text");
     refused(
@@ -128,7 +128,7 @@ TEST_CASE("measured inputs that cannot be are refused with place and rule", "[ap
         "/data/inputs: measured inputs of a section series: not in this version");
     refused(
         R"("simulate": { "samples": { "step": 0.01, "count": 201 }, "initial": [[0.14, 0.1]] }, "interpolation": "cubic")",
-        "/data/interpolation: belongs to \"inputs\", which are missing", "harmonic_base");
+        "/data/interpolation: belongs to \"inputs\", which is missing", "harmonic_base");
 }
 
 TEST_CASE("a measured ground moves the strut as the harmonic one it was taken from", "[apps][run]") {

@@ -98,9 +98,10 @@ TEST_CASE("what is wrong with a prior is named with place and rule", "[apps][job
     };
     const std::string at = "9: /estimate/parameters/k2/prior";
     wrong("\"flatt\"", at + ": unknown value \"flatt\"; did you mean \"flat\"?");
-    wrong("{}", at + ": must be \"flat\", or an object with one of");
-    wrong("[1]", at + ": must be \"flat\", or an object with one of");
-    wrong(R"({ "half_normal": { "scale": 1 }, "half_cauchy": { "scale": 1 } })", at + ": must be \"flat\", or an");
+    wrong("{}", at + ": needs \"normal\", \"lognormal\"");
+    wrong("[1]", at + ": must be \"flat\" or { \"normal\"");
+    wrong(R"({ "half_normal": { "scale": 1 }, "half_cauchy": { "scale": 1 } })",
+          at + "/half_cauchy: stands beside \"half_normal\"");
     wrong(R"({ "half_norm": { "scale": 1 } })", at + "/half_norm: unknown key; did you mean \"half_normal\"?");
     wrong(R"({ "half_normal": { "sclae": 1, "scale": 1 } })", at + "/half_normal/sclae: unknown key; did you mean");
     wrong(R"({ "half_normal": {} })", at + "/half_normal: \"scale\" is missing");
@@ -169,14 +170,13 @@ TEST_CASE("ties are read, written back and checked", "[apps][job][tie]") {
     wrong(R"({ "tied": "k3" })", at + ": k3 is tied to itself");
     wrong(R"({ "tied": "k4" })", at + ": \"k4\" is no estimated parameter; did you mean");
     wrong(R"({ "tied": "k1" })", at + ": k1 is tied to k2 itself: tie both to that one");
-    wrong(R"({ "tied": 3 })", at + ": must be an estimated parameter, or { \"to\"");
+    wrong(R"({ "tied": 3 })", at + ": must be the name of an estimated parameter or { \"to\"");
     wrong(R"({ "tied": { "to": "k2", "factor": 0 } })", at + "/factor: must be other than 0");
     wrong(R"({ "tied": { "to": "k2", "factor": -1 } })", at + ": start -0.001 of k3");
     wrong(R"({ "tied": { "to": "k2", "fctor": 1 } })", at + "/fctor: unknown key; did you mean \"factor\"?");
     wrong(R"({ "tied": { "factor": 1 } })", at + ": \"to\" is missing");
-    wrong(R"({ "tied": "k2", "prior": "flat" })",
-          "9: /estimate/parameters/k3/prior: belongs to the parameter that this one is tied to");
-    wrong(R"({ "tied": "k2", "start": 1 })", "9: /estimate/parameters/k3/start: belongs to the parameter");
+    wrong(R"({ "tied": "k2", "prior": "flat" })", "9: /estimate/parameters/k3/prior: does not go with \"tied\"");
+    wrong(R"({ "tied": "k2", "start": 1 })", "9: /estimate/parameters/k3/start: does not go with \"tied\"");
 }
 
 TEST_CASE("a tie of parameters that are free per experiment holds in each of them", "[apps][job][tie]") {

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include "apps/job_reader.hpp"
 #include "tests/catch.hpp"
 
@@ -12,11 +14,13 @@ namespace orbid::tests {
 /// Where the jobs of tests are thought to lie: file paths in them are relative to it.
 inline const std::filesystem::path job_folder = ORBID_SOURCE_DIR "/configs";
 
-/// Everything that is wrong with the text of a job, as it is printed: "job.json:7: /data/name: ...".
+/// Everything that is wrong with the text of a job: "job.json:7: /data/name: ...". What is printed has the column too,
+/// which job_corpus_test.cpp compares.
 inline std::vector<std::string> problems(const std::string& text, const std::filesystem::path& folder = job_folder) {
     std::vector<std::string> result;
     for (const apps::Problem& problem : apps::read_job(text, folder / "job.json").problems)
-        result.push_back(apps::message(problem, "job.json"));
+        result.push_back(fmt::format("job.json:{}: {}{}{}", problem.place.line, problem.pointer,
+                                     problem.pointer.empty() ? "" : ": ", problem.rule));
     return result;
 }
 

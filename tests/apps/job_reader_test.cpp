@@ -88,7 +88,7 @@ TEST_CASE("what is wrong is named with place and rule", "[apps][job]") {
         {"\"trajectories\"", "\"trajectorys\"",
          "job.json:6: /data/simulate/trajectorys: unknown key; did you mean \"trajectories\"?"},
         {"\"section\":", "\"sektion\":", "job.json:4: /sektion: unknown key; did you mean \"section\"?"},
-        {"\"seed\": 1", "\"seed\": \"one\"", "job.json:3: /seed: must be a number, not \"one\""},
+        {"\"seed\": 1", "\"seed\": \"one\"", "job.json:3: /seed: must be a whole number, not \"one\""},
         {"\"seed\": 1", "\"seed\": 1.5", "job.json:3: /seed: must be a whole number"},
         {"\"seed\": 1,", "\"seed\": 1, \"seed\": 2,", "job.json:3: /seed: duplicate key, first given in line 3"},
         {"\"l\": 0.317 }", "\"l\": -0.317 }", "job.json:2: /model/parameters/l: l (length, m) must be > 0, not -0.317"},
@@ -100,10 +100,10 @@ TEST_CASE("what is wrong is named with place and rule", "[apps][job]") {
          "job.json:12: /estimate/parameters/k2/start: start 0 of k2 has no logarithm: use \"scale\": \"linear\""},
         {"[0.05, 5.0]", "[5, 0.05]", "job.json:11: /estimate/parameters/l/bounds: lower bound 5 must be below"},
         {"\"k2\": {", "\"k4\": {", "job.json:12: /estimate/parameters/k4: the model parametric_pendulum has no"},
-        {"[1, 2]", "[]", "job.json:8: /orbits/periods: must name at least one period"},
-        {"[1, 2]", "[1, 1]", "job.json:8: /orbits/periods/1: period 1 is listed twice"},
+        {"[1, 2]", "[]", "job.json:8: /orbits/periods: must not be empty"},
+        {"[1, 2]", "[1, 1]", "job.json:8: /orbits/periods/1: 1 is listed twice"},
         {"\"box\": 0.01", "\"minimum_recurrences\": 0", "job.json:8: /orbits/minimum_recurrences: must be a whole"},
-        {"\"box\": 0.01", "\"invariants\": 1", "job.json:8: /orbits/invariants: must be true or false"},
+        {"\"box\": 0.01", "\"invariants\": 1", "job.json:8: /orbits/invariants: must be true, false or {"},
         {"\"quadratic\"", "\"septic\"",
          "job.json:8: /orbits/local_map: unknown value \"septic\"; did you mean \"sextic\"?"},
         {"\"box\": 0.01", "\"box\": 0.6", "job.json:8: /orbits/box: must be > 0 and < 0.5, not 0.6"},
@@ -112,7 +112,7 @@ TEST_CASE("what is wrong is named with place and rule", "[apps][job]") {
         {"[\"phi\", \"phi_dot\"]", "[\"phi\", \"phi_dot\", \"psi\"]",
          "job.json:7: /data/observe: the model parametric_pendulum has"},
         {"\"crank\"", "\"crak\"", "job.json:2: /model/variant: unknown value \"crak\"; did you mean \"crank\"?"},
-        {"\"name\": \"run1\"", "\"name\": \"1st\"", "job.json:5: /data/name: \"1st\" is no name"},
+        {"\"name\": \"run1\"", "\"name\": \"1st\"", "job.json:5: /data/name: must be a name: letters"},
         {"\"random\"", "[[0, 1]]", "job.json:6: /data/simulate/initial: must hold one state per trajectory: 2, not 1"},
     });
 }
@@ -174,7 +174,7 @@ TEST_CASE("a missing data file is a problem of the data", "[apps][job]") {
                                   job_folder / "job.json");
     REQUIRE(reading.problems.size() == 1);
     CHECK_THAT(message(reading.problems[0], "job.json"),
-               ContainsSubstring("job.json:2: /data/file: the file") && ContainsSubstring("does not exist"));
+               ContainsSubstring("job.json:2:25: /data/file: the file") && ContainsSubstring("does not exist"));
     CHECK(reading.exit_code() == 3);
     CHECK(read_job_file(job_folder / "no_such_job.json").exit_code() == 2);
 }

@@ -60,9 +60,9 @@ TEST_CASE("sections that cannot be are refused with place and rule", "[apps][job
     refused(R"({ "phase": 0 })", "/phase: the model lorenz is not forced: it has no phase");
     refused(R"({ "coordinate": "z", "value": 27, "phase": 0 })", "/phase: the model lorenz is not forced");
     refused(R"({ "coordinate": "z" })", ": \"value\" is missing");
-    refused(R"({ "value": 27 })", ": \"coordinate\" is missing");
+    refused(R"({ "value": 27 })", "/value: belongs to \"coordinate\"");
     refused(R"({ "coordinate": "w", "value": 27 })", "/coordinate: the model lorenz has no coordinate \"w\"");
-    refused(R"({ "coordinate": "z", "value": 27, "direction": 0 })", "/direction: must be 1 (the coordinate rises)");
+    refused(R"({ "coordinate": "z", "value": 27, "direction": 0 })", "/direction: must be one of 1, -1");
     refused(R"({ "coordinate": "z", "value": 27, "normal": [0, 0, 1] })", "/normal: unknown key");
     check_only(lorenz_job(""), "/data/simulate/sections: the model lorenz is not forced: name the section");
     check_only(R"({ "model": { "name": "free_pendulum" }, "section": { "coordinate": "phi", "value": 0 },

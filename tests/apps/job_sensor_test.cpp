@@ -83,19 +83,21 @@ TEST_CASE("sensors that cannot be meant are refused with place and rule", "[apps
     const std::string at = "job.json:3: /data/sensor";
     refused(R"({ "type": "encoder" })", at + "/type: unknown value \"encoder\"");
     refused(R"({ "type": "function" })", at + ": \"readings\" is missing");
-    refused(R"({ "type": "function", "readings": {} })", at + "/readings: must hold at least one formula");
+    refused(R"({ "type": "function", "readings": {} })", at + "/readings: must not be empty");
     refused(R"({ "type": "function", "readings": { "x": "phi" } })",
             at + "/readings/x: the model free_pendulum has no");
     refused(R"({ "type": "function", "readings": { "phi": "phi + c9" } })",
             at + "/readings/phi: character 7 of \"phi + c9\": unknown name \"c9\"");
     refused(R"({ "type": "function", "readings": { "phi": 1 } })", at + "/readings/phi: must be a text");
-    refused(R"({ "type": "state", "readings": { "phi": "phi" } })", at + "/readings: unknown key");
+    refused(R"({ "type": "state", "readings": { "phi": "phi" } })",
+            at + "/readings: belongs to \"type\": \"function\"");
     refused(R"({ "type": "state", "step": 0.01 })", at + ": \"angle\" is missing");
     refused(R"({ "type": "state", "angle": "phi_dot", "step": 0.01 })", at + "/angle: phi_dot is no angle");
     refused(R"({ "type": "state", "angle": "phi", "rounding": "nearest" })",
             at + "/rounding: rounding needs the encoder's \"step\" > 0");
     refused(R"({ "type": "state", "angle": "phi", "step": -1 })", at + "/step: must be >= 0, not -1");
-    refused(R"({ "type": "state", "angle": "phi", "delay": 0.1 })", at + "/delay: unknown key");
+    refused(R"({ "type": "state", "angle": "phi", "delay": 0.1 })",
+            at + "/delay: belongs to \"type\": \"angle_difference\"");
 }
 
 TEST_CASE("cycles of readings by formulas are refused", "[apps][job]") {

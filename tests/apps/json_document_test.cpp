@@ -27,8 +27,10 @@ TEST_CASE("every value knows its place", "[apps][json]") {
 TEST_CASE("duplicate keys are named with both lines", "[apps][json]") {
     const auto document = parse_json("{\n\"a\": 1,\n\"b\": { \"c\": 1,\n \"c\": 2 },\n\"a\": 3 }");
     REQUIRE(document.problems.size() == 2);
-    CHECK(message(document.problems[0], "job.json") == "job.json:4: /b/c: duplicate key, first given in line 3");
-    CHECK(message(document.problems[1], "job.json") == "job.json:5: /a: duplicate key, first given in line 2");
+    CHECK(message(document.problems[0], "job.json") ==
+          "job.json:4:2: /b/c: duplicate key, first given in line 3, column 8");
+    CHECK(message(document.problems[1], "job.json") ==
+          "job.json:5:1: /a: duplicate key, first given in line 2, column 1");
 }
 
 TEST_CASE("text that is no JSON is refused with its place", "[apps][json]") {
@@ -38,11 +40,11 @@ TEST_CASE("text that is no JSON is refused with its place", "[apps][json]") {
         REQUIRE(document.problems.size() == 1);
         return message(document.problems[0], "f");
     };
-    CHECK_THAT(refusal(""), ContainsSubstring("f:1: the file is empty"));
-    CHECK_THAT(refusal("{\n \"a\" 1}"), ContainsSubstring("f:2: column 6") && ContainsSubstring("expected ':'"));
+    CHECK_THAT(refusal(""), ContainsSubstring("f:1:1: the file is empty"));
+    CHECK_THAT(refusal("{\n \"a\" 1}"), ContainsSubstring("f:2:6: ") && ContainsSubstring("expected ':'"));
     CHECK_THAT(refusal("{\"a\": 1,}"), ContainsSubstring("expected string literal"));
     CHECK_THAT(refusal("{\"a\": nan}"), ContainsSubstring("invalid literal"));
-    CHECK_THAT(refusal("{\"a\":\n1e999}"), ContainsSubstring("f:2:") && ContainsSubstring("number overflow"));
+    CHECK_THAT(refusal("{\"a\":\n1e999}"), ContainsSubstring("f:2:1:") && ContainsSubstring("number overflow"));
     CHECK_THAT(refusal("{\"a\": \"\xff\"}"), ContainsSubstring("ill-formed UTF-8"));
     CHECK_THAT(refusal("{} x"), ContainsSubstring("expected end of input"));
     CHECK_THAT(refusal(std::string(100, '[') + std::string(100, ']')), ContainsSubstring("nested deeper than 64"));
