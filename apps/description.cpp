@@ -52,6 +52,13 @@ bool ValueDescription::allows(JsonValue::Kind kind) const {
     return false;
 }
 
+ValueDescription ValueDescription::shared_object() const {
+    ValueDescription value;
+    value.name = value.object_name = object_name;
+    value.object = object;
+    return value;
+}
+
 KeyDescription& KeyDescription::by_default(const char* text_value) {
     standard = fmt::format("\"{}\"", text_value);
     return *this;
@@ -261,6 +268,9 @@ ValueDescription entries(ValueDescription value, std::string names, std::vector<
 }
 
 ValueDescription named(std::string name, ValueDescription value) {
+    const bool object_alone =
+        value.object && !(value.null || value.boolean || value.number || value.text || value.list);
+    if (object_alone) value.object_name = name;
     value.name = std::move(name);
     return value;
 }
@@ -285,7 +295,10 @@ ValueDescription operator|(ValueDescription one, const ValueDescription& other) 
     if (other.number) one.number = other.number;
     if (other.text) one.text = other.text;
     if (other.list) one.list = other.list;
-    if (other.object) one.object = other.object;
+    if (other.object) {
+        one.object = other.object;
+        one.object_name = other.object_name;
+    }
     return one;
 }
 

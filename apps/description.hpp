@@ -49,6 +49,8 @@ struct ListDescription {
 /// The forms one value may have, at most one of each kind of JSON.
 struct ValueDescription {
     std::string name;  ///< of what several keys share; empty: described where it stands
+    /// The same of the object alone, which may be one of several forms (an experiment, or a list of them).
+    std::string object_name;
     bool anything = false;
     bool null = false;
     bool boolean = false;
@@ -59,6 +61,10 @@ struct ValueDescription {
 
     /// A form of this kind is among them.
     [[nodiscard]] bool allows(JsonValue::Kind kind) const;
+    /// Its object is described under a name of its own, elsewhere than the value.
+    [[nodiscard]] bool shares_object() const { return !object_name.empty() && name != object_name; }
+    /// That object alone, under its name.
+    [[nodiscard]] ValueDescription shared_object() const;
 };
 
 /// Another key of the same object is there, or holds one of these texts.

@@ -94,7 +94,10 @@ private:
         if (value.boolean) forms.emplace_back("`true`, `false`");
         if (value.text) forms.push_back(value.text->choices.empty() ? value.text->rule : choices(value.text->choices));
         if (value.list) forms.push_back(list(*value.list));
-        if (value.object) forms.emplace_back(value.object->entries ? "object by name" : "object");
+        if (value.shares_object())
+            forms.push_back(kinds(value.shared_object()));
+        else if (value.object)
+            forms.emplace_back(value.object->entries ? "object by name" : "object");
         if (value.null) forms.emplace_back("`null`");
         return cell(fmt::format("{}", fmt::join(forms, ", or ")));
     }
@@ -112,7 +115,7 @@ private:
 
     void inner(const ValueDescription& value, const std::string& path) {
         if (value.list) below(*value.list->item, path + "[]");
-        if (!value.object) return;
+        if (!value.object || value.shares_object()) return;
         // Names with plain numbers, say, are described by the cell already.
         const bool simple = value.object->keys.empty() && value.object->entries &&
                             value.object->entries->value->object == nullptr &&

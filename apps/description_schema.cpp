@@ -41,7 +41,7 @@ private:
         if (value.boolean) list.push_back({{"type", "boolean"}});
         if (value.text) list.push_back(text(*value.text));
         if (value.list) list.push_back(items(*value.list));
-        if (value.object) list.push_back(object(*value.object));
+        if (value.object) list.push_back(value.shares_object() ? schema(value.shared_object()) : object(*value.object));
         if (value.null) list.push_back({{"type", "null"}});
         if (list.size() == 1) return list.front();
         return {{"oneOf", std::move(list)}};

@@ -45,31 +45,32 @@ void read_without(const ValueReader& value, const Job& job, const EstimateJob& e
     std::vector<std::string> estimated;
     for (const FreeParameterJob& free : estimate.parameters)
         estimated.push_back(free.value.name);
-    for (const std::string& name : read_names(value)) {
+    for (const auto& [text, item] : read_names(value)) {
+        const std::string& name = text;
         const auto free = std::find_if(estimate.parameters.begin(), estimate.parameters.end(),
                                        [&](const FreeParameterJob& one) { return one.value.name == name; });
         if (free == estimate.parameters.end()) {
-            value.report(fmt::format("\"{}\" is not estimated{}", name, suggestion(name, estimated)));
+            item.report(fmt::format("\"{}\" is not estimated{}", name, suggestion(name, estimated)));
             continue;
         }
         const models::Parameter& entry = job.model.system->parameters()[static_cast<std::size_t>(free->parameter)];
         if (!models::contains(entry.domain, 0.0)) {
-            value.report(fmt::format("{} ({}) must be {}: there is no model without it", name, entry.description,
-                                     models::rule(entry.domain)));
+            item.report(fmt::format("{} ({}) must be {}: there is no model without it", name, entry.description,
+                                    models::rule(entry.domain)));
             continue;
         }
         const auto follower = std::find_if(estimate.parameters.begin(), estimate.parameters.end(),
                                            [&](const FreeParameterJob& one) { return one.value.tied_to == name; });
         if (!free->value.tied_to.empty() || follower != estimate.parameters.end()) {
-            value.report(fmt::format("{} is tied to {}: it cannot be left out alone", name,
-                                     free->value.tied_to.empty() ? follower->value.name : free->value.tied_to));
+            item.report(fmt::format("{} is tied to {}: it cannot be left out alone", name,
+                                    free->value.tied_to.empty() ? follower->value.name : free->value.tied_to));
             continue;
         }
         const auto& joint = estimate.joint_priors;
         if (std::any_of(joint.begin(), joint.end(), [&](const estimator::JointNormalPrior& prior) {
                 return std::count(prior.names.begin(), prior.names.end(), name) > 0;
             })) {
-            value.report(fmt::format("{} has a prior together with others: it cannot be left out alone", name));
+            item.report(fmt::format("{} has a prior together with others: it cannot be left out alone", name));
             continue;
         }
         criticism.without.push_back(free->parameter);

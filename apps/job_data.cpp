@@ -137,11 +137,11 @@ void read_observe(ObjectReader& object, const Job& job, DataJob& data) {
     const auto value = object.find("observe");
     if (!value) return;
     data.observe.clear();
-    for (const std::string& name : read_names(*value)) {
-        const auto index = coordinate_named(name, *value, job);
+    for (const auto& [name, item] : read_names(*value)) {
+        const auto index = coordinate_named(name, item, job);
         if (!index) continue;
         if (std::find(available.begin(), available.end(), *index) == available.end()) {
-            value->report(fmt::format("\"{}\" is observed, but \"columns\" names no column for it", name));
+            item.report(fmt::format("\"{}\" is observed, but \"columns\" names no column for it", name));
         }
         data.observe.push_back(*index);
     }
@@ -186,8 +186,8 @@ DataJob read_experiment(const ValueReader& value, const std::string& default_nam
     read_observe(object, job, data);
     if (const auto parameters = object.find("parameters")) data.parameters = read_parameter_values(*parameters, job);
     if (const auto free = object.find("free")) {
-        for (const std::string& name : read_names(*free)) {
-            if (const auto index = parameter_named(name, *free, job)) data.free.push_back(*index);
+        for (const auto& [name, item] : read_names(*free)) {
+            if (const auto index = parameter_named(name, item, job)) data.free.push_back(*index);
         }
         std::sort(data.free.begin(), data.free.end());
     }

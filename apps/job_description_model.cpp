@@ -48,7 +48,7 @@ ValueDescription model_block() {
              .needed_with("equations"),
          key("equations", formula("a coordinate"),
              "A model written in the job: the derivative of each coordinate, or its next value: { \"x\": \"v\", \"v\": "
-             "\"-k x\" }."),
+             "\"-k * x\" }."),
          key("coordinates", names(1), "The order of the state; that of \"equations\" unless given.").with("equations"),
          key("definitions", formula("a quantity"), "Formulas that the equations use by name.").with("equations"),
          key("kind", choice({"flow", "map"}), "Derivatives, or next values.").by_default("flow").with("equations"),

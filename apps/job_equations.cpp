@@ -85,10 +85,10 @@ private:
 
     /// The coordinates in the order of a list that has all of them.
     void put_in_order(const ValueReader& order) {
-        const std::vector<std::string> names = read_names(order);
+        const auto names = read_names(order);
         std::vector<Quantity> sorted;
         std::vector<ValueReader> places;
-        for (const std::string& name : names)
+        for (const auto& [name, item] : names)
             for (std::size_t i = 0; i < text_.coordinates.size(); ++i)
                 if (text_.coordinates[i].name == name) {
                     sorted.push_back(text_.coordinates[i]);

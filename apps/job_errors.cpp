@@ -185,13 +185,13 @@ void read_covariance(const ValueReader& value, const ErrorUse& use, const Job& j
                      std::vector<CovarianceJob>& covariances) {
     CovarianceJob covariance;
     const auto read_list = [&](const ValueReader& list) {
-        for (const std::string& name : read_names(list)) {
-            const auto index = coordinate_named(name, list, job);
+        for (const auto& [name, item] : read_names(list)) {
+            const auto index = coordinate_named(name, item, job);
             if (!index) continue;
             const auto error = std::find_if(errors.begin(), errors.end(),
                                             [&](const ErrorJob& one) { return one.coordinate == *index; });
             if (error == errors.end()) {
-                list.report(fmt::format("\"{}\" is not observed: it has no errors", name));
+                item.report(fmt::format("\"{}\" is not observed: it has no errors", name));
                 continue;
             }
             covariance.coordinates.push_back(*index);

@@ -125,7 +125,7 @@ void read_derived(const ValueReader& value, const Job& job, EstimateJob& estimat
         try {
             estimate.derived.push_back({name, models::Expression::parse(*text, names)});
         } catch (const models::ExpressionError& error) {
-            member.report(error.what());
+            member.report_character(error.position, error.what());
             // Named all the same, so that its reference value is not called unknown.
             estimate.derived.push_back({name, {}});
         }

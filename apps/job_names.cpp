@@ -44,11 +44,10 @@ std::optional<Eigen::Index> coordinate_named(const std::string& name, const Valu
     return std::nullopt;
 }
 
-std::vector<std::string> read_names(const ValueReader& value) {
-    std::vector<std::string> result;
-    for (const ValueReader& item : value.items()) {
-        if (const auto name = item.text()) result.push_back(*name);
-    }
+std::vector<std::pair<std::string, ValueReader>> read_names(const ValueReader& value) {
+    std::vector<std::pair<std::string, ValueReader>> result;
+    for (const ValueReader& item : value.items())
+        if (const auto name = item.text()) result.emplace_back(*name, item);
     return result;
 }
 

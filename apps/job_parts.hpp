@@ -98,8 +98,8 @@ void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, st
                                                           const Job& job);
 [[nodiscard]] std::optional<Eigen::Index> coordinate_named(const std::string& name, const ValueReader& at,
                                                            const Job& job);
-/// A list of names without repetition.
-[[nodiscard]] std::vector<std::string> read_names(const ValueReader& value);
+/// A list of names, each with its place.
+[[nodiscard]] std::vector<std::pair<std::string, ValueReader>> read_names(const ValueReader& value);
 
 /// A value of a parameter, checked against its domain.
 [[nodiscard]] std::optional<double> read_parameter_value(const ValueReader& value, Eigen::Index parameter,

@@ -178,8 +178,8 @@ OrbitStart read_start(const ValueReader& value, const Job& job) {
 std::vector<Eigen::Index> read_free(ObjectReader& object, const Job& job) {
     std::vector<Eigen::Index> indices;
     if (const auto value = object.find("free")) {
-        for (const std::string& name : read_names(*value)) {
-            if (const auto index = parameter_named(name, *value, job)) indices.push_back(*index);
+        for (const auto& [name, item] : read_names(*value)) {
+            if (const auto index = parameter_named(name, item, job)) indices.push_back(*index);
         }
         return indices;
     }

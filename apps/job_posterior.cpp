@@ -85,13 +85,13 @@ ParameterChoice read_choice(const ValueReader& value, const Job& job, const Esti
     if (value.is(JsonValue::Kind::boolean)) {
         choice.all = value.value().boolean;
     } else if (value.is(JsonValue::Kind::array)) {
-        choice.names = read_names(value);
         auto known = estimated_names(job, estimate);
         const auto errors = job.model.system ? error_names(job, estimate) : std::vector<std::string>{};
         known.insert(known.end(), errors.begin(), errors.end());
-        for (const std::string& name : choice.names) {
+        for (const auto& [name, item] : read_names(value)) {
+            choice.names.push_back(name);
             if (!job.model.system || std::find(known.begin(), known.end(), name) != known.end()) continue;
-            value.report(fmt::format("\"{}\" is not estimated{}", name, suggestion(name, known)));
+            item.report(fmt::format("\"{}\" is not estimated{}", name, suggestion(name, known)));
         }
     }
     if (choice.all && job.model.system && estimated_names(job, estimate).empty() &&

@@ -47,10 +47,10 @@ void read_series_data(const ValueReader& value, const Job& job, SeriesResidualJo
     std::vector<std::string> known;
     for (const DataJob& data : job.data)
         known.push_back(data.name);
-    for (const std::string& name : read_names(value)) {
+    for (const auto& [name, item] : read_names(value)) {
         const auto at = std::find(known.begin(), known.end(), name);
         if (at == known.end()) {
-            value.report(fmt::format("there are no data named \"{}\"{}", name, suggestion(name, known)));
+            item.report(fmt::format("there are no data named \"{}\"{}", name, suggestion(name, known)));
             continue;
         }
         series.data.push_back(static_cast<std::size_t>(at - known.begin()));

@@ -67,7 +67,7 @@ void read_functions(ObjectReader& object, const Job& job, models::Sensor& sensor
             sensor.functions.push_back(
                 {static_cast<std::size_t>(*coordinate), models::Expression::parse(*text, names)});
         } catch (const models::ExpressionError& error) {
-            member.report(error.what());
+            member.report_character(error.position, error.what());
         }
     }
     std::sort(sensor.functions.begin(), sensor.functions.end(),

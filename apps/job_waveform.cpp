@@ -63,20 +63,19 @@ void read_data_names(ObjectReader& object, const Job& job, WaveformResidualJob& 
         if (waveform.data.empty()) object.self().report("needs sampled data: an entry of \"data\" with samples");
         return;
     }
-    for (const std::string& name : read_names(*value)) {
+    for (const auto& [name, item] : read_names(*value)) {
         const auto at = std::find(known.begin(), known.end(), name);
         if (at == known.end()) {
-            value->report(fmt::format("there are no data named \"{}\"{}", name, suggestion(name, known)));
+            item.report(fmt::format("there are no data named \"{}\"{}", name, suggestion(name, known)));
             continue;
         }
         const auto index = static_cast<std::size_t>(at - known.begin());
         if (job.data[index].sampling() == Sampling::section)
-            value->report(fmt::format("\"{}\" is a section series: a waveform needs samples in time", name));
+            item.report(fmt::format("\"{}\" is a section series: a waveform needs samples in time", name));
         waveform.data.push_back(index);
     }
-    if (value->is(JsonValue::Kind::array) && value->value().items.empty()) {
-        value->report("must name at least one experiment");
-        // Otherwise every coordinate would be called unobserved.
+    if (waveform.data.empty()) {
+        // What is wrong is reported. Otherwise every coordinate would be called unobserved.
         for (std::size_t i = 0; i < job.data.size(); ++i)
             if (job.data[i].sampling() == Sampling::samples) waveform.data.push_back(i);
     }

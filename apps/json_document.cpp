@@ -263,7 +263,7 @@ std::string child_pointer(std::string_view pointer, std::string_view key) {
 JsonDocument parse_json(std::string_view text) {
     JsonDocument document;
     if (text.find_first_not_of(" \t\r\n") == std::string_view::npos) {
-        document.problems.push_back({{}, "", "the file is empty; a job is an object { ... }"});
+        document.problems.push_back({{}, "", "the file is empty; it must hold an object { ... }"});
         return document;
     }
     Builder builder(text, document);

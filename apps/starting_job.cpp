@@ -173,6 +173,40 @@ std::string estimate_block(const models::System& system, std::string_view task) 
                        method_line(system, task));
 }
 
+/// The model block of a registered model, whose parameters keep their defaults unless they are given.
+std::string model_block(std::string_view model, const models::System& system, std::optional<std::size_t> size) {
+    return fmt::format(R"(  "model": {{
+    "name": "{}",
+{}    "parameters": {{
+{}    }}
+  }},
+)",
+                       model, size_line(size), parameter_lines(system));
+}
+
+/// The registered model that the starting job of equations writes out.
+constexpr std::string_view written_out = "duffing";
+
+/// A model without C++: the equations of `written_out` as a job holds them.
+constexpr std::string_view equations_block = R"job(  "model": {
+    "name": "spring",                  // any name that `orbid models` does not list
+    // The derivative of each coordinate, in formulas of coordinates, parameters and the phase of the forcing.
+    "equations": {
+      "x": "x_dot",
+      "x_dot": "-delta * x_dot - alpha * x - beta * x^3 + gamma * cos(phase)"
+    },
+    "units": { "x": "1", "x_dot": "1/s" },
+    "parameters": {
+      "delta": { "value": 0.3, "unit": "1/s", "domain": "nonnegative", "description": "damping" },
+      "alpha": { "value": -1, "unit": "1/s^2", "description": "linear stiffness" },
+      "beta": { "value": 1, "unit": "1/s^2", "description": "cubic stiffness" },
+      "gamma": { "value": 0.5, "unit": "1/s^2", "description": "amplitude of the forcing" },
+      "omega": { "value": 1.2, "unit": "rad/s", "domain": "positive", "description": "frequency of the forcing" }
+    },
+    "forcing_phase": "omega"           // phase = omega t; left out where nothing drives the model
+  },
+)job";
+
 bool is_periodic_task(std::string_view task) {
     return task == "periodic" || task == "search" || task == "continuation";
 }
@@ -185,9 +219,17 @@ const std::vector<std::string>& starting_tasks() {
     return tasks;
 }
 
+std::vector<std::string> starting_models() {
+    std::vector<std::string> names{"equations"};
+    for (const models::ModelEntry& entry : models::registered_models())
+        names.emplace_back(entry.name);
+    return names;
+}
+
 std::string starting_job(std::string_view model, std::string_view task) {
+    const bool equations = model == "equations";
     const auto size = starting_size(model);
-    const auto system = models::make_system(model, "", size);
+    const auto system = models::make_system(equations ? written_out : model, "", size);
     if (std::find(starting_tasks().begin(), starting_tasks().end(), task) == starting_tasks().end()) {
         throw std::invalid_argument(
             fmt::format("there is no task \"{}\"; tasks: {}", task, fmt::join(starting_tasks(), ", ")));
@@ -209,17 +251,16 @@ std::string starting_job(std::string_view model, std::string_view task) {
                                                 system->inputs().empty() ? "is a map" : "reads measured inputs"));
     }
     std::string text = fmt::format(
-        R"(// Check with `orbid check FILE`, run with `orbid run FILE`; `orbid models {0}` explains the model.
+        R"(// Check with `orbid check FILE`, run with `orbid run FILE`; {3}.
+// `orbid schema > orbid-job.schema.json` tells editors what else may stand here.
 {{
+  "$schema": "orbid-job.schema.json",
   "title": "{1} of {0}",
-  "model": {{
-    "name": "{0}",
-{3}    "parameters": {{
-{2}    }}
-  }},
-  "seed": 1,
+{2}  "seed": 1,
 )",
-        model, task, parameter_lines(*system), size_line(size));
+        model, task, equations ? std::string(equations_block) : model_block(model, *system, size),
+        equations ? "docs/equations.md explains the formulas"
+                  : fmt::format("`orbid models {}` explains the model", model));
     if (is_periodic_task(task)) return text + starting_periodic_block(*system, task) + "}\n";
     text += data_block(*system, cycles, size.has_value(), task);
     if (task != "simulate") text += estimate_block(*system, task);

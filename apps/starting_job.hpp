@@ -12,6 +12,9 @@ namespace orbid::apps {
 /// orbits of the model, without data). The first is what every model can do.
 [[nodiscard]] const std::vector<std::string>& starting_tasks();
 
+/// What a new job can be about: the registered models, and "equations", a small model written in the job.
+[[nodiscard]] std::vector<std::string> starting_models();
+
 /// A commented job that runs as it stands: it simulates its own data, to be replaced by a file.
 /// @throws std::invalid_argument for an unknown model or task, for cycles of autonomous models, series of maps, and
 /// periodic orbits of models that are driven by measured inputs.

@@ -45,9 +45,6 @@ TEST_CASE("a wrong command line is refused with code 2", "[apps][command]") {
     };
     CHECK_THAT(refused({}), ContainsSubstring("usage: orbid COMMAND"));
     CHECK_THAT(refused({"estimat", "x"}), ContainsSubstring("did you mean \"estimate\"?"));
-    for (const std::string later : {"report"}) {
-        CHECK_THAT(refused({later}), ContainsSubstring("not in this version"));
-    }
     CHECK_THAT(refused({"run"}), ContainsSubstring("takes JOB.json, not 0"));
     CHECK_THAT(refused({"run", "a.json", "--thread", "2"}), ContainsSubstring("--thread"));
     CHECK_THAT(refused({"run", "a.json", "--threads", "-1"}), ContainsSubstring("--threads must be >= 0"));

@@ -242,7 +242,7 @@ TEST_CASE("several starts, samples, profiles and marginals are read and written"
     refused("\"posterior\": { \"sample\": { \"draws\": 10, \"chains\": 1 } }",
             "/estimate/posterior/sample/chains: must be a whole number from 2");
     refused("\"profile\": 1", "/estimate/profile: must be true, false or a list");
-    refused("\"profile\": [\"beta\"]", "/estimate/profile: \"beta\" is not estimated; known: \"alpha\"");
+    refused("\"profile\": [\"beta\"]", "/estimate/profile/0: \"beta\" is not estimated; known: \"alpha\"");
     refused("\"marginals\": [\"alpha\", \"alpha\"]", "/estimate/marginals/1: \"alpha\" is listed twice");
 }
 

@@ -109,7 +109,7 @@ TEST_CASE("what is wrong with periodic orbits in a job is said where it stands",
     refused("{ \"tolerance\": -1, \"orbits\": [" + start + "] }", "/periodic/tolerance: must be > 0, not -1");
     refused("{ \"maximum_distance\": 0, \"orbits\": [" + start + "] }", "/periodic/maximum_distance: must be > 0");
     refused("{ \"free\": [\"lenght\"], \"orbits\": [" + start + "] }",
-            "/periodic/free: the model parametric_pendulum has no parameter \"lenght\"");
+            "/periodic/free/0: the model parametric_pendulum has no parameter \"lenght\"");
     refused("{ \"free\": [\"l\", \"l\"], \"orbits\": [" + start + "] }", "/periodic/free/1: \"l\" is listed twice");
     refused("{ \"orbit\": [" + start + "], \"orbits\": [" + start + "] }",
             "/periodic/orbit: unknown key; did you mean \"orbits\"?");

@@ -245,8 +245,8 @@ TEST_CASE("criticism names models and parameters that exist", "[apps][job]") {
     refused(R"({ "variants": ["crank"] })", "/variants: \"crank\" is the job's own variant");
     refused(R"({ "variants": ["harmonic", "harmonic"] })", "/variants/1: \"harmonic\" is listed twice");
     refused(R"({ "variant": ["harmonic"] })", "/variant: unknown key");
-    refused(R"({ "without": ["k2"] })", "/without: \"k2\" is not estimated");
-    refused(R"({ "without": ["l"] })", "/without: l (");
+    refused(R"({ "without": ["k2"] })", "/without/0: \"k2\" is not estimated");
+    refused(R"({ "without": ["l"] })", "/without/0: l (");
     refused(R"({ "held_out": 0.6 })", "/held_out: must be >= 0 and <= 0.5, not 0.6");
     refused(R"({ "held_out": true })", "/held_out: must be a number");
     check_only(samples_job("", R"("criticism": { "variants": ["other"] })"),

@@ -71,7 +71,7 @@ TEST_CASE("a wrong size is refused", "[apps][job]") {
     for (const char* size : {"3", "0", "-1", "10001", "4.5", "1e9"})
         check_only(job_of(std::string(R"({ "name": "lorenz96", "size": )") + size + " }", forty),
                    "/model/size: must be a whole number");
-    check_only(job_of(R"({ "name": "lorenz96", "size": "4" })", forty), "/model/size: must be a number");
+    check_only(job_of(R"({ "name": "lorenz96", "size": "4" })", forty), "/model/size: must be a whole number");
     // The rest of the job is checked with the standard size.
     const auto both = problems(job_of(R"({ "name": "lorenz96", "size": 3, "parameters": { "G": 1 } })", forty));
     CAPTURE(both);

@@ -195,7 +195,7 @@ TEST_CASE("errors of simulated readings may last", "[apps][data][waveform]") {
         return changed.dump(1);
     };
     check_only(with_noise(R"({ "x": { "sd": 0.5, "correlation": 1.0 } })"),
-               "/data/0/simulate/noise/x/correlation: must be between -1 and 1");
+               "/data/0/simulate/noise/x/correlation: must be > -1 and < 1");
     check_only(with_noise(R"({ "x": { "correlation": 0.5 } })"), "/data/0/simulate/noise/x");
     check_only(with_noise(R"({ "x": { "sd": -0.5 } })"), "/data/0/simulate/noise/x/sd");
     check_only(with_noise(R"({ "x": "much" })"), "/data/0/simulate/noise/x");
@@ -215,8 +215,8 @@ TEST_CASE("waveform residuals are refused where they cannot be meant", "[apps][w
     check_refused({{"offset", "maybe"}}, at + "/offset");
     check_refused({{"offset", {{"x_dot", "estimate"}}}}, at + "/offset/x_dot: \"x_dot\" is not observed");
     check_refused({{"offset", {{"x", true}}}}, at + "/offset/x");
-    check_refused({{"data", {"slow", "slw"}}}, at + "/data: there are no data named \"slw\"; did you mean \"slow\"?");
-    check_refused({{"data", json::array()}}, at + "/data: must name at least one experiment");
+    check_refused({{"data", {"slow", "slw"}}}, at + "/data/1: there are no data named \"slw\"; did you mean \"slow\"?");
+    check_refused({{"data", json::array()}}, at + "/data: must not be empty");
     check_refused({{"start", {{"slow", {{0.1, 0.0}, {0.1, 0.0}}}}}}, at + "/start/slow: must hold one state");
     check_refused({{"matching", "exact"}}, at + "/matching");
 
