@@ -200,8 +200,8 @@ TEST_CASE("a file that is missing or wrong is named with every problem", "[apps]
     CHECK_THROWS_AS(apps::read_cycles(path, pendulum->name(), apps::series_coordinates(*pendulum)), orbits::DataError);
     apps::write_atomically(path, std::string_view("{\"cycles\": [{\"period\": 0,\n\"points\": [[1, 2]], \"x\": 1}]}"));
     CHECK_THROWS_WITH(apps::read_cycles(path, pendulum->name(), apps::series_coordinates(*pendulum)),
-                      ContainsSubstring(path.string() + ":1: /cycles/0/period") &&
-                          ContainsSubstring(path.string() + ":2: /cycles/0/x"));
+                      ContainsSubstring(path.string() + ":1:24: /cycles/0/period") &&
+                          ContainsSubstring(path.string() + ":2:21: /cycles/0/x"));
 }
 
 TEST_CASE("a stored fingerprint that was tampered with counts as none", "[apps]") {
