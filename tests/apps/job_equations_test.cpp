@@ -87,7 +87,7 @@ TEST_CASE("errors in equations point into the formula", "[apps][job][equations]"
     check_only(job_with("\"forcing_phase\"", "\"name\": \"lorenz\", \"forcing_phase\""),
                "/model/name: \"lorenz\" is a model of orbid");
     check_only(job_with("\"forcing_phase\"", "\"compile\": 1, \"forcing_phase\""),
-               "/model/compile: must be \"auto\", true or false");
+               "/model/compile: must be true, false or \"auto\"");
     check_only(job_with("\"forcing_phase\"", "\"coordinates\": [\"x\"], \"forcing_phase\""),
                "/model/coordinates: must list every name");
     // All at once.
