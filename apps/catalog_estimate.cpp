@@ -13,7 +13,6 @@ namespace {
 
 using Json = StoredRun::Json;
 constexpr std::string_view blue = "#0072b2";
-constexpr std::string_view grey = "#7e8b9f";
 
 /// One estimated quantity in a row of its own.
 struct Row {

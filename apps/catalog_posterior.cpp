@@ -17,7 +17,6 @@ namespace {
 
 using Json = StoredRun::Json;
 constexpr std::string_view blue = "#0072b2";
-constexpr std::string_view orange = "#d55e00";
 constexpr Stroke normal_line{"#d55e00", 0.8, "2.4 1.6"};
 
 /// Places of `count` equal panels, as many beside each other as are wide enough.

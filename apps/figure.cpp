@@ -234,7 +234,9 @@ void Panel::tag(std::string_view words) {
     const double font = figure_.font();
     const double width = figure_.width_of(words, 0.9) + 0.6 * font;
     const double right = box_.right - 0.4 * font;
-    figure_.rectangle({right - width, box_.top + 0.3 * font, right, box_.top + 1.6 * font}, "#ffffff");
+    figure_.element(
+        "<rect x=\"{:.2f}\" y=\"{:.2f}\" width=\"{:.2f}\" height=\"{:.2f}\" fill=\"#ffffff\" fill-opacity=\"0.8\"/>\n",
+        right - width, box_.top + 0.3 * font, width, 1.3 * font);
     figure_.text(right - 0.3 * font, box_.top + 1.25 * font, words, {"end", 0.9});
 }
 

@@ -73,4 +73,11 @@ struct Forecast {
 /// @throws orbits::DataError when the record cannot serve the model.
 [[nodiscard]] Forecast forecast(const PredictionJob& job, const Experiment& record);
 
+namespace detail {
+
+/// The part of forecast() for sections: fills in `steps`, `rows` and `known_errors`.
+void forecast_sections(const PredictionJob& job, const Experiment& record, Forecast& out);
+
+}  // namespace detail
+
 }  // namespace orbid::apps
