@@ -86,7 +86,7 @@ def for_doxygen(path, known, named, copies):
             # Outside of code, @ and \ begin commands of Doxygen and < begins HTML.
             pieces = re.split(r"(`[^`]*`)", text)
             out.append("".join(piece if piece.startswith("`") else
-                               re.sub(r"\\(?=[a-z])|(?<!\w)@(?!ref |subpage )", lambda m: "\\" + m[0], piece) for piece in pieces))
+                               re.sub(r"\\(?=[a-z])|@(?!ref |subpage )", lambda m: "\\" + m[0], piece) for piece in pieces))
     return "\n".join(out)
 
 
