@@ -157,8 +157,8 @@ std::string matching_html(const Json& list) {
     for (const Json& matching : list) {
         if (const Json* coordinates = filled(matching, "coordinates")) {
             for (const auto& [name, entry] : coordinates->items()) {
-                const auto cell = [&entry](const char* key) {
-                    return HtmlTable::Cell(significant(number_at(entry, key), 3), number_at(entry, key));
+                const auto cell = [&values = entry](const char* key) {
+                    return HtmlTable::Cell(significant(number_at(values, key), 3), number_at(values, key));
                 };
                 const double large = number_at(matching, "large_defects");
                 table.add({text_at(matching, "experiment"),

@@ -292,8 +292,8 @@ std::string diagnostics_table(const Json& diagnostics) {
         double normal = normality == nullptr ? std::nan("") : p_of(*normality, "shapiro_wilk");
         if (std::isnan(normal) && normality != nullptr) normal = p_of(*normality, "anderson_darling");
         const Json* outliers = filled(entry, "outliers");
-        const auto cell = [&entry](const char* key, int digits) {
-            return HtmlTable::Cell(significant(number_at(entry, key), digits), number_at(entry, key));
+        const auto cell = [&values = entry](const char* key, int digits) {
+            return HtmlTable::Cell(significant(number_at(values, key), digits), number_at(values, key));
         };
         table.add({group, cell("count", 7), cell("mean", 2), cell("sd", 4), cell("skewness", 2), cell("kurtosis", 3),
                    p_cell(normal), cell("lag1", 2), p_cell(p_of(entry, "ljung_box")), p_cell(p_of(entry, "runs")),
