@@ -18,10 +18,11 @@
 #include "apps/version.hpp"
 #include "models/equation_source.hpp"
 #include "models/named_kernel.hpp"
-// Written by the build: the SHA-256 of the headers that this program was compiled with.
-#include "model_headers.hpp"
 
 namespace orbid::apps {
+
+// Written by the build (cmake/model_headers.cmake): the SHA-256 of the headers that this program was compiled with.
+extern const char* const model_headers_sha256;
 
 namespace {
 

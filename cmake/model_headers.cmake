@@ -1,4 +1,4 @@
-# Writes the SHA-256 over the headers that a compiled model includes, as apps/model_plugin.cpp computes it, into a header.
+# Writes the SHA-256 over the headers that a compiled model includes, as apps/model_plugin.cpp computes it, into a source file.
 #   cmake -DSOURCE=... -DOUTPUT=... -P model_headers.cmake
 file(GLOB files RELATIVE ${SOURCE} ${SOURCE}/models/*.hpp)
 list(APPEND files models/parameter.cpp models/input_evaluation.cpp)
@@ -10,6 +10,9 @@ foreach(file IN LISTS files)
 endforeach()
 string(SHA256 digest "${text}")
 file(CONFIGURE OUTPUT ${OUTPUT} CONTENT [[
-#pragma once
-inline constexpr const char* model_headers_sha256 = "@digest@";
+// Written by the build: cmake/model_headers.cmake.
+namespace orbid::apps {
+extern const char* const model_headers_sha256;
+const char* const model_headers_sha256 = "@digest@";
+}  // namespace orbid::apps
 ]] @ONLY)
