@@ -40,8 +40,8 @@ enum class CompileChoice { automatic, always, never };
 
 struct ModelJob {
     std::string name;
-    std::string variant;              ///< as the system names it; empty when the model has none
-    std::optional<std::size_t> size;  ///< number of cells of a model that lets it be chosen
+    std::string variant;                                 ///< as the system names it; empty when the model has none
+    std::optional<std::size_t> size;                     ///< number of cells of a model that lets it be chosen
     std::shared_ptr<const models::Equations> equations;  ///< a model written in the job; nothing: one of the registry
     CompileChoice compile = CompileChoice::automatic;    ///< of such a model
     bool compiled = false;                               ///< such a model is evaluated by compiled code
