@@ -61,7 +61,7 @@ Chart profile_chart(const Json& result, const Json& profiles) {
         ChartLayer dots{"points", "profile", 1, ""};
         ChartLayer parabola{"line", "normal approximation", 2, ""};
         parabola.dash = true;
-        const double sd = [&] {
+        const double sd = [&result, &name = name] {
             const Json* parameters = filled(result, "parameters");
             const auto found = parameters == nullptr ? Json::const_iterator() : parameters->find(name);
             return parameters == nullptr || found == parameters->end() ? std::nan("") : number_at(*found, "sd");
