@@ -219,7 +219,8 @@ std::string prediction_table(const std::vector<Prediction>& predictions) {
     for (const auto& prediction : predictions) {
         if (prediction.fitted) continue;
         const std::string said = judgement(prediction.normalised_rms);
-        if (!said.empty()) out += fmt::format("  {}, segment {}: {}\n", prediction.experiment, prediction.segment, said);
+        if (!said.empty())
+            out += fmt::format("  {}, segment {}: {}\n", prediction.experiment, prediction.segment, said);
     }
     return out;
 }
