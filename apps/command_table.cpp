@@ -158,7 +158,7 @@ const std::vector<Command>& command_table() {
           {"threads", "N", "threads (default 0: all cores); results do not depend on it", WordKind::number},
           {"force", "", "overwrite a folder that holds the result of another job"}},
          {{"orbid predict out further.csv", "errors over the record, and how far ahead they stay within 2 sds"}},
-         "DATA is a table or HDF5 file in the layout of the run's data, or a JSON file with one \"data\" object.",
+         "DATA is a table or HDF5 file in the layout of the run's data, or a JSON\nfile with one \"data\" object.",
          predict_run},
         {"compare",
          "two stored runs beside each other",

@@ -237,7 +237,7 @@ StageRun computed_stage(StageInput& input, const StageJob& stage, const Paramete
         if (known && memory.search) {
             input.search = *memory.search;
             store_harvest(input);
-            input.work.progress.reused("harvest", fmt::format("{} cycles", input.search.cycles.size()));
+            input.work.progress.reused("more cycles", fmt::format("{} cycles", input.search.cycles.size()));
         } else if (!known) {
             memory.skipped =
                 before == nullptr ? "no estimate from cycles points anywhere" : harvest_cycles(input, *before);

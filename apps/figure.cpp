@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "apps/markup_text.hpp"
 #include "apps/summary_table.hpp"
 
 namespace orbid::apps {
@@ -25,27 +26,6 @@ std::string stroke_attributes(const Stroke& stroke) {
 }
 
 }  // namespace
-
-std::string xml_text(std::string_view text) {
-    std::string out;
-    for (const char c : text) {
-        switch (c) {
-            case '&':
-                out += "&amp;";
-                break;
-            case '<':
-                out += "&lt;";
-                break;
-            case '>':
-                out += "&gt;";
-                break;
-            default:
-                // Control characters have no place in XML.
-                out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-        }
-    }
-    return out;
-}
 
 Figure::Figure(const PlotStyle& style)
     : width_(style.width_mm * pt_per_mm), font_(style.font_pt), titled_(style.title), bottom_(0.35 * style.font_pt) {
@@ -105,7 +85,7 @@ void Figure::text(double x, double y, std::string_view words, const TextStyle& s
                                             : fmt::format("transform=\"translate({:.2f} {:.2f}) rotate(-90)\"", x, y);
     element("<text {} text-anchor=\"{}\" font-size=\"{:g}\" fill=\"{}\"{}>{}</text>\n", place, style.anchor,
             std::round(100.0 * style.size * font_) / 100.0, style.colour, style.bold ? " font-weight=\"600\"" : "",
-            xml_text(words));
+            markup_text(words));
 }
 
 void Figure::line(double x1, double y1, double x2, double y2, const Stroke& stroke) {
@@ -129,8 +109,8 @@ std::string Figure::svg(std::string_view title, std::string_view description) co
                "viewBox=\"0 0 {:.2f} {:.2f}\" role=\"img\" "
                "font-family=\"Helvetica,Arial,'Liberation Sans','DejaVu Sans',sans-serif\">\n"
                "<title>{}</title>\n<desc>{}</desc>\n<rect width=\"{:.2f}\" height=\"{:.2f}\" fill=\"#ffffff\"/>\n",
-               width_ / pt_per_mm, height / pt_per_mm, width_, height, xml_text(title), xml_text(description), width_,
-               height) +
+               width_ / pt_per_mm, height / pt_per_mm, width_, height, markup_text(title), markup_text(description),
+               width_, height) +
            fmt::to_string(body_) + "</svg>\n";
 }
 

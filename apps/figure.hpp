@@ -142,7 +142,4 @@ private:
 /// Room to the left of a frame for the numbers and the label of an axis [pt].
 [[nodiscard]] double room_for(const Figure& figure, const PlotAxis& y);
 
-/// Text for XML.
-[[nodiscard]] std::string xml_text(std::string_view text);
-
 }  // namespace orbid::apps

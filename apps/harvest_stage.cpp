@@ -50,7 +50,7 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
     options.phase = job.section_phase;
     options.covariance = *covariance;
     options.free = input.cycle_binding.parameter;
-    input.work.progress.begin("harvest");
+    input.work.progress.begin("more cycles");
     Eigen::VectorXd theta(static_cast<Eigen::Index>(before.estimate.parameters.size()));
     for (Eigen::Index i = 0; i < theta.size(); ++i)
         theta[i] = before.estimate.parameters[static_cast<std::size_t>(i)].value;

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "apps/markup_text.hpp"
+
 namespace orbid::apps {
 
 namespace {
@@ -16,39 +18,12 @@ constexpr std::size_t sortable_rows = 3;
 std::string attributes_of(const HtmlTable::Column& column, const HtmlTable::Cell& cell) {
     std::string classes = column.number ? "n" : "";
     if (!cell.mark.empty()) classes += (classes.empty() ? "" : " ") + cell.mark;
-    std::string out = classes.empty() ? "" : fmt::format(" class=\"{}\"", html_escaped(classes));
+    std::string out = classes.empty() ? "" : fmt::format(" class=\"{}\"", markup_text(classes));
     if (cell.value && std::isfinite(*cell.value)) out += fmt::format(" data-value=\"{}\"", *cell.value);
     return out;
 }
 
 }  // namespace
-
-std::string html_escaped(std::string_view text) {
-    std::string out;
-    out.reserve(text.size());
-    for (const char c : text) {
-        switch (c) {
-            case '&':
-                out += "&amp;";
-                break;
-            case '<':
-                out += "&lt;";
-                break;
-            case '>':
-                out += "&gt;";
-                break;
-            case '"':
-                out += "&quot;";
-                break;
-            case '\'':
-                out += "&#39;";
-                break;
-            default:
-                if (static_cast<unsigned char>(c) >= 0x20 || c == '\n' || c == '\t') out += c;
-        }
-    }
-    return out;
-}
 
 void HtmlTable::add(std::vector<Cell> cells) {
     if (cells.size() != columns_.size()) {
@@ -69,16 +44,16 @@ std::string HtmlTable::html() const {
         "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"Table: "
         "{0}\"><table{1}>\n<caption>{0}</caption>\n"
         "<thead><tr>",
-        html_escaped(caption_), rows_.size() < sortable_rows ? "" : " class=\"sortable\"");
+        markup_text(caption_), rows_.size() < sortable_rows ? "" : " class=\"sortable\"");
     std::string explanations;
     for (std::size_t c = 0; c < columns_.size(); ++c) {
         const Column& column = columns_[c];
         if (!shown[c]) continue;
         out += fmt::format("<th scope=\"col\"{}>{}</th>", column.number ? " class=\"n\"" : "",
-                           html_escaped(column.heading));
+                           markup_text(column.heading));
         if (!column.explanation.empty())
             explanations +=
-                fmt::format("<dt>{}</dt><dd>{}</dd>", html_escaped(column.heading), html_escaped(column.explanation));
+                fmt::format("<dt>{}</dt><dd>{}</dd>", markup_text(column.heading), markup_text(column.explanation));
     }
     out += "</tr></thead>\n<tbody>\n";
     for (const auto& row : rows_) {
@@ -87,8 +62,8 @@ std::string HtmlTable::html() const {
         for (std::size_t c = 0; c < row.size(); ++c) {
             if (!shown[c]) continue;
             const std::string attributes = attributes_of(columns_[c], row[c]);
-            out += first ? fmt::format("<th scope=\"row\"{}>{}</th>", attributes, html_escaped(row[c].text))
-                         : fmt::format("<td{}>{}</td>", attributes, html_escaped(row[c].text));
+            out += first ? fmt::format("<th scope=\"row\"{}>{}</th>", attributes, markup_text(row[c].text))
+                         : fmt::format("<td{}>{}</td>", attributes, markup_text(row[c].text));
             first = false;
         }
         out += "</tr>\n";
@@ -99,11 +74,11 @@ std::string HtmlTable::html() const {
 }
 
 std::string html_paragraph(std::string_view text) {
-    return text.empty() ? "" : fmt::format("<p>{}</p>\n", html_escaped(text));
+    return text.empty() ? "" : fmt::format("<p>{}</p>\n", markup_text(text));
 }
 
 std::string html_headed(int level, std::string_view heading, const std::string& html) {
-    return html.empty() ? "" : fmt::format("<h{0}>{1}</h{0}>\n{2}", level, html_escaped(heading), html);
+    return html.empty() ? "" : fmt::format("<h{0}>{1}</h{0}>\n{2}", level, markup_text(heading), html);
 }
 
 }  // namespace orbid::apps

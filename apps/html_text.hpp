@@ -7,10 +7,6 @@
 
 namespace orbid::apps {
 
-/// Text for HTML, inside elements and inside quoted attributes: & < > " ' become references, control characters that
-/// HTML does not know are dropped. What a job calls its things reaches a page only through here.
-[[nodiscard]] std::string html_escaped(std::string_view text);
-
 /// A table of a page: caption, headings with scope, the first column names its row. Columns whose cells are all empty
 /// are left out, as in SummaryTable.
 class HtmlTable {

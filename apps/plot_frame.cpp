@@ -2,32 +2,9 @@
 
 #include <fmt/format.h>
 
+#include "apps/markup_text.hpp"
+
 namespace orbid::apps {
-namespace {
-
-/// Text for XML.
-std::string escaped(std::string_view text) {
-    std::string out;
-    for (const char c : text) {
-        switch (c) {
-            case '&':
-                out += "&amp;";
-                break;
-            case '<':
-                out += "&lt;";
-                break;
-            case '>':
-                out += "&gt;";
-                break;
-            default:
-                out += c;
-        }
-    }
-    return out;
-}
-
-}  // namespace
-
 std::string PlotFrame::head(std::string_view title, std::string_view subtitle) const {
     return fmt::format(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:.0f}\" height=\"{1:.0f}\" "
@@ -36,7 +13,7 @@ std::string PlotFrame::head(std::string_view title, std::string_view subtitle) c
         "<title>{2}</title>\n<rect width=\"{0:.0f}\" height=\"{1:.0f}\" fill=\"#ffffff\"/>\n"
         "<text x=\"{3:.0f}\" y=\"34\" font-size=\"21\" font-weight=\"600\" fill=\"#1d2430\">{2}</text>\n"
         "<text x=\"{3:.0f}\" y=\"58\" font-size=\"14\" fill=\"#5b6675\">{4}</text>\n",
-        width, height, escaped(title), left, escaped(subtitle));
+        width, height, markup_text(title), left, markup_text(subtitle));
 }
 
 std::string PlotFrame::grid() const {
@@ -58,9 +35,9 @@ std::string PlotFrame::grid() const {
     }
     out += "</g>\n<g font-size=\"15\" fill=\"#1d2430\" text-anchor=\"middle\">\n";
     out += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\">{}</text>\n", 0.5 * (left + right), height - 14.0,
-                       escaped(x_axis.label));
+                       markup_text(x_axis.label));
     out += fmt::format("<text transform=\"translate(24 {:.1f}) rotate(-90)\">{}</text>\n</g>\n", 0.5 * (top + bottom),
-                       escaped(y_axis.label));
+                       markup_text(y_axis.label));
     return out;
 }
 

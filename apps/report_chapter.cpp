@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "apps/html_text.hpp"
+#include "apps/markup_text.hpp"
 
 namespace orbid::apps {
 
@@ -44,18 +45,18 @@ std::string figure_html(const ReportSource& source, const Chart& chart, std::str
     if (still == source.still_plots.end() && !live) return "";
     const bool drawn = still != source.still_plots.end();
     // Without a still picture there is nothing to see until the script shows the figure.
-    std::string out = fmt::format("<figure id=\"plot-{}\"{}{}>\n", html_escaped(chart.name),
-                                  live ? fmt::format(" data-chart=\"{}\"", html_escaped(chart.name)) : "",
+    std::string out = fmt::format("<figure id=\"plot-{}\"{}{}>\n", markup_text(chart.name),
+                                  live ? fmt::format(" data-chart=\"{}\"", markup_text(chart.name)) : "",
                                   drawn ? "" : " class=\"live-only\" hidden");
     if (drawn) out += fmt::format("<div class=\"still\">{}</div>\n", still->second);
-    out += fmt::format("<figcaption>{}</figcaption>\n</figure>\n", html_escaped(caption));
+    out += fmt::format("<figcaption>{}</figcaption>\n</figure>\n", markup_text(caption));
     if (!live) return out;
-    out += fmt::format("<script type=\"application/json\" id=\"data-{}\">{}</script>\n", html_escaped(chart.name),
+    out += fmt::format("<script type=\"application/json\" id=\"data-{}\">{}</script>\n", markup_text(chart.name),
                        chart_text(chart));
     if (blocks != nullptr) {
         for (const PointBlocks::Block& block : blocks->blocks)
             out += fmt::format("<script type=\"text/plain\" data-points=\"{}\" data-count=\"{}\">{}</script>\n",
-                               html_escaped(chart.name), block.count, block.base64);
+                               markup_text(chart.name), block.count, block.base64);
     }
     return out;
 }

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "apps/html_text.hpp"
+#include "apps/markup_text.hpp"
 #include "apps/report_chapter.hpp"
 #include "apps/summary_table.hpp"
 
@@ -118,7 +119,7 @@ std::string null_directions(const Json& directions) {
                       "{} cannot be told apart: changing them together by {} (relative) leaves every residual "
                       "as it is. Hold one of them, or give it a prior.",
                       names, sizes);
-        out += fmt::format("<li>{}</li>\n", html_escaped(words));
+        out += fmt::format("<li>{}</li>\n", markup_text(words));
     }
     return out + "</ul>\n";
 }

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "apps/html_text.hpp"
+#include "apps/markup_text.hpp"
 #include "apps/plot_catalog.hpp"
 #include "apps/report_assets.hpp"
 #include "apps/report_chapter.hpp"
@@ -63,11 +64,11 @@ std::string report_html(const StoredRun& run) {
     std::string body;
     for (const ReportChapter& chapter : chapters) {
         if (chapter.html.empty()) continue;
-        contents += fmt::format("<li><a href=\"#{}\">{}</a></li>\n", chapter.id, html_escaped(chapter.heading));
+        contents += fmt::format("<li><a href=\"#{}\">{}</a></li>\n", chapter.id, markup_text(chapter.heading));
         body += fmt::format(
             "<section id=\"{0}\" aria-labelledby=\"{0}-heading\">\n<h2 id=\"{0}-heading\">{1}</h2>\n{2}"
             "</section>\n",
-            chapter.id, html_escaped(chapter.heading), chapter.html);
+            chapter.id, markup_text(chapter.heading), chapter.html);
     }
     std::string out = fmt::format(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
@@ -77,14 +78,14 @@ std::string report_html(const StoredRun& run) {
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
         "script-src 'unsafe-inline'; img-src data:\">\n<link rel=\"icon\" href=\"data:,\">\n"
         "<title>{}</title>\n<style>\n",
-        html_escaped(name));
+        markup_text(name));
     out += report_style();
     out += fmt::format(
         "</style>\n{}</head>\n<body>\n<header>\n<h1>{}</h1>\n<p class=\"about\">{}</p>\n</header>\n"
         "<nav aria-label=\"Contents\"><ul>\n{}</ul></nav>\n<main>\n",
         // Known before the first paint: still pictures that live charts will replace are not painted at all.
         report_script().empty() ? "" : "<script>document.documentElement.className = \"scripted\"</script>\n",
-        html_escaped(name), html_escaped(subtitle(run)), contents);
+        markup_text(name), markup_text(subtitle(run)), contents);
     out += verdict_html(source);
     out += body;
     out += "</main>\n<footer>\n<p>Written by orbid. This page is complete in itself: it loads nothing.</p>\n";
@@ -92,7 +93,7 @@ std::string report_html(const StoredRun& run) {
         out += fmt::format(
             "<details><summary>Licences of the third-party code in this page</summary><pre tabindex=\"0\">"
             "{}</pre></details>\n",
-            html_escaped(report_licences()));
+            markup_text(report_licences()));
     out += "</footer>\n";
     if (!report_script().empty())
         out += fmt::format("<script>\n{}\n</script>\n", inside_script(std::string(report_script())));

@@ -4,6 +4,7 @@
 
 #include "apps/html_text.hpp"
 #include "apps/json_text.hpp"
+#include "apps/markup_text.hpp"
 #include "apps/report_chapter.hpp"
 #include "apps/summary_table.hpp"
 
@@ -114,7 +115,7 @@ ReportChapter provenance_chapter(const ReportSource& source) {
     chapter.html += origin_table(run);
     if (run.timing) chapter.html += times_table(*run.timing);
     chapter.html += fmt::format("<details><summary>The whole job</summary><pre tabindex=\"0\">{}</pre></details>\n",
-                                html_escaped(json_text(run.job)));
+                                markup_text(json_text(run.job)));
     return chapter;
 }
 

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "apps/html_text.hpp"
+#include "apps/markup_text.hpp"
 #include "apps/report_chapter.hpp"
 #include "apps/summary_table.hpp"
 
@@ -271,7 +272,7 @@ std::string verdict_html(const ReportSource& source) {
         out += "<ul>\n";
         for (const Remark& remark : remarks)
             out += fmt::format("<li class=\"{}\"><strong>{}</strong> <span>{}</span></li>\n", look(remark.weight),
-                               word(remark.weight), html_escaped(remark.text));
+                               word(remark.weight), markup_text(remark.text));
         out += "</ul>\n";
     }
     return out + "</section>\n";

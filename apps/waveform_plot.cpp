@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/markup_text.hpp"
 #include "apps/plot_frame.hpp"
 #include "apps/plot_marker.hpp"
 
@@ -87,28 +88,13 @@ void draw_lines(const std::vector<PlottedWaveform>& waveforms, const PlotFrame& 
     }
 }
 
-/// "a < b" as a text of XML.
-std::string escaped(const std::string& text) {
-    std::string result;
-    for (const char c : text) {
-        if (c == '&') {
-            result += "&amp;";
-        } else if (c == '<') {
-            result += "&lt;";
-        } else {
-            result += c;
-        }
-    }
-    return result;
-}
-
 void draw_legend(const std::vector<PlottedWaveform>& waveforms, Out out) {
     fmt::format_to(out, "<g font-size=\"14\" fill=\"#1d2430\">\n");
     const double step = std::min(170.0, (PlotFrame::right - PlotFrame::left) / static_cast<double>(waveforms.size()));
     for (std::size_t w = 0; w < waveforms.size(); ++w) {
         const double x = PlotFrame::left + 8.0 + step * static_cast<double>(w);
         fmt::format_to(out, "<path stroke=\"{}\" stroke-width=\"3\" d=\"M{:.1f} 86h14\"/>\n", colour(w), x - 6.0);
-        fmt::format_to(out, "<text x=\"{:.1f}\" y=\"91\">{}</text>\n", x + 13.0, escaped(waveforms[w].label));
+        fmt::format_to(out, "<text x=\"{:.1f}\" y=\"91\">{}</text>\n", x + 13.0, markup_text(waveforms[w].label));
     }
     fmt::format_to(out, "</g>\n");
 }

@@ -12,8 +12,10 @@ namespace {
 
 /// @return what dlopen gave; null with the reason in dlerror().
 void* library() {
-    // Loaded once, never unloaded: identifiers that are open may outlive any object of ours.
-    static void* const handle = ::dlopen(ORBID_HDF5_LIBRARY, RTLD_NOW | RTLD_LOCAL);
+    // Loaded once, never unloaded: identifiers that are open may outlive any object of ours. A program that is linked
+    // with the library holds its variables itself, by copy relocations: then those count, and not the library's own.
+    const bool linked = ::dlsym(RTLD_DEFAULT, "H5open") != nullptr;
+    static void* const handle = ::dlopen(linked ? nullptr : ORBID_HDF5_LIBRARY, RTLD_NOW | RTLD_LOCAL);
     return handle;
 }
 

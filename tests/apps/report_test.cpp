@@ -4,6 +4,7 @@
 
 #include "apps/base64_text.hpp"
 #include "apps/html_text.hpp"
+#include "apps/markup_text.hpp"
 #include "apps/report_chart.hpp"
 #include "apps/report_points.hpp"
 #include "tests/apps/program.hpp"
@@ -48,9 +49,9 @@ std::size_t count_of(const std::string& text, const std::string& part) {
 }  // namespace
 
 TEST_CASE("text for HTML cannot leave its place", "[apps][report]") {
-    CHECK(html_escaped("a < b & c > \"d\" 'e'") == "a &lt; b &amp; c &gt; &quot;d&quot; &#39;e&#39;");
-    CHECK(html_escaped("line\nnext\ttab\x01\x7f") == "line\nnext\ttab\x7f");
-    CHECK(html_escaped("\u03c6") == "\u03c6");
+    CHECK(markup_text("a < b & c > \"d\" 'e'") == "a &lt; b &amp; c &gt; &quot;d&quot; &#39;e&#39;");
+    CHECK(markup_text("line\nnext\ttab\x01\x7f") == "line\nnext\ttab\x7f");
+    CHECK(markup_text("\u03c6") == "\u03c6");
     HtmlTable table("<caption>", {{"<head>", false}, {"number"}});
     CHECK(table.html().empty());
     table.add({"</td>", {"1 %", 0.01}});
