@@ -181,10 +181,12 @@ private:
     [[nodiscard]] double readings() const {
         const EstimateJob& estimate = *job_.estimate;
         double count = 0.0;
-        for (const std::size_t index : estimate.series ? estimate.series->data : std::vector<std::size_t>{})
-            count += points(index);
-        for (const std::size_t index : estimate.waveform ? estimate.waveform->data : std::vector<std::size_t>{})
-            count += points(index);
+        const auto add_records = [&](const std::vector<std::size_t>& data) {
+            for (const std::size_t index : data)
+                count += points(index) * static_cast<double>(job_.data[index].observe.size());
+        };
+        if (estimate.series) add_records(estimate.series->data);
+        if (estimate.waveform) add_records(estimate.waveform->data);
         return count;
     }
 
@@ -206,14 +208,14 @@ private:
             const double read = stage.uses(ResidualType::series) || stage.uses(ResidualType::waveform) ? readings() : 0;
             std::string amount = fmt::format("{} parameters", estimate.parameters.size());
             if (cycles > 0.0) amount += fmt::format(", {}{:.0f} points of cycles", data_.cycles ? "" : "some ", cycles);
-            if (read > 0.0) amount += fmt::format(", {:.0f} readings", read * n_);
+            if (read > 0.0) amount += fmt::format(", {:.0f} readings", read);
             if (nodes) amount += ", states at nodes";
             last = sweep(stage);
             double seconds = last * (cycles > 0.0 ? cycle_sweeps : series_sweeps);
             if (stage.kind == StageJob::Kind::harvest) seconds += 2.0 * search_seconds();
             // Residuals with their derivatives after parameters and the two states at the ends of an interval, and
             // the factors of their normal equations.
-            const double memory = 4.0 * (cycles + read) * n_ * (free + 2.0 * n_) * bytes;
+            const double memory = 4.0 * (cycles * n_ + read) * (free + 2.0 * n_) * bytes;
             add(estimate.strategy.size() > 1 ? stage.name() : "estimate", amount, memory, seconds);
         }
         exploration(last, free);
