@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::apps {
 
 /// The program: one command with its options.
@@ -13,3 +15,5 @@ namespace orbid::apps {
 [[nodiscard]] int run_command(const std::vector<std::string>& arguments, bool own_process = false);
 
 }  // namespace orbid::apps
+
+#pragma GCC visibility pop

@@ -6,8 +6,8 @@
 #include <fmt/format.h>
 
 #include "apps/model_plugin.hpp"
+#include "models/detail/kernel_system.hpp"
 #include "models/interpreted_kernel.hpp"
-#include "models/kernel_system.hpp"
 
 namespace orbid::apps {
 

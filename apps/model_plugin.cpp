@@ -21,8 +21,10 @@
 
 namespace orbid::apps {
 
-// Written by the build (cmake/model_headers.cmake): the SHA-256 of the headers that this program was compiled with.
+// Written by the build (cmake/model_headers.cmake): the headers that this program was compiled with, up to a null, and
+// their SHA-256.
 extern const char* const model_headers_sha256;
+extern const char* const model_headers[];
 
 namespace {
 
@@ -58,13 +60,9 @@ fs::path headers_folder() {
 
 /// As cmake/model_headers.cmake computes it.
 std::string digest_of_headers(const fs::path& folder) {
-    std::vector<fs::path> files{"models/parameter.cpp", "models/input_evaluation.cpp"};
-    for (const auto& entry : fs::directory_iterator(folder / "models"))
-        if (entry.path().extension() == ".hpp") files.push_back(fs::path("models") / entry.path().filename());
-    std::sort(files.begin(), files.end());
     std::string text;
-    for (const fs::path& file : files)
-        text += fmt::format("{} {}\n", file.generic_string(), sha256_of_file(folder / file));
+    for (const char* const* file = model_headers; *file != nullptr; ++file)
+        text += fmt::format("{} {}\n", *file, sha256_of_file(folder / *file));
     return sha256(text);
 }
 

@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
+#include "models/detail/kernel.hpp"
 #include "models/equations.hpp"
-#include "models/kernel.hpp"
 
 namespace orbid::apps {
 

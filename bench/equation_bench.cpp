@@ -11,8 +11,8 @@
 #include <tbb/global_control.h>
 
 #include "apps/model_plugin.hpp"
+#include "models/detail/kernel_system.hpp"
 #include "models/interpreted_kernel.hpp"
-#include "models/kernel_system.hpp"
 #include "models/registry.hpp"
 
 namespace {

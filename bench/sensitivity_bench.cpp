@@ -17,7 +17,7 @@
 #include <numbers>
 #include <vector>
 
-#include "models/flow.hpp"
+#include "models/detail/flow.hpp"
 #include "models/parametric_pendulum.hpp"
 
 namespace orbid::bench {

@@ -9,8 +9,15 @@ add_library(orbid_flags INTERFACE)
 target_compile_options(orbid_flags INTERFACE -ffp-contract=off)
 target_include_directories(orbid_flags INTERFACE ${CMAKE_SOURCE_DIR})
 target_link_libraries(orbid_flags INTERFACE Eigen3::Eigen Threads::Threads)
-# BLAS-like threading inside Eigen would make sums depend on the number of threads.
-target_compile_definitions(orbid_flags INTERFACE EIGEN_DONT_PARALLELIZE)
+# BLAS-like threading inside Eigen would make sums depend on the number of threads. Alignment of Eigen's types must not
+# depend on -march, which a program that uses the library may choose differently.
+target_compile_definitions(orbid_flags INTERFACE EIGEN_DONT_PARALLELIZE EIGEN_MAX_ALIGN_BYTES=16)
+
+# The rooms together are one shared library (cmake/library.cmake): of their symbols only those of installed headers, which
+# say so themselves, are seen from outside, and calls within the library stay within it.
+add_library(orbid_library_flags INTERFACE)
+target_compile_options(orbid_library_flags INTERFACE
+  -fPIC -fvisibility=hidden -fvisibility-inlines-hidden -fno-semantic-interposition)
 
 # Tests are compiled far more often than they run: what has to be fast is in the rooms.
 add_library(orbid_test_flags INTERFACE)
@@ -21,7 +28,7 @@ function(add_precompiled name)
   add_library(${name} OBJECT ${CMAKE_SOURCE_DIR}/cmake/precompiled.cpp)
   target_link_libraries(${name} PRIVATE orbid_flags orbid_warnings fmt::fmt TBB::tbb nlohmann_json::nlohmann_json ${ARGN})
 endfunction()
-add_precompiled(orbid_precompiled)
+add_precompiled(orbid_precompiled orbid_library_flags)
 target_precompile_headers(orbid_precompiled PRIVATE ${CMAKE_SOURCE_DIR}/cmake/precompiled.hpp)
 if(ORBID_TESTS)
   find_package(Catch2 REQUIRED)
@@ -30,23 +37,22 @@ if(ORBID_TESTS)
     ${CMAKE_SOURCE_DIR}/cmake/precompiled.hpp ${CMAKE_SOURCE_DIR}/tests/catch.hpp)
 endif()
 
-# One room: a static library of listed sources, its headers each compilable alone, and the rooms it may use.
-#   add_module(periodic HEADERS a.hpp SOURCES a.cpp DEPENDS models PACKAGES fmt::fmt)
+# One room: a static library of listed sources, its headers each compilable alone, and the rooms it may use. Public
+# headers, and what they include (in a folder detail/), are installed; others are not.
+#   add_module(periodic PUBLIC_HEADERS a.hpp HEADERS b.hpp SOURCES a.cpp b.cpp DEPENDS models PACKAGES fmt::fmt)
 function(add_module name)
-  cmake_parse_arguments(ARG "" "" "HEADERS;SOURCES;DEPENDS;PACKAGES;PRIVATE_PACKAGES" ${ARGN})
-  if(ARG_SOURCES)
-    add_library(orbid_${name} STATIC ${ARG_SOURCES})
-    set(scope PUBLIC)
-    target_link_libraries(orbid_${name} PRIVATE orbid_warnings fmt::fmt ${ARG_PRIVATE_PACKAGES})
-    target_precompile_headers(orbid_${name} REUSE_FROM orbid_precompiled)
-  else()
-    add_library(orbid_${name} INTERFACE)
-    set(scope INTERFACE)
-  endif()
-  target_sources(orbid_${name} ${scope} FILE_SET HEADERS BASE_DIRS ${CMAKE_SOURCE_DIR} FILES ${ARG_HEADERS})
+  cmake_parse_arguments(ARG "" "" "PUBLIC_HEADERS;HEADERS;SOURCES;DEPENDS;PACKAGES;PRIVATE_PACKAGES" ${ARGN})
+  add_library(orbid_${name} STATIC ${ARG_SOURCES})
+  target_link_libraries(orbid_${name} PRIVATE orbid_warnings orbid_library_flags fmt::fmt ${ARG_PRIVATE_PACKAGES})
+  target_precompile_headers(orbid_${name} REUSE_FROM orbid_precompiled)
+  target_sources(orbid_${name} PUBLIC
+    FILE_SET public TYPE HEADERS BASE_DIRS ${CMAKE_SOURCE_DIR} FILES ${ARG_PUBLIC_HEADERS}
+    FILE_SET private TYPE HEADERS BASE_DIRS ${CMAKE_SOURCE_DIR} FILES ${ARG_HEADERS})
   set_target_properties(orbid_${name} PROPERTIES VERIFY_INTERFACE_HEADER_SETS ON)
+  list(TRANSFORM ARG_PUBLIC_HEADERS PREPEND ${name}/ OUTPUT_VARIABLE installed)
+  set_target_properties(orbid_${name} PROPERTIES ORBID_PUBLIC_HEADERS "${installed}")
   list(TRANSFORM ARG_DEPENDS PREPEND orbid_)
-  target_link_libraries(orbid_${name} ${scope} orbid_flags ${ARG_DEPENDS} ${ARG_PACKAGES})
+  target_link_libraries(orbid_${name} PUBLIC orbid_flags ${ARG_DEPENDS} ${ARG_PACKAGES})
 endfunction()
 
 # The tests of one room: one executable of listed sources, registered under its labels.

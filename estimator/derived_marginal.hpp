@@ -5,6 +5,8 @@
 #include "estimator/estimate.hpp"
 #include "estimator/marginal.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 /// Posterior of a quantity computed from the parameters.
@@ -39,3 +41,5 @@ struct DerivedMarginal {
                                                const std::vector<Marginal>& marginals);
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

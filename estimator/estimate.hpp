@@ -11,6 +11,8 @@
 #include "estimator/prior.hpp"
 #include "estimator/residual.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 /// The coordinate in which steps, mode and Laplace covariance are taken.
@@ -200,3 +202,5 @@ struct Estimate {
                                 const std::vector<DerivedQuantity>& derived = {}, const EstimateOptions& options = {});
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

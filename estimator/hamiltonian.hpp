@@ -4,6 +4,8 @@
 
 #include <Eigen/Core>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 /// -ln p(x) up to a constant. The gradient, shape (x.size()), is written unless it is null.
@@ -39,3 +41,5 @@ void evaluate(const NegativeLogDensity& density, PhasePoint& point);
 void leapfrog(const NegativeLogDensity& density, const Eigen::MatrixXd& factor, double step, PhasePoint& point);
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

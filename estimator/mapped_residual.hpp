@@ -10,6 +10,8 @@
 #include "estimator/parameter_map.hpp"
 #include "estimator/residual.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 /// Another start or a fixed value for one error parameter of a group.
@@ -76,3 +78,5 @@ private:
 };
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -8,6 +8,8 @@
 
 #include "estimator/estimate.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 struct MarginalOptions {
@@ -75,3 +77,5 @@ struct Marginal {
                                               const Estimate& estimate, const MarginalOptions& marginal = {});
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -10,6 +10,8 @@
 
 #include "estimator/estimate.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 struct MultiStartOptions {
@@ -76,3 +78,5 @@ using ResidualFactory = std::function<std::vector<std::unique_ptr<Residual>>()>;
                                      const MultiStartOptions& options = {});
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -8,6 +8,8 @@
 
 #include "estimator/hamiltonian.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 struct NutsOptions {
@@ -76,3 +78,5 @@ struct WarmUpPlan {
 [[nodiscard]] Eigen::MatrixXd renewed_metric(const Eigen::MatrixXd& window, const Eigen::MatrixXd& previous);
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -6,6 +6,8 @@
 
 #include <Eigen/Core>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 /// Where one parameter of a full vector theta comes from.
@@ -50,3 +52,5 @@ private:
 };
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -9,6 +9,8 @@
 #include "estimator/estimate.hpp"
 #include "estimator/nuts.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 using SampleOptions = NutsOptions;
@@ -87,3 +89,5 @@ struct PosteriorSample {
                                                const SampleOptions& options = {});
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -6,6 +6,11 @@
 
 #include <Eigen/Core>
 
+#pragma GCC visibility push(default)
+
+// Matrices cross the border of the library: both sides must allocate them alike, whatever -march they are compiled for.
+static_assert(EIGEN_MAX_ALIGN_BYTES <= 16, "compile with -DEIGEN_MAX_ALIGN_BYTES=16, as orbid's CMake target does");
+
 namespace orbid::estimator {
 
 /// Densities of a parameter in its natural unit. Flat = no term in the coordinate in which steps are taken.
@@ -101,3 +106,5 @@ struct JointPriorDerivatives {
 void validate(const JointNormalPrior& prior);
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -7,6 +7,8 @@
 
 #include "estimator/estimate.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 struct ProfileOptions {
@@ -70,3 +72,5 @@ struct Profile {
                                             const Estimate& estimate, const ProfileOptions& profile = {});
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -11,6 +11,8 @@
 
 #include "estimator/prior.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 /// The standard deviation of a group's errors, or the factor on a known covariance shape: s_g in (M8).
@@ -162,3 +164,5 @@ protected:
 };
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

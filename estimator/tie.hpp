@@ -7,6 +7,8 @@
 #include "estimator/mapped_residual.hpp"
 #include "estimator/parameter_map.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::estimator {
 
 /// An estimate with tied parameters (FreeParameter::tied_to), put as one without them.
@@ -44,3 +46,5 @@ struct TiedProblem {
                                        const std::vector<JointNormalPrior>& joint_priors = {});
 
 }  // namespace orbid::estimator
+
+#pragma GCC visibility pop

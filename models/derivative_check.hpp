@@ -6,6 +6,8 @@
 
 #include "models/system.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::models {
 
 struct DerivativeCheckOptions {
@@ -53,3 +55,5 @@ struct DerivativeCheck {
                                                 const DerivativeCheckOptions& options = {});
 
 }  // namespace orbid::models
+
+#pragma GCC visibility pop

@@ -7,6 +7,8 @@
 
 #include "models/system.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::models {
 
 /// The arguments of a flow, held by reference.
@@ -64,3 +66,5 @@ private:
                                                                       const Eigen::VectorXd& sizes);
 
 }  // namespace orbid::models
+
+#pragma GCC visibility pop

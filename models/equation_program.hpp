@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <span>
 
-#include "models/formula_code.hpp"
+#include "models/detail/formula_code.hpp"
 #include "models/staged_equations.hpp"
 
 namespace orbid::models {

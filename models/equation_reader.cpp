@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "models/model_members.hpp"
+#include "models/detail/model_members.hpp"
 
 namespace orbid::models {
 

@@ -44,8 +44,8 @@ public:
     [[nodiscard]] std::string text() {
         std::string text =
             "// Written by orbid: equations of a job.\n"
-            "#include \"models/formula_code.hpp\"\n"
-            "#include \"models/model_kernel.hpp\"\n"
+            "#include \"models/detail/formula_code.hpp\"\n"
+            "#include \"models/detail/model_kernel.hpp\"\n"
             "#include \"models/parameter.cpp\"\n";
         if (!equations_.inputs().empty()) text += "#include \"models/input_evaluation.cpp\"\n";
         text += "\nnamespace {\nusing namespace orbid::models;\n\nstruct Written {\n" + tables();

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <utility>
 
-#include "models/dual.hpp"
+#include "models/detail/dual.hpp"
 
 namespace orbid::models {
 

@@ -10,6 +10,8 @@
 
 #include <Eigen/Core>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::models {
 
 /// A text that is no expression. `position` counts characters from 0; what() says what was expected there.
@@ -201,3 +203,5 @@ T Expression::evaluate(std::span<const T> values, std::vector<T>& stack) const {
 }
 
 }  // namespace orbid::models
+
+#pragma GCC visibility pop

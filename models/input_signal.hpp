@@ -4,6 +4,8 @@
 #include <span>
 #include <vector>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::models {
 
 /// Measured inputs u(t) of a model: values at ascending instants, interpolated between them.
@@ -44,3 +46,5 @@ private:
 };
 
 }  // namespace orbid::models
+
+#pragma GCC visibility pop

@@ -5,7 +5,7 @@
 #include <concepts>
 #include <cstddef>
 
-#include "models/flow_field.hpp"
+#include "models/detail/flow_field.hpp"
 #include "models/interpreted_model.hpp"
 
 namespace orbid::models {

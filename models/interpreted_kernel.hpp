@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "models/detail/kernel.hpp"
 #include "models/equation_program.hpp"
 #include "models/equations.hpp"
-#include "models/kernel.hpp"
 
 namespace orbid::models {
 

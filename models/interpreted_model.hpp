@@ -7,7 +7,7 @@
 #include <tuple>
 #include <utility>
 
-#include "models/formula_code.hpp"
+#include "models/detail/formula_code.hpp"
 #include "models/model.hpp"
 
 namespace orbid::models {

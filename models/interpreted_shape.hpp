@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <memory>
 
-#include "models/kernel.hpp"
+#include "models/detail/kernel.hpp"
 
 namespace orbid::models {
 

@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
+#include "models/detail/kernel.hpp"
 #include "models/equations.hpp"
-#include "models/kernel.hpp"
 
 namespace orbid::models {
 

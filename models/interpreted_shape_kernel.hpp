@@ -2,10 +2,10 @@
 
 #include <memory>
 
+#include "models/detail/model_kernel.hpp"
 #include "models/interpreted_field.hpp"
 #include "models/interpreted_model.hpp"
 #include "models/interpreted_shape.hpp"
-#include "models/model_kernel.hpp"
 
 namespace orbid::models {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "models/argument_check.hpp"
-#include "models/dual.hpp"
-#include "models/kernel_system.hpp"
+#include "models/detail/dual.hpp"
+#include "models/detail/kernel_system.hpp"
 
 namespace orbid::models {
 

@@ -8,7 +8,7 @@
 #include <tuple>
 #include <type_traits>
 
-#include "models/dual.hpp"
+#include "models/detail/dual.hpp"
 #include "models/parameter.hpp"
 
 namespace orbid::models {

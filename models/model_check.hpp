@@ -4,7 +4,7 @@
 #include <tuple>
 #include <type_traits>
 
-#include "models/model_members.hpp"
+#include "models/detail/model_members.hpp"
 
 namespace orbid::models {
 

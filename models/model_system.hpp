@@ -2,8 +2,8 @@
 
 #include <memory>
 
-#include "models/kernel_system.hpp"
-#include "models/model_kernel.hpp"
+#include "models/detail/kernel_system.hpp"
+#include "models/detail/model_kernel.hpp"
 
 namespace orbid::models {
 

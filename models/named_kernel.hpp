@@ -2,8 +2,8 @@
 
 #include <memory>
 
+#include "models/detail/kernel.hpp"
 #include "models/equations.hpp"
-#include "models/kernel.hpp"
 
 namespace orbid::models {
 

@@ -2,6 +2,8 @@
 
 #include <string_view>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::models {
 
 /// Where the value of a parameter may lie. Checked before a flow is asked for; the model itself never checks.
@@ -68,3 +70,5 @@ constexpr Coordinate angle(std::string_view name, std::string_view unit) {
 [[nodiscard]] double wrapped(double angle_rad);
 
 }  // namespace orbid::models
+
+#pragma GCC visibility pop

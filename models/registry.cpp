@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "models/kernel_system.hpp"
-#include "models/model_instance.hpp"
+#include "models/detail/kernel_system.hpp"
+#include "models/detail/model_instance.hpp"
 
 namespace orbid::models {
 

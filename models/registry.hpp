@@ -10,6 +10,8 @@
 
 #include "models/system.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::models {
 
 /// Numbers of cells that a model whose dimension is chosen may have.
@@ -39,3 +41,5 @@ struct ModelEntry {
                                                         std::optional<std::size_t> size = std::nullopt);
 
 }  // namespace orbid::models
+
+#pragma GCC visibility pop

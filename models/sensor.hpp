@@ -8,6 +8,8 @@
 #include "models/expression.hpp"
 #include "models/parameter.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::models {
 
 /// A reading that is a formula of the state: it stands in the place of one coordinate.
@@ -52,3 +54,5 @@ struct Sensor {
                                                      std::span<const Parameter> parameters);
 
 }  // namespace orbid::models
+
+#pragma GCC visibility pop

@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <string_view>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::models {
 
 enum class Kind { forced, autonomous, map };
@@ -34,3 +36,5 @@ struct FlowOptions {
 };
 
 }  // namespace orbid::models
+
+#pragma GCC visibility pop

@@ -15,6 +15,11 @@
 #include "models/sensor.hpp"
 #include "models/simulation.hpp"
 
+#pragma GCC visibility push(default)
+
+// Matrices cross the border of the library: both sides must allocate them alike, whatever -march they are compiled for.
+static_assert(EIGEN_MAX_ALIGN_BYTES <= 16, "compile with -DEIGEN_MAX_ALIGN_BYTES=16, as orbid's CMake target does");
+
 namespace orbid::models {
 
 /// x -> S x, S = diag(signs), maps solutions at phase tau to solutions at phase tau + phase_shift.
@@ -210,3 +215,5 @@ struct ParameterBinding {
 };
 
 }  // namespace orbid::models
+
+#pragma GCC visibility pop

@@ -9,6 +9,8 @@
 #include "orbits/box_tree.hpp"
 #include "orbits/section_points.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// A point of the series near a place that was asked about.
@@ -54,3 +56,5 @@ private:
 };
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

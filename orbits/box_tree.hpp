@@ -9,6 +9,8 @@
 #include <span>
 #include <vector>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// The nearest points found so far: a list that is cut down now and then.
@@ -104,3 +106,5 @@ private:
 };
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

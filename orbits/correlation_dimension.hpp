@@ -6,6 +6,8 @@
 
 #include "orbits/series.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 struct CorrelationOptions {
@@ -66,3 +68,5 @@ struct CorrelationDimension {
 [[nodiscard]] CorrelationDimension correlation_dimension(const Series& series, const CorrelationOptions& options = {});
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

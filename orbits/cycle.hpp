@@ -9,6 +9,8 @@
 
 #include <Eigen/Core>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// An unstable periodic orbit found in a series.
@@ -42,3 +44,5 @@ struct CycleSearch {
 };
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

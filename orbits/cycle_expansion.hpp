@@ -8,6 +8,8 @@
 
 #include "orbits/cycle.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 struct CycleExpansionOptions {
@@ -74,3 +76,5 @@ struct CycleExpansion {
 [[nodiscard]] CycleExpansion expand_cycles(std::span<const Cycle> cycles, const CycleExpansionOptions& options);
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

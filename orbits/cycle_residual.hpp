@@ -8,6 +8,8 @@
 #include "orbits/point_reading.hpp"
 #include "periodic/orbit.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 struct CycleResidualOptions {
@@ -121,3 +123,5 @@ private:
 };
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

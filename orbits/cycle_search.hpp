@@ -10,6 +10,8 @@
 #include "orbits/cycle.hpp"
 #include "orbits/series.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// Cuts the section into named parts, so that a cycle has a symbolic code.
@@ -63,3 +65,5 @@ struct CycleSearchOptions {
 [[nodiscard]] CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options);
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

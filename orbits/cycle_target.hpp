@@ -14,6 +14,8 @@
 #include "orbits/error_form.hpp"
 #include "orbits/section_map.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// What the measured cycles weigh with (mathematics.md, section 5).
@@ -110,3 +112,5 @@ inline constexpr double largest_multiplier_sd = 0.5;
                                            const std::vector<Cycle>& cycles);
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -3,6 +3,8 @@
 #include <stdexcept>
 #include <string>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// Recorded data that cannot be read or used. The message names the file, where the place is known the line and the
@@ -13,3 +15,5 @@ public:
 };
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -6,6 +6,8 @@
 
 #include "orbits/series.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 struct DelayEmbeddingOptions {
@@ -44,3 +46,5 @@ struct DelayEmbedding {
 [[nodiscard]] DelayEmbedding embed(const Series& samples, const DelayEmbeddingOptions& options = {});
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -4,6 +4,8 @@
 
 #include "estimator/residual.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// How the errors of one coordinate are distributed, beside their scale.
@@ -21,3 +23,5 @@ struct ErrorForm {
 }
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -11,6 +11,8 @@
 #include "orbits/cycle_search.hpp"
 #include "orbits/series.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 struct HarvestOptions {
@@ -60,3 +62,5 @@ struct Harvest {
                               const std::vector<Cycle>& known, const HarvestOptions& options);
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

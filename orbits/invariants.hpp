@@ -8,6 +8,8 @@
 #include "orbits/cycle_expansion.hpp"
 #include "orbits/lyapunov_spectrum.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 struct InvariantOptions {
@@ -36,3 +38,5 @@ struct Invariants {
                                          const InvariantOptions& options = {});
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -9,6 +9,8 @@
 
 #include "orbits/series.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 struct LyapunovOptions {
@@ -58,3 +60,5 @@ struct LyapunovSpectrum {
 [[nodiscard]] LyapunovSpectrum lyapunov_spectrum(const Series& series, const LyapunovOptions& options = {});
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

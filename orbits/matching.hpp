@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// How well the end of one interval has to meet the beginning of the next: s_{i+1} = Phi(s_i; theta) + error.
@@ -60,3 +62,5 @@ inline constexpr double least_tightness = 1e-4;
 }
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

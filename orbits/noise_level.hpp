@@ -7,6 +7,8 @@
 #include "orbits/box_grid.hpp"
 #include "orbits/section_points.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// Errors of the readings of a section series, told from the series itself.
@@ -44,3 +46,5 @@ struct NoiseLevel {
 [[nodiscard]] NoiseLevel noise_level(const SectionPoints& points, const BoxGrid& grid);
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

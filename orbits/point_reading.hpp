@@ -9,6 +9,8 @@
 
 #include "orbits/section_map.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// What a sensor reads at the points of a cycle.
@@ -41,3 +43,5 @@ private:
 };
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -5,6 +5,8 @@
 
 #include "orbits/section_points.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// A start for the search of a cycle: a piece of the series that nearly closes, and how many others run beside it.
@@ -26,3 +28,5 @@ struct RecurrenceSeed {
                                                            std::size_t minimum);
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

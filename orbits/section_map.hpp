@@ -9,6 +9,8 @@
 
 #include "models/system.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// Where a section lies: at a phase of the forcing, at every iterate of a map, or where an autonomous flow crosses a
@@ -82,3 +84,5 @@ private:
 [[nodiscard]] bool in_domain(const models::System& system, const Eigen::VectorXd& theta);
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -11,6 +11,8 @@
 
 #include "orbits/series.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// The points of a section series in units of Series::scale(), one after the other, ready for neighbour searches.
@@ -81,3 +83,5 @@ private:
 };
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -8,6 +8,8 @@
 
 #include "models/parameter.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// The coordinates of a series as data: names and units are owned, because they may come from a file.
@@ -48,3 +50,5 @@ struct Series {
 };
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -8,6 +8,8 @@
 #include "orbits/data_error.hpp"
 #include "orbits/series.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// Where a coordinate of the series stands in a table: value = sign * (column * unit - offset).
@@ -88,3 +90,5 @@ void write_csv(const std::filesystem::path& file, const Series& series);
 void write_hdf5(const std::filesystem::path& file, const Series& series);
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -13,6 +13,8 @@
 #include "orbits/error_form.hpp"
 #include "orbits/series.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// What is known of one coordinate of the states in which the segments begin.
@@ -193,3 +195,5 @@ private:
 };
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -10,6 +10,8 @@
 #include "models/system.hpp"
 #include "orbits/series.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// A reading that a node predicts.
@@ -80,3 +82,5 @@ struct ShootingPlan {
 [[nodiscard]] double elapsed(const models::System& system, const Segment& segment, Eigen::Index sample);
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

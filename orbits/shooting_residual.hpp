@@ -13,6 +13,8 @@
 #include "orbits/series.hpp"
 #include "orbits/shooting_plan.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 struct ShootingOptions {
@@ -163,3 +165,5 @@ private:
 };
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

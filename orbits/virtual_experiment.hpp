@@ -13,6 +13,8 @@
 #include "models/system.hpp"
 #include "orbits/series.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::orbits {
 
 /// Record of states at a phase of the forcing, of iterates of a map, or of crossings of a plane by an autonomous flow.
@@ -113,3 +115,5 @@ struct VirtualExperiment {
                                             double duration, std::uint64_t seed, const models::FlowOptions& flow = {});
 
 }  // namespace orbid::orbits
+
+#pragma GCC visibility pop

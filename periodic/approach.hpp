@@ -8,6 +8,8 @@
 #include "periodic/course.hpp"
 #include "periodic/solver_options.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// A course brought near the orbit that it is meant for.
@@ -29,3 +31,5 @@ struct Approach {
                                 const ShootingOptions& options);
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -8,6 +8,8 @@
 #include "periodic/orbit.hpp"
 #include "periodic/stability.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// One orbit of a branch.
@@ -57,3 +59,5 @@ struct Branch {
 };
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

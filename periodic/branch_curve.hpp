@@ -12,6 +12,8 @@
 #include "periodic/orbit.hpp"
 #include "periodic/solver_options.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// What all curves of a diagram have in common.
@@ -138,3 +140,5 @@ private:
 };
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

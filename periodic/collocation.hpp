@@ -9,6 +9,8 @@
 #include "periodic/orbit.hpp"
 #include "periodic/solver_options.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 struct CollocationOptions {
@@ -41,3 +43,5 @@ struct CollocationOptions {
                                               const CollocationOptions& options = {});
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

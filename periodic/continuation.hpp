@@ -12,6 +12,8 @@
 #include "periodic/course.hpp"
 #include "periodic/solver_options.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 struct ContinuationOptions {
@@ -59,3 +61,5 @@ struct BifurcationDiagram {
 [[nodiscard]] std::vector<double> doubling_ratios(std::span<const double> doublings);
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -8,6 +8,8 @@
 
 #include "models/system.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// What is known of an orbit before it is computed.
@@ -73,3 +75,5 @@ struct SampledCourse {
                                     std::span<const double> shares, const models::FlowOptions& options);
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -5,6 +5,8 @@
 
 #include <Eigen/Core>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// The image of one step and its derivatives; d: length of z, f: number of free parameters.
@@ -53,3 +55,5 @@ protected:
 };
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -10,6 +10,8 @@
 #include "periodic/orbit.hpp"
 #include "periodic/solver_options.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 struct FiniteDifferenceOptions {
@@ -56,3 +58,5 @@ struct SecondOrderStructure {
                                                     const FiniteDifferenceOptions& options = {});
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -5,6 +5,8 @@
 
 #include <Eigen/Core>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// Floquet multipliers: eigenvalues of X_{p-1} ... X_1 X_0 without forming the product.
@@ -26,3 +28,5 @@ namespace orbid::periodic {
 [[nodiscard]] std::vector<std::complex<double>> floquet_multipliers(const std::vector<Eigen::MatrixXd>& factors);
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

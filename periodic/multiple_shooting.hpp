@@ -9,6 +9,8 @@
 #include "periodic/orbit.hpp"
 #include "periodic/solver_options.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// Periodic orbit by multiple shooting: one node per period of the forcing (iteration, return to the section) and
@@ -43,3 +45,5 @@ namespace orbid::periodic {
                                                     const ShootingOptions& options = {});
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

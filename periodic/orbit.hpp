@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// How the search for a periodic orbit ended.
@@ -55,3 +57,5 @@ struct PeriodicOrbit {
 };
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -15,6 +15,8 @@
 #include "periodic/solver_options.hpp"
 #include "periodic/symbolic_code.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// Where the start of an orbit came from.
@@ -86,3 +88,5 @@ struct OrbitSearch {
                                         const OrbitSearchOptions& options);
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -12,6 +12,8 @@
 #include "periodic/multiple_shooting.hpp"
 #include "periodic/orbit.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// The discretisation, chosen by its options.
@@ -24,3 +26,5 @@ using OrbitMethod = std::variant<ShootingOptions, FiniteDifferenceOptions, Collo
                                         const OrbitMethod& method = ShootingOptions{});
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -4,6 +4,8 @@
 
 #include "models/system.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// What fixes the phase of an autonomous orbit where no section is named, see phase_condition().
@@ -37,3 +39,5 @@ struct ShootingOptions {
 };
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

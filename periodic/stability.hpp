@@ -10,6 +10,8 @@
 #include "models/system.hpp"
 #include "periodic/orbit.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// What happens to an orbit when a multiplier crosses the unit circle.
@@ -61,3 +63,5 @@ struct Stability {
                                   const StabilityOptions& options = {});
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

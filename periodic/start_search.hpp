@@ -12,6 +12,8 @@
 #include "periodic/orbit_search.hpp"
 #include "periodic/stabilised_start.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// Accuracy of the flow where it only has to lead to starts.
@@ -68,3 +70,5 @@ private:
 };
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

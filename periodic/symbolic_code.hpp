@@ -5,6 +5,8 @@
 
 #include <Eigen/Core>
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// Cuts a section into named parts, so that an orbit has a symbolic code.
@@ -44,3 +46,5 @@ void validate(const SymbolPartition& partition, Eigen::Index dimension);
 [[nodiscard]] bool is_prime_word(const std::string& word);
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

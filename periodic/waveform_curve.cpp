@@ -25,7 +25,7 @@ struct Shift {
     RowVectorXd by_parameters;
 };
 
-Shift shift_to(const PhaseOrigin& origin, const OrbitCurve& curve, const Free& free) {
+Shift shift_to(const PhaseOrigin& origin, const SolvedCurve& curve, const Free& free) {
     constexpr int steps = 30;
     constexpr double rounding = 1e-14;  // of T: where Newton's steps stagnate
     Shift shift;
@@ -89,16 +89,16 @@ std::optional<MatrixXd> reading_velocity(const models::System& system, const Vec
 
 }  // namespace
 
-double OrbitCurve::length() const {
+double SolvedCurve::length() const {
     return system_.kind() == models::Kind::forced ? full_turn * orbit_.period : orbit_.time;
 }
 
-double OrbitCurve::place_of_point(Index j) const {
+double SolvedCurve::place_of_point(Index j) const {
     return system_.kind() == models::Kind::forced ? full_turn * static_cast<double>(j)
                                                   : orbit_.times(j) - orbit_.times(0);
 }
 
-CurveStates OrbitCurve::states(std::span<const double> places, std::optional<std::span<const Index>> free) const {
+CurveStates SolvedCurve::states(std::span<const double> places, std::optional<std::span<const Index>> free) const {
     const bool forced = system_.kind() == models::Kind::forced;
     const Index n = orbit_.points.rows();
     const Index points = orbit_.points.cols();
@@ -164,7 +164,7 @@ CurveReadings readings_along(const models::System& system, const VectorXd& theta
                              const PhaseOrigin& origin, const models::Sensor& sensor, std::span<const double> times,
                              double phase, Free free, const models::FlowOptions& options) {
     const bool forced = system.kind() == models::Kind::forced;
-    const OrbitCurve curve(system, theta, orbit, options);
+    const SolvedCurve curve(system, theta, orbit, options);
     const Index parameters = free ? static_cast<Index>(free->size()) : 0;
     CurveReadings result;
     Shift shift;

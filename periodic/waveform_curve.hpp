@@ -8,6 +8,8 @@
 #include "models/system.hpp"
 #include "periodic/orbit.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// Where the phase of a limit cycle is zero: its crossing, near `point`, of the plane through `point` across `normal`.
@@ -28,12 +30,12 @@ struct CurveStates {
 /// A solved periodic orbit as a closed curve. The place on it is the phase of the forcing [rad], from the section at
 /// phase 0 on, or the time [s] since the orbit's first point (autonomous flows). Between two points it is the flow from
 /// the earlier one: errors grow over one period of the forcing, not over p.
-class OrbitCurve {
+class SolvedCurve {
 public:
     /// @param orbit    solved at phase 0 with these `theta`, with sensitivities to `free` where derivatives are needed.
     ///                 Everything is kept by reference.
-    OrbitCurve(const models::System& system, const Eigen::VectorXd& theta, const PeriodicOrbit& orbit,
-               const models::FlowOptions& options)
+    SolvedCurve(const models::System& system, const Eigen::VectorXd& theta, const PeriodicOrbit& orbit,
+                const models::FlowOptions& options)
         : system_(system), theta_(theta), orbit_(orbit), options_(options) {}
 
     /// 2 pi p, or T.
@@ -67,7 +69,7 @@ struct CurveReadings {
 ///
 /// Derivatives to the parameters at a fixed phase: omega and T move the places too.
 ///
-/// @param orbit   as OrbitCurve.
+/// @param orbit   as SolvedCurve.
 /// @param origin  read for autonomous flows only. A cycle that does not come near it within a quarter of T is
 ///                not `simulated`.
 /// @param times   [s], any order.
@@ -78,3 +80,5 @@ struct CurveReadings {
                                            const models::FlowOptions& options);
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -11,6 +11,8 @@
 #include "models/system.hpp"
 #include "periodic/course.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 /// What is read of all records of a waveform residual: one row of their values, one group of errors.
@@ -47,3 +49,5 @@ struct WaveformRecord {
 };
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -13,6 +13,8 @@
 #include "periodic/waveform_curve.hpp"
 #include "periodic/waveform_record.hpp"
 
+#pragma GCC visibility push(default)
+
 namespace orbid::periodic {
 
 struct WaveformOptions {
@@ -145,3 +147,5 @@ private:
 };
 
 }  // namespace orbid::periodic
+
+#pragma GCC visibility pop

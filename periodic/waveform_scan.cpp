@@ -63,7 +63,7 @@ std::optional<WaveformPlace> WaveformScan::place(const PeriodicOrbit& orbit, con
     }
     const CurveReadings curve =
         readings_along(system_, theta_, orbit, origin, record_.sensor, times, 0.0, std::nullopt, flow_);
-    const CurveStates states = OrbitCurve(system_, theta_, orbit, flow_).states(places);
+    const CurveStates states = SolvedCurve(system_, theta_, orbit, flow_).states(places);
     if (!curve.simulated || !states.simulated) return std::nullopt;
 
     WaveformPlace best;

@@ -12,8 +12,8 @@
 
 #include "apps/atomic_file.hpp"
 #include "apps/compiler_run.hpp"
+#include "models/detail/kernel_system.hpp"
 #include "models/interpreted_kernel.hpp"
-#include "models/kernel_system.hpp"
 #include "tests/apps/program.hpp"
 #include "tests/apps/temporary_folder.hpp"
 #include "tests/catch.hpp"

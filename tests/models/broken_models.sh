@@ -55,7 +55,7 @@ fi
 
 # The way of a model into the library ends with the same sentence.
 check instance "a model needs a table of its coordinates" - <<'EOT' || bad=$((bad + 1))
-#include "models/model_kernel.hpp"
+#include "models/detail/model_kernel.hpp"
 struct Broken {
     static constexpr std::string_view name = "broken", summary = "one defect", equations = "x' = -k x";
     static constexpr std::array parameters{
@@ -66,7 +66,7 @@ EOT
 
 # So does a model that computes with numbers as if they were one: it is instantiated for several widths.
 check branching "equations that branch on their numbers cannot be computed in packs" - <<'EOT' || bad=$((bad + 1))
-#include "models/model_kernel.hpp"
+#include "models/detail/model_kernel.hpp"
 using namespace orbid::models;
 struct Branching {
     static constexpr std::string_view name = "branching", summary = "one defect", equations = "x' = w";

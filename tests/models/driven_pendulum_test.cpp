@@ -7,7 +7,7 @@
 #include <numbers>
 #include <string>
 
-#include "models/pack_steps.hpp"
+#include "models/detail/pack_steps.hpp"
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
 

@@ -1,4 +1,4 @@
-#include "models/dual.hpp"
+#include "models/detail/dual.hpp"
 
 #include <cmath>
 #include <functional>

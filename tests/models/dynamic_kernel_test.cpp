@@ -1,9 +1,9 @@
-#include "models/dynamic_kernel.hpp"
+#include "models/detail/dynamic_kernel.hpp"
 
 #include <array>
 #include <cmath>
 
-#include "models/kernel_system.hpp"
+#include "models/detail/kernel_system.hpp"
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
 

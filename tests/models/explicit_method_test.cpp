@@ -1,4 +1,4 @@
-#include "models/explicit_method.hpp"
+#include "models/detail/explicit_method.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "models/dual.hpp"
+#include "models/detail/dual.hpp"
 #include "tests/catch.hpp"
 
 using namespace orbid;

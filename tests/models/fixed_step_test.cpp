@@ -5,14 +5,14 @@
 #include <numeric>
 #include <vector>
 
+#include "models/detail/map_ensemble.hpp"
+#include "models/detail/section_ensemble.hpp"
 #include "models/driven_pendulum.hpp"
 #include "models/duffing.hpp"
 #include "models/henon.hpp"
 #include "models/ikeda.hpp"
 #include "models/landing_gear_damper.hpp"
-#include "models/map_ensemble.hpp"
 #include "models/parametric_pendulum.hpp"
-#include "models/section_ensemble.hpp"
 #include "tests/catch.hpp"
 #include "tests/models/extended_flow.hpp"
 

@@ -1,7 +1,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "models/flow.hpp"
+#include "models/detail/flow.hpp"
 #include "models/model_system.hpp"
 #include "models/parametric_pendulum.hpp"
 #include "models/registry.hpp"

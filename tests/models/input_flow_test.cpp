@@ -3,9 +3,9 @@
 #include <memory>
 #include <stdexcept>
 
-#include "models/dual.hpp"
+#include "models/detail/dual.hpp"
+#include "models/detail/surface_trajectory.hpp"
 #include "models/model_system.hpp"
-#include "models/surface_trajectory.hpp"
 #include "tests/catch.hpp"
 #include "tests/models/difference_error.hpp"
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "models/kernel_system.hpp"
+#include "models/detail/kernel_system.hpp"
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "models/pack_steps.hpp"
+#include "models/detail/pack_steps.hpp"
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
 

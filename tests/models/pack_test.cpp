@@ -1,4 +1,4 @@
-#include "models/pack.hpp"
+#include "models/detail/pack.hpp"
 
 #include <algorithm>
 #include <array>

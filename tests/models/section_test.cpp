@@ -7,8 +7,8 @@
 #include <numbers>
 #include <string>
 
-#include "models/kernel_system.hpp"
-#include "models/model_kernel.hpp"
+#include "models/detail/kernel_system.hpp"
+#include "models/detail/model_kernel.hpp"
 #include "models/registry.hpp"
 #include "tests/catch.hpp"
 

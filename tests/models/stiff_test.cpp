@@ -3,9 +3,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "models/dense_lu.hpp"
-#include "models/kernel_system.hpp"
-#include "models/model_kernel.hpp"
+#include "models/detail/dense_lu.hpp"
+#include "models/detail/kernel_system.hpp"
+#include "models/detail/model_kernel.hpp"
 #include "tests/catch.hpp"
 
 namespace orbid::models {

@@ -1,8 +1,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "models/detail/surface_trajectory.hpp"
 #include "models/model_system.hpp"
-#include "models/surface_trajectory.hpp"
 #include "tests/catch.hpp"
 #include "tests/models/difference_error.hpp"
 

@@ -1,0 +1,45 @@
+# The rooms as one shared library, liborbid, and what is installed of it: public headers, the CMake package, pkg-config.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(rooms models estimator periodic orbits apps)
+add_library(orbid_library SHARED)
+add_library(orbid::orbid ALIAS orbid_library)
+foreach(room IN LISTS rooms)
+  target_sources(orbid_library PRIVATE $<TARGET_OBJECTS:orbid_${room}>)
+  get_target_property(headers orbid_${room} ORBID_PUBLIC_HEADERS)
+  target_sources(orbid_library PUBLIC
+    FILE_SET ${room} TYPE HEADERS BASE_DIRS ${CMAKE_SOURCE_DIR} FILES ${headers})
+  list(APPEND file_sets FILE_SET ${room} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/orbid COMPONENT development)
+endforeach()
+# Before 1.0 a minor version may change the binary interface: it is part of the library's name.
+set_target_properties(orbid_library PROPERTIES
+  OUTPUT_NAME orbid EXPORT_NAME orbid LINKER_LANGUAGE CXX
+  VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+target_link_libraries(orbid_library PRIVATE
+  fmt::fmt TBB::tbb Boost::program_options OpenSSL::Crypto ${CMAKE_DL_LIBS} orbid_warnings)
+target_link_libraries(orbid_library PUBLIC Eigen3::Eigen)
+target_link_options(orbid_library PRIVATE LINKER:--no-undefined LINKER:--as-needed)
+target_compile_features(orbid_library PUBLIC cxx_std_20)
+# Who uses the library needs the same alignment of Eigen's types, and scalar, dual and pack of an own model must agree.
+target_compile_definitions(orbid_library PUBLIC EIGEN_MAX_ALIGN_BYTES=16)
+target_compile_options(orbid_library INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-ffp-contract=off>)
+
+if(ORBID_SYNTAX_ONLY)
+  return()
+endif()
+install(TARGETS orbid_library EXPORT orbid
+  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT runtime NAMELINK_COMPONENT development
+  ${file_sets})
+# Compiled models (apps/model_plugin.cpp) take these in as they are.
+install(FILES models/parameter.cpp models/input_evaluation.cpp
+  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/orbid/models COMPONENT development)
+set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/orbid)
+install(EXPORT orbid NAMESPACE orbid:: FILE orbid-targets.cmake DESTINATION ${package_folder} COMPONENT development)
+configure_package_config_file(packaging/orbid-config.cmake.in ${CMAKE_CURRENT_BINARY_DIR}/orbid-config.cmake
+  INSTALL_DESTINATION ${package_folder})
+write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/orbid-config-version.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/orbid-config.cmake ${CMAKE_CURRENT_BINARY_DIR}/orbid-config-version.cmake
+  DESTINATION ${package_folder} COMPONENT development)
+configure_file(packaging/orbid.pc.in ${CMAKE_CURRENT_BINARY_DIR}/orbid.pc @ONLY)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/orbid.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
