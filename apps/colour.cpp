@@ -30,7 +30,8 @@ std::vector<std::string> colour_choices() {
 
 bool is_coloured(std::string_view choice, std::FILE* stream) {
     if (choice != "auto") return choice == "always";
-    return environment("NO_COLOR").empty() && environment("TERM") != "dumb" && ::isatty(::fileno(stream)) == 1;
+    return environment("NO_COLOR").empty() && environment("TERM") != "dumb" && stream != nullptr &&
+           ::isatty(::fileno(stream)) == 1;
 }
 
 std::string error_text(const std::string& message, bool coloured) {

@@ -11,7 +11,7 @@ namespace orbid::apps {
 [[nodiscard]] std::vector<std::string> colour_choices();
 
 /// Whether text for a stream is coloured: "always", "never", or "auto": on a terminal that knows colours (TERM is not
-/// "dumb") unless the environment has a NO_COLOR that is not empty.
+/// "dumb", nullptr is none) unless the environment has a NO_COLOR that is not empty.
 [[nodiscard]] bool is_coloured(std::string_view choice, std::FILE* stream);
 
 /// A message with its first part, up to ": " (a place, the program), in red; the same text where `coloured` is false.

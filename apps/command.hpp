@@ -6,6 +6,8 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/console.hpp"
+
 namespace orbid::apps {
 
 /// The command line cannot be understood; the message says why and names the word. Exit code 2.
@@ -35,10 +37,10 @@ struct CommandOption {
 
 /// The words and options that stand on the command line, checked against the command's table row.
 struct CommandCall {
-    std::string command;
-    std::vector<std::string> words;
-    std::map<std::string, std::string> options;  ///< given ones by name; switches hold ""
-    bool own_process = false;                    ///< the process is there for this command alone
+    Console console;
+    std::string command = {};
+    std::vector<std::string> words = {};
+    std::map<std::string, std::string> options = {};  ///< given ones by name; switches hold ""
 
     [[nodiscard]] bool has(const std::string& option) const { return options.count(option) > 0; }
     /// The value of an option, or what holds without it.

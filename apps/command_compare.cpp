@@ -1,4 +1,4 @@
-#include <iostream>
+#include <ostream>
 
 #include "apps/command_stored.hpp"
 #include "apps/run_comparison.hpp"
@@ -7,10 +7,10 @@
 namespace orbid::apps {
 
 int compare_runs(const CommandCall& call) {
-    return with_stored_files([&] {
+    return with_stored_files(call, [&] {
         const StoredRun first = read_stored_run(call.words[0]);
         const StoredRun second = read_stored_run(call.words[1]);
-        std::cout << comparison_text(first, second);
+        call.console.out << comparison_text(first, second);
         return 0;
     });
 }

@@ -1,6 +1,6 @@
 #include "apps/command_completion.hpp"
 
-#include <iostream>
+#include <ostream>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -179,7 +179,7 @@ std::string completion_script(const std::string& shell) {
 
 int show_completion(const CommandCall& call) {
     try {
-        std::cout << completion_script(call.words[0]);
+        call.console.out << completion_script(call.words[0]);
     } catch (const std::invalid_argument& error) {
         throw CommandLineError(error.what());
     }

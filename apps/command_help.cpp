@@ -1,7 +1,7 @@
 #include "apps/command_help.hpp"
 
 #include <array>
-#include <iostream>
+#include <ostream>
 
 #include <fmt/format.h>
 
@@ -120,12 +120,12 @@ std::vector<std::string> command_names() {
 
 int show_help(const CommandCall& call) {
     if (call.words.empty()) {
-        std::cout << program_help();
+        call.console.out << program_help();
         return 0;
     }
     for (const Command& command : command_table()) {
         if (command.name != call.words[0] || command.run == nullptr) continue;
-        std::cout << command_help(command);
+        call.console.out << command_help(command);
         return 0;
     }
     throw CommandLineError(

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
-#include <iostream>
+#include <ostream>
 
 #include <fmt/format.h>
 #include <boost/program_options.hpp>
@@ -44,7 +44,7 @@ options::options_description description(const std::vector<CommandOption>& all) 
 
 /// Words and options of one command. Names of options are written in full: a later option must not change what an old
 /// script means.
-CommandCall parsed(const Command& command, const std::vector<std::string>& arguments) {
+CommandCall parsed(const Command& command, const std::vector<std::string>& arguments, const Console& console) {
     const auto refuse = [&command](const std::string& reason) {
         throw CommandLineError(fmt::format("orbid {}: {}", command.name, reason));
     };
@@ -66,7 +66,7 @@ CommandCall parsed(const Command& command, const std::vector<std::string>& argum
     } catch (const options::error& error) {
         refuse(error.what());
     }
-    CommandCall call;
+    CommandCall call{console};
     call.command = command.name;
     if (values.count("words") > 0) call.words = values["words"].as<std::vector<std::string>>();
     for (const CommandOption& option : all) {
@@ -92,15 +92,15 @@ void need_words(const Command& command, const CommandCall& call) {
                                        command.name));
 }
 
-int run_known(const std::vector<std::string>& arguments, bool own_process) {
+int run_known(const std::vector<std::string>& arguments, const Console& console) {
     if (arguments.empty()) throw CommandLineError(program_help());
     const std::string& first = arguments.front();
     if (first == "--help" || first == "-h") {
-        std::cout << program_help();
+        console.out << program_help();
         return 0;
     }
     if (first == "--version") {
-        std::cout << "orbid " << program_version() << '\n';
+        console.out << "orbid " << program_version() << '\n';
         return 0;
     }
     std::vector<std::string> names;
@@ -108,13 +108,12 @@ int run_known(const std::vector<std::string>& arguments, bool own_process) {
         if (command.run != nullptr) names.push_back(command.name);
         if (command.name != first) continue;
         if (command.run == nullptr) throw CommandLineError(fmt::format("orbid {}: {}", first, not_in_this_version));
-        CommandCall call = parsed(command, {arguments.begin() + 1, arguments.end()});
+        CommandCall call = parsed(command, {arguments.begin() + 1, arguments.end()}, console);
         if (call.has("help")) {
-            std::cout << command_help(command);
+            console.out << command_help(command);
             return 0;
         }
         need_words(command, call);
-        call.own_process = own_process;
         return command.run(call);
     }
     throw CommandLineError(fmt::format("there is no command \"{}\"{}", first, suggestion(first, names)));
@@ -133,13 +132,24 @@ int CommandCall::whole_number(const std::string& option, int without, int lowest
     return number;
 }
 
-int run_command(const std::vector<std::string>& arguments, bool own_process) {
+int run_command(const std::vector<std::string>& arguments, const Console& console) {
     try {
-        return run_known(arguments, own_process);
+        return run_known(arguments, console);
     } catch (const CommandLineError& error) {
-        std::cerr << error_text(error.what(), is_coloured("auto", stderr)) << '\n';
+        console.error << error_text(error.what(), console.colours_error()) << '\n';
         return wrong_command_line;
     }
+}
+
+int run_command(const std::vector<std::string>& arguments, bool own_process) {
+    return run_command(arguments, standard_console(own_process));
+}
+
+int run_command(const std::vector<std::string>& arguments, std::ostream& out, std::ostream& error,
+                const std::function<bool()>& stopped) {
+    Console console{out, error};
+    console.stopped = stopped;
+    return run_command(arguments, console);
 }
 
 }  // namespace orbid::apps

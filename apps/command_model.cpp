@@ -1,7 +1,7 @@
 #include "apps/command_model.hpp"
 
 #include <algorithm>
-#include <iostream>
+#include <ostream>
 
 #include <fmt/format.h>
 
@@ -13,20 +13,20 @@ namespace orbid::apps {
 
 int show_models(const CommandCall& call) {
     if (call.words.empty()) {
-        std::cout << model_list();
+        call.console.out << model_list();
         return 0;
     }
     const std::string& name = call.words[0];
     const auto names = model_names();
     if (std::find(names.begin(), names.end(), name) == names.end())
         throw CommandLineError(fmt::format("there is no model \"{}\"{}", name, suggestion(name, names)));
-    std::cout << model_page(name);
+    call.console.out << model_page(name);
     return 0;
 }
 
 int show_starting_job(const CommandCall& call) {
     try {
-        std::cout << starting_job(call.words[0], call.words.size() > 1 ? call.words[1] : "simulate");
+        call.console.out << starting_job(call.words[0], call.words.size() > 1 ? call.words[1] : "simulate");
     } catch (const std::invalid_argument& error) {
         throw CommandLineError(error.what());
     }

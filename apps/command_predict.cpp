@@ -1,5 +1,5 @@
 #include <filesystem>
-#include <iostream>
+#include <ostream>
 
 #include <fmt/format.h>
 #include <tbb/global_control.h>
@@ -18,7 +18,7 @@ int predict_run(const CommandCall& call) {
     const int threads = call.whole_number("threads", 0, 0);
     std::optional<tbb::global_control> limit;
     if (threads > 0) limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
-    return with_stored_files([&] {
+    return with_stored_files(call, [&] {
         const StoredRun run = read_stored_run(call.words[0]);
         const std::filesystem::path data = call.words[1];
         const PredictionJob job = prediction_job(run, data, call.value("experiment", ""));
@@ -32,7 +32,7 @@ int predict_run(const CommandCall& call) {
         const Forecast result = forecast(job, record);
         folder.store("prediction.json", prediction_text(result));
         folder.store("residuals.csv", residuals_text(result.rows));
-        std::cout << prediction_summary(result, job.stored.title);
+        call.console.out << prediction_summary(result, job.stored.title);
         return 0;
     });
 }

@@ -1,8 +1,6 @@
 #include "apps/command_report.hpp"
 
-#include <cstdio>
-
-#include <fmt/format.h>
+#include <ostream>
 
 #include "apps/atomic_file.hpp"
 #include "apps/report_page.hpp"
@@ -15,24 +13,24 @@ int write_report(const CommandCall& call) {
         const StoredRun run = read_stored_run(call.words.at(0));
         const std::filesystem::path file = run.folder / "report.html";
         write_atomically(file, report_html(run));
-        fmt::print("{}\n", file.string());
+        call.console.out << file.string() << '\n';
         return 0;
     } catch (const StoredRunRefused& error) {
-        fmt::print(stderr, "{}\n", error.what());
+        call.console.error << error.what() << '\n';
         return 2;
     } catch (const orbits::DataError& error) {
-        fmt::print(stderr, "{}\n", error.what());
+        call.console.error << error.what() << '\n';
         return 3;
     }
 }
 
-void store_report(OutputFolder& folder) {
+void store_report(OutputFolder& folder, std::ostream& complaints) {
     try {
         folder.store("report.html", report_html(read_stored_run(folder.file(""))));
     } catch (const StoredRunRefused& error) {
-        fmt::print(stderr, "report.html: {}\n", error.what());
+        complaints << "report.html: " << error.what() << '\n';
     } catch (const orbits::DataError& error) {
-        fmt::print(stderr, "report.html: {}\n", error.what());
+        complaints << "report.html: " << error.what() << '\n';
     }
 }
 

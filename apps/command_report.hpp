@@ -1,5 +1,7 @@
 #pragma once
 
+#include <iosfwd>
+
 #include "apps/command.hpp"
 #include "apps/output_folder.hpp"
 
@@ -9,8 +11,8 @@ namespace orbid::apps {
 /// @return 0; 2 when DIR is no output folder; 3 when a file in it cannot be read.
 [[nodiscard]] int write_report(const CommandCall& call);
 
-/// Stores report.html of a finished run beside its results. What cannot be reported is said on standard error: the
+/// Stores report.html of a finished run beside its results. What cannot be reported is told as `complaints`: the
 /// results themselves are stored, and stay valid.
-void store_report(OutputFolder& folder);
+void store_report(OutputFolder& folder, std::ostream& complaints);
 
 }  // namespace orbid::apps

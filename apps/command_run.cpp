@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <iostream>
+#include <ostream>
 #include <thread>
 
 #include "apps/colour.hpp"
@@ -19,10 +19,12 @@ namespace {
 constexpr int unusable_data = 3;
 
 /// The job, or its problems on standard error.
-JobReading read_and_report(const std::string& file, bool coloured) {
+JobReading read_and_report(const CommandCall& call) {
+    const std::string& file = call.words[0];
+    const bool coloured = call.console.colours_error(call.value("color", "auto"));
     JobReading reading = read_job_file(file);
     for (const Problem& problem : reading.problems)
-        std::cerr << error_text(message(problem, file), coloured) << '\n';
+        call.console.error << error_text(message(problem, file), coloured) << '\n';
     return reading;
 }
 
@@ -32,9 +34,7 @@ int run_stage(const CommandCall& call, Stage stage) {
     run.threads = call.whole_number("threads", 0, 0);
     run.quiet = call.has("quiet");
     run.force = call.has("force");
-    run.own_process = call.own_process;
-    run.color = call.value("color", "auto");
-    const JobReading reading = read_and_report(call.words[0], is_coloured(call.value("color", "auto"), stderr));
+    const JobReading reading = read_and_report(call);
     if (!reading.job) return reading.exit_code();
     std::filesystem::path out = call.words[0];
     if (out.extension() == ".json")
@@ -42,7 +42,7 @@ int run_stage(const CommandCall& call, Stage stage) {
     else
         out += ".out";  // a job without .json must not be its own folder
     run.out = call.value("out", out.string());
-    return run_job(*reading.job, run);
+    return run_job(*reading.job, run, call.console, call.value("color", "auto"));
 }
 
 }  // namespace
@@ -68,18 +68,18 @@ int run_estimation(const CommandCall& call) {
 }
 
 int check_job(const CommandCall& call) {
-    const bool coloured = is_coloured(call.value("color", "auto"), stderr);
-    const JobReading reading = read_and_report(call.words[0], coloured);
+    const bool coloured = call.console.colours_error(call.value("color", "auto"));
+    const JobReading reading = read_and_report(call);
     if (!reading.job) return reading.exit_code();
     const Job& job = *reading.job;
     const DataCheck data = check_data(job);
-    std::cout << job_summary(job);
+    call.console.out << job_summary(job);
     for (const std::string& problem : data.problems)
-        std::cerr << error_text(problem, coloured) << '\n';
+        call.console.error << error_text(problem, coloured) << '\n';
     if (!data.problems.empty()) return unusable_data;
     const int asked = call.whole_number("threads", 0, 0);
     const int threads = asked > 0 ? asked : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-    std::cout << work_table(estimated_work(job, data, threads), threads);
+    call.console.out << work_table(estimated_work(job, data, threads), threads);
     return 0;
 }
 

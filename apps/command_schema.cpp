@@ -1,6 +1,6 @@
 #include "apps/command_schema.hpp"
 
-#include <iostream>
+#include <ostream>
 
 #include <fmt/format.h>
 
@@ -76,7 +76,7 @@ std::string job_reference_text() {
 }
 
 int show_schema(const CommandCall& call) {
-    std::cout << (call.has("markdown") ? job_reference_text() : job_schema_text());
+    call.console.out << (call.has("markdown") ? job_reference_text() : job_schema_text());
     return 0;
 }
 

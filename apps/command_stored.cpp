@@ -4,7 +4,7 @@
 #include <charconv>
 #include <filesystem>
 #include <functional>
-#include <iostream>
+#include <ostream>
 
 #include <fmt/format.h>
 
@@ -46,9 +46,9 @@ std::string plot_list(const StoredRun& run) {
 
 }  // namespace
 
-int with_stored_files(const std::function<int()>& command) {
-    const auto refused = [](const std::exception& error, int code) {
-        std::cerr << error.what() << '\n';
+int with_stored_files(const CommandCall& call, const std::function<int()>& command) {
+    const auto refused = [&call](const std::exception& error, int code) {
+        call.console.error << error.what() << '\n';
         return code;
     };
     try {
@@ -74,10 +74,10 @@ int plot_run(const CommandCall& call) {
     style.font_pt = number_of(call, "font", style.font_pt, 4.0, 24.0);
     style.title = call.has("title");
     const double dots = number_of(call, "dpi", 300.0, 20.0, 2400.0);
-    return with_stored_files([&] {
+    return with_stored_files(call, [&] {
         const StoredRun run = read_stored_run(call.words[0]);
         if (call.words.size() < 2) {
-            std::cout << plot_list(run);
+            call.console.out << plot_list(run);
             return 0;
         }
         const std::string& name = call.words[1];
@@ -102,10 +102,10 @@ int plot_run(const CommandCall& call) {
         const std::string out = call.value("out", (run.folder / fmt::format("plot_{}.{}", name, type)).string());
         const std::string bytes = picture_file(svg, format, dots);
         if (out == "-") {
-            std::cout << bytes;
+            call.console.out << bytes;
         } else {
             write_atomically(out, bytes);
-            std::cout << out << '\n';
+            call.console.out << out << '\n';
         }
         return 0;
     });

@@ -20,7 +20,7 @@ namespace orbid::apps {
 [[nodiscard]] int compare_runs(const CommandCall& call);
 
 /// Runs a command on stored files; says on standard error what is wrong with them, and returns 2 or 3 then.
-[[nodiscard]] int with_stored_files(const std::function<int()>& command);
+[[nodiscard]] int with_stored_files(const CommandCall& call, const std::function<int()>& command);
 
 /// Formats that plots are written in.
 [[nodiscard]] std::vector<std::string> plot_formats();

@@ -13,7 +13,7 @@ constexpr std::chrono::seconds patience{5};
 
 }  // namespace
 
-Departure::Departure(const InterruptionGuard& interruption, std::function<void(const std::string& result)> leave)
+Departure::Departure(const InterruptionGuard* interruption, std::function<void(const std::string& result)> leave)
     : interruption_(interruption), leave_(std::move(leave)) {
     if (leave_) thread_ = std::thread([this] { watch(); });
 }
@@ -24,7 +24,7 @@ Departure::~Departure() {
         over_ = true;
     }
     changed_.notify_all();
-    interruption_.wake();
+    if (interruption_ != nullptr) interruption_->wake();
     if (thread_.joinable()) thread_.join();
 }
 
@@ -34,7 +34,7 @@ void Departure::shows(std::string result) {
 }
 
 void Departure::watch() {
-    interruption_.wait();
+    interruption_->wait();
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, patience, [this] { return allowed_ > 0 || over_; });
     if (!over_) leave_(result_);

@@ -18,7 +18,8 @@ class Departure {
 public:
     /// @param leave  stores what there is, given the content of result.json (empty: there is none to be stored), and
     ///               ends the program; called on a thread of its own, at most once. Empty: the run is never left.
-    Departure(const InterruptionGuard& interruption, std::function<void(const std::string& result)> leave);
+    /// @param interruption  not null where `leave` is given.
+    Departure(const InterruptionGuard* interruption, std::function<void(const std::string& result)> leave);
     ~Departure();
     Departure(const Departure&) = delete;
     Departure& operator=(const Departure&) = delete;
@@ -41,7 +42,7 @@ public:
 private:
     void watch();
 
-    const InterruptionGuard& interruption_;
+    const InterruptionGuard* interruption_;
     std::function<void(const std::string& result)> leave_;
     std::mutex mutex_;  ///< held while leaving: an Allowed that ends in between waits for the end of the program
     std::condition_variable changed_;

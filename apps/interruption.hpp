@@ -2,18 +2,30 @@
 
 namespace orbid::apps {
 
+/// Whether a run was asked to stop. Thread-safe.
+class Interruption {
+public:
+    virtual ~Interruption() = default;
+    [[nodiscard]] virtual bool asked() const = 0;
+
+protected:
+    Interruption() = default;
+    Interruption(const Interruption&) = default;
+    Interruption& operator=(const Interruption&) = default;
+};
+
 /// From its construction on, the first Ctrl-C (SIGINT) or SIGTERM only asks to stop: the run stores a valid result with
 /// status `interrupted`. A second one ends the program at once. The former handlers return on destruction. One at a
 /// time.
-class InterruptionGuard {
+class InterruptionGuard final : public Interruption {
 public:
     InterruptionGuard();
-    ~InterruptionGuard();
+    ~InterruptionGuard() override;
     InterruptionGuard(const InterruptionGuard&) = delete;
     InterruptionGuard& operator=(const InterruptionGuard&) = delete;
 
     /// Somebody asked to stop.
-    [[nodiscard]] bool asked() const;
+    [[nodiscard]] bool asked() const override;
     /// Returns when somebody asks to stop, or wake() was called.
     void wait() const;
     void wake() const;

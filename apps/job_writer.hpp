@@ -9,11 +9,9 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/job.hpp"
+#include "apps/version.hpp"
 
 namespace orbid::apps {
-
-/// What wrote a job.json, for the record: { "orbid", "0.1.0" }, ... . Not part of the job.
-using Versions = std::vector<std::pair<std::string, std::string>>;
 
 /// The complete job with every default filled in, as job.json holds it: reading it gives an equal job.
 ///

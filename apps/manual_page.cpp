@@ -1,6 +1,6 @@
 #include "apps/manual_page.hpp"
 
-#include <iostream>
+#include <ostream>
 
 #include <fmt/format.h>
 
@@ -80,8 +80,8 @@ std::string manual_page() {
     return page;
 }
 
-int show_manual_page(const CommandCall& /*call*/) {
-    std::cout << manual_page();
+int show_manual_page(const CommandCall& call) {
+    call.console.out << manual_page();
     return 0;
 }
 

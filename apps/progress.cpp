@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ostream>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -46,9 +47,10 @@ std::string duration_text(double seconds) {
     return fmt::format("{} h {:02} min", whole / 3600, whole % 3600 / 60);
 }
 
-Progress::Progress(bool quiet, std::FILE* stream) : Progress(quiet, stream, ::isatty(::fileno(stream)) == 1) {}
+Progress::Progress(bool quiet, std::ostream& stream, std::FILE* terminal)
+    : Progress(quiet, stream, terminal != nullptr && ::isatty(::fileno(terminal)) == 1) {}
 
-Progress::Progress(bool quiet, std::FILE* stream, bool terminal)
+Progress::Progress(bool quiet, std::ostream& stream, bool terminal)
     : quiet_(quiet), stream_(stream), terminal_(terminal) {}
 
 Progress::~Progress() {
@@ -68,14 +70,14 @@ void Progress::keep(std::string_view line) {
 void Progress::print(std::string_view line) {
     if (!quiet_) {
         clear_bar();
-        fmt::print(stream_, "{}\n", line);
-        std::fflush(stream_);
+        stream_ << line << '\n';
+        stream_.flush();
     }
 }
 
 void Progress::clear_bar() {
     if (bar_shown_) {
-        fmt::print(stream_, "\r\033[K");
+        stream_ << "\r\033[K";
         bar_shown_ = false;
     }
 }
@@ -108,8 +110,8 @@ void Progress::draw() {
     // A longer line would wrap on an 80-column terminal and leave its upper half behind.
     constexpr std::size_t columns = 79;
     line.resize(std::min(line.size(), columns));
-    fmt::print(stream_, "\r{}\033[K", line);
-    std::fflush(stream_);
+    stream_ << '\r' << line << "\033[K";
+    stream_.flush();
     bar_shown_ = true;
 }
 

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <iosfwd>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -30,11 +31,11 @@ struct StageTime {
 /// One stage at a time: begin() while a stage runs ends that stage first.
 class Progress {
 public:
-    /// A bar is drawn when the stream is a terminal.
-    /// @param stream   where to write, normally stderr; not owned.
-    explicit Progress(bool quiet, std::FILE* stream = stderr);
-    /// @param terminal draw a bar, whatever the stream is.
-    Progress(bool quiet, std::FILE* stream, bool terminal);
+    /// A bar is drawn when there is a file behind the stream that is a terminal.
+    /// @param stream  where to write; not owned.
+    Progress(bool quiet, std::ostream& stream, std::FILE* terminal);
+    /// @param terminal  draw a bar, whatever the stream is.
+    Progress(bool quiet, std::ostream& stream, bool terminal);
     /// Ends a stage still running, as "stopped".
     ~Progress();
     Progress(const Progress&) = delete;
@@ -71,7 +72,7 @@ private:
 
     mutable std::mutex mutex_;
     bool quiet_;
-    std::FILE* stream_;
+    std::ostream& stream_;
     bool terminal_;
     Clock::time_point start_ = Clock::now();
     std::vector<StageTime> times_;

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <functional>
 #include <optional>
+#include <ostream>
 #include <stdexcept>
 #include <thread>
 
@@ -45,12 +46,18 @@ constexpr int unusable_data = 3;
 constexpr int not_stored = 4;
 constexpr int interrupted = 130;
 
+/// A run that its caller may stop.
+class AskedCaller final : public Interruption {
+public:
+    explicit AskedCaller(const std::function<bool()>& stopped) : stopped_(stopped) {}
+    [[nodiscard]] bool asked() const override { return stopped_ && stopped_(); }
+
+private:
+    const std::function<bool()>& stopped_;
+};
+
 bool wants(const RunOptions& options, Stage stage) {
     return options.stage == Stage::all || options.stage == stage;
-}
-
-void print(const std::string& text) {
-    std::fputs(text.c_str(), stdout);
 }
 
 bool is_section_search(const Job& job) {
@@ -77,7 +84,7 @@ std::string result_without_estimate() {
 }
 
 /// Runs the stages that the command and the job name; the exit code is the worst of theirs.
-int run_stages(const Workspace& work) {
+int run_stages(const Workspace& work, const Console& console, bool coloured) {
     const Job& job = work.job;
     const bool estimating = wants(work.options, Stage::estimate) && job.estimate;
     const bool searching = job.orbits && (wants(work.options, Stage::orbits) || (estimating && job.estimate->cycles));
@@ -94,10 +101,10 @@ int run_stages(const Workspace& work) {
     if (searching && !work.interruption.asked()) {
         if (is_section_search(job)) section = searched_section(job, data[job.orbits->data].series);
         search = load_cycles(work, section);
-        if (wants(work.options, Stage::orbits)) print(cycles_summary(search));
+        if (wants(work.options, Stage::orbits)) console.out << cycles_summary(search);
         if (search.cycles.empty()) code = no_valid_answer;
         if (section && job.orbits->invariants && !work.interruption.asked())
-            print(invariants_summary(compute_invariants(work, *section, search)));
+            console.out << invariants_summary(compute_invariants(work, *section, search));
         if (section && section->series().dimension() >= 2) {
             SectionPlotOptions plot;
             plot.title = job.title;
@@ -106,24 +113,23 @@ int run_stages(const Workspace& work) {
     }
     if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {
         const ComputedOrbits orbits = compute_orbits(work);
-        print(orbits_summary(orbits));
+        console.out << orbits_summary(orbits);
         if (orbits.converged() == 0) code = no_valid_answer;
         if (job.periodic->continuation && !work.interruption.asked()) {
             const FollowedBranches followed = follow_job_branches(work, orbits);
-            print(branches_summary(
+            console.out << branches_summary(
                 followed, job.model.system
-                              ->parameters()[static_cast<std::size_t>(job.periodic->continuation->options.parameter)]));
+                              ->parameters()[static_cast<std::size_t>(job.periodic->continuation->options.parameter)]);
             if (followed.branches.empty()) code = no_valid_answer;
         }
     }
     if (estimating) {
         const EstimateOutcome outcome = run_estimate(work, data, section ? &*section : nullptr, search);
-        print(with_status_colours(estimate_summary(outcome.estimate, outcome.context, job.title),
-                                  is_coloured(work.options.color, stdout)));
+        console.out << with_status_colours(estimate_summary(outcome.estimate, outcome.context, job.title), coloured);
         code = std::max(code, exit_code(outcome.estimate.status));
         // What was asked for and could not be done.
         for (const auto& [block, reason] : outcome.context.posterior.refused) {
-            fmt::print(stderr, "{}: {}\n", block, reason);
+            console.error << fmt::format("{}: {}\n", block, reason);
             code = std::max(code, no_valid_answer);
         }
         const auto& sample = outcome.context.posterior.sample;
@@ -147,15 +153,20 @@ std::optional<std::string> missing_block(const Job& job, Stage stage) {
 
 }  // namespace
 
-int run_job(const Job& asked, const RunOptions& options) {
+int run_job(const Job& asked, const RunOptions& options, const Console& console, std::string_view color) {
     if (const auto missing = missing_block(asked, options.stage)) {
-        fmt::print(stderr, "{}: {}\n", asked.source.string(), *missing);
+        console.error << fmt::format("{}: {}\n", asked.source.string(), *missing);
         return wrong_call;
     }
-    Progress progress(options.quiet);
+    Progress progress(options.quiet, console.error, console.error_terminal);
     const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::thread::hardware_concurrency());
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
-    const InterruptionGuard interruption;
+    std::optional<tbb::global_control> limit;
+    if (console.own_process || console.signals)
+        limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+    std::optional<InterruptionGuard> signals;
+    if (console.signals) signals.emplace();
+    const AskedCaller caller(console.stopped);
+    const Interruption& interruption = signals ? static_cast<const Interruption&>(*signals) : caller;
     try {
         Job job = asked;
         sign_files(job);
@@ -183,24 +194,25 @@ int run_job(const Job& asked, const RunOptions& options) {
             // No destructors: threads still compute with what they would destroy.
             std::_Exit(code);
         };
-        Departure departure(interruption, options.own_process ? std::function<void(const std::string&)>(leave)
-                                                              : std::function<void(const std::string&)>());
+        Departure departure(signals ? &*signals : nullptr, signals && console.own_process
+                                                               ? std::function<void(const std::string&)>(leave)
+                                                               : std::function<void(const std::string&)>());
         const Workspace work{job, options, document, progress, interruption, folder, departure};
-        const int code = run_stages(work);
+        const int code = run_stages(work, console, console.colours_out(color));
         store_times();
-        store_report(folder);
+        store_report(folder, console.error);
         return code;
     } catch (const FolderRefused& error) {
-        fmt::print(stderr, "{}\n", error.what());
+        console.error << error.what() << '\n';
         return wrong_call;
     } catch (const StaleFile& error) {
-        fmt::print(stderr, "{}\n", error.what());
+        console.error << error.what() << '\n';
         return wrong_call;
     } catch (const WrongModel& error) {
-        fmt::print(stderr, "{}\n", error.what());
+        console.error << error.what() << '\n';
         return wrong_call;
     } catch (const orbits::DataError& error) {
-        fmt::print(stderr, "{}\n", error.what());
+        console.error << error.what() << '\n';
         return unusable_data;
     }
 }

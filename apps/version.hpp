@@ -1,8 +1,15 @@
 #pragma once
 
-#include "apps/job_writer.hpp"
+#include <string>
+#include <utility>
+#include <vector>
+
+#pragma GCC visibility push(default)
 
 namespace orbid::apps {
+
+/// What wrote a job.json, for the record: { "orbid", "0.1.0" }, ... . Not part of the job.
+using Versions = std::vector<std::pair<std::string, std::string>>;
 
 /// Version of the program, "0.1.0".
 [[nodiscard]] std::string program_version();
@@ -11,3 +18,5 @@ namespace orbid::apps {
 [[nodiscard]] Versions versions();
 
 }  // namespace orbid::apps
+
+#pragma GCC visibility pop

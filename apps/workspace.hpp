@@ -29,7 +29,7 @@ struct Workspace {
     const RunOptions& options;
     const nlohmann::json& document;  ///< the complete job, as job.json holds it
     Progress& progress;
-    const InterruptionGuard& interruption;
+    const Interruption& interruption;
     OutputFolder& folder;
     Departure& departure;
 

@@ -101,7 +101,7 @@ int main(int count, char** arguments) {
         options.force = true;
         {
             const Silence silence;
-            (void)apps::run_job(job, options);
+            (void)apps::run_job(job, options, apps::standard_console());
         }
         const json result = json::parse(apps::read_whole_file(folder / "result.json"));
         if (result["status"] != "converged") continue;

@@ -30,7 +30,7 @@ json result_of(const std::string& name) {
     {
         const TemporaryFolder printed;
         const CaughtStream out(STDOUT_FILENO, printed.path() / "out");
-        REQUIRE(apps::run_job(job, options) == 0);
+        REQUIRE(apps::run_job(job, options, apps::standard_console()) == 0);
     }
     return read_json(options.out / "result.json");
 }

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -16,27 +16,6 @@ namespace {
 
 using tests::ContainsSubstring;
 
-/// What a stream received.
-class Sink {
-public:
-    Sink() : file_(std::tmpfile()) { REQUIRE(file_ != nullptr); }
-    ~Sink() { std::fclose(file_); }
-    Sink(const Sink&) = delete;
-    Sink& operator=(const Sink&) = delete;
-    [[nodiscard]] std::FILE* file() const { return file_; }
-    [[nodiscard]] std::string text() const {
-        std::string out;
-        std::rewind(file_);
-        for (int c = std::fgetc(file_); c != EOF; c = std::fgetc(file_)) {
-            out += static_cast<char>(c);
-        }
-        return out;
-    }
-
-private:
-    std::FILE* file_;
-};
-
 void run_two_stages(apps::Progress& progress) {
     progress.begin("simulate", 100.0, "sections");
     progress.advance(100.0);
@@ -48,10 +27,10 @@ void run_two_stages(apps::Progress& progress) {
 }
 
 TEST_CASE("away from a terminal a stage is one line", "[apps]") {
-    const Sink sink;
-    apps::Progress progress(false, sink.file());
+    std::ostringstream sink;
+    apps::Progress progress(false, sink, false);
     run_two_stages(progress);
-    const std::string text = sink.text();
+    const std::string text = sink.str();
     CHECK(std::count(text.begin(), text.end(), '\n') == 3);
     CHECK_THAT(text, ContainsSubstring("sections/s") && ContainsSubstring("4 segments") &&
                          ContainsSubstring("period 3: none found"));
@@ -59,24 +38,24 @@ TEST_CASE("away from a terminal a stage is one line", "[apps]") {
 }
 
 TEST_CASE("on a terminal a bar shows fraction, rate and remaining time and goes away", "[apps]") {
-    const Sink sink;
-    apps::Progress progress(false, sink.file(), true);
+    std::ostringstream sink;
+    apps::Progress progress(false, sink, true);
     progress.begin("orbits", 200.0, "starts");
     std::this_thread::sleep_for(std::chrono::milliseconds(120));  // longer than the shortest time between two bars
     progress.at(50.0, "searching");
     progress.end();
-    const std::string text = sink.text();
+    const std::string text = sink.str();
     CHECK_THAT(text, ContainsSubstring("[#####...............]  25 %") && ContainsSubstring("starts/s") &&
                          ContainsSubstring(" left") && ContainsSubstring("searching"));
     CHECK_THAT(text, ContainsSubstring("\r\033[Korbits"));  // the bar is wiped before the stage's line
 }
 
 TEST_CASE("quiet prints nothing but keeps log and times", "[apps]") {
-    const Sink sink;
-    apps::Progress progress(true, sink.file(), true);
+    std::ostringstream sink;
+    apps::Progress progress(true, sink, true);
     run_two_stages(progress);
     progress.reused("estimate", "result.json fits");
-    CHECK(sink.text().empty());
+    CHECK(sink.str().empty());
     CHECK_THAT(progress.log_text(), ContainsSubstring("simulate: started") && ContainsSubstring("only for the log") &&
                                         ContainsSubstring("result.json fits"));
     const auto times = progress.times();
@@ -87,17 +66,17 @@ TEST_CASE("quiet prints nothing but keeps log and times", "[apps]") {
 }
 
 TEST_CASE("a stage left open is ended as stopped", "[apps]") {
-    const Sink sink;
+    std::ostringstream sink;
     {
-        apps::Progress progress(false, sink.file());
+        apps::Progress progress(false, sink, false);
         progress.begin("estimate");
     }
-    CHECK_THAT(sink.text(), ContainsSubstring("stopped"));
+    CHECK_THAT(sink.str(), ContainsSubstring("stopped"));
 }
 
 TEST_CASE("many threads may report at once", "[apps]") {
-    const Sink sink;
-    apps::Progress progress(false, sink.file());
+    std::ostringstream sink;
+    apps::Progress progress(false, sink, false);
     progress.begin("orbits", 4000.0, "starts");
     std::vector<std::thread> threads;
     for (int i = 0; i < 4; ++i) {

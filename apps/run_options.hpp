@@ -1,0 +1,19 @@
+#pragma once
+
+#include <filesystem>
+
+namespace orbid::apps {
+
+/// What is run of a job: all stages it names, or one.
+enum class Stage { all, simulate, orbits, periodic, estimate };
+
+/// How a job is run.
+struct RunOptions {
+    std::filesystem::path out;  ///< folder of the result files
+    int threads = 0;            ///< 0 = all cores
+    bool quiet = false;         ///< no progress
+    bool force = false;         ///< overwrite a folder that holds the result of another job
+    Stage stage = Stage::all;
+};
+
+}  // namespace orbid::apps
