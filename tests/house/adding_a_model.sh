@@ -49,7 +49,7 @@ compile() { # object of the build, source, new object, further flags
 link() { # program of the build, pattern of objects to leave out, our objects, new program
     local command
     command=$(ninja -C "$build" -t commands -s "$1" | tail -1)
-    command=$(sed -E "s|-Wl,--whole-archive,[^ ]*||g; s|$2||g; s| -o bin/[a-z_]+ | $3 -o '$4' |" <<<"$command")
+    command=$(sed -E "s|-Wl,--whole-archive,[^ ]*||g; s|$2||g; s| -o (bin/[a-z_]+\|lib/liborbid[.a-z0-9]+) | -o '$4' $3 |" <<<"$command")
     (cd "$build" && eval "$command") || fail "$4 does not link"
 }
 objects=models/CMakeFiles/orbid_models.dir
@@ -68,11 +68,15 @@ link bin/models_test '[^ ]*models_test\.dir/[^ ]*\.o' "$copy/test.o $copy/regist
 result=$("$copy/model_test") || fail "the test fails: $result"
 [[ $result == *"All tests passed"* ]] || fail "the test tests nothing: $result"
 
-link bin/orbid 'no such object' "$copy/registry.o $copy/model.o" "$copy/orbid"
+# The program takes whatever library it finds first.
+library=$(readlink -f "$build/lib/liborbid.so")
+link "lib/$(basename "$library")" '[^ ]*orbid_models\.dir/registry\.cpp\.o' "$copy/registry.o $copy/model.o" "$copy/$(basename "$library")"
+ln -s "$(basename "$library")" "$copy/$(sed -nE 's/.*-soname,([^ ]+) .*/\1/p' <<<"$(ninja -C "$build" -t commands -s "lib/$(basename "$library")" | tail -1)")"
+export LD_LIBRARY_PATH="$copy"
 ran=0
 while read -r command; do
     [[ $command == ./dev* ]] && continue
-    (cd "$copy" && eval "${command/build\/release\/bin\/orbid/.\/orbid}" >"$copy/out" 2>&1) || fail "$command: $(cat "$copy/out")"
+    (cd "$copy" && eval "${command/build\/release\/bin\/orbid/$build\/bin\/orbid}" >"$copy/out" 2>&1) || fail "$command: $(cat "$copy/out")"
     ran=$((ran + 1))
 done < <(indented_below '4. Using it')
 ((ran > 0)) || fail "section 4 runs nothing"
