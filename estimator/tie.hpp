@@ -7,8 +7,6 @@
 #include "estimator/mapped_residual.hpp"
 #include "estimator/parameter_map.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::estimator {
 
 /// An estimate with tied parameters (FreeParameter::tied_to), put as one without them.
@@ -46,5 +44,3 @@ struct TiedProblem {
                                        const std::vector<JointNormalPrior>& joint_priors = {});
 
 }  // namespace orbid::estimator
-
-#pragma GCC visibility pop

@@ -9,8 +9,6 @@
 #include "orbits/box_tree.hpp"
 #include "orbits/section_points.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::orbits {
 
 /// A point of the series near a place that was asked about.
@@ -56,5 +54,3 @@ private:
 };
 
 }  // namespace orbid::orbits
-
-#pragma GCC visibility pop

@@ -9,8 +9,6 @@
 #include <span>
 #include <vector>
 
-#pragma GCC visibility push(default)
-
 namespace orbid::orbits {
 
 /// The nearest points found so far: a list that is cut down now and then.
@@ -106,5 +104,3 @@ private:
 };
 
 }  // namespace orbid::orbits
-
-#pragma GCC visibility pop

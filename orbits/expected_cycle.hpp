@@ -7,8 +7,6 @@
 #include "orbits/harvest.hpp"
 #include "orbits/section_points.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::orbits {
 
 /// An orbit of the model as a series would show it, in the scaled units of SectionPoints.
@@ -35,5 +33,3 @@ struct ExpectedCycle {
                                      const Eigen::MatrixXd& points, const Eigen::VectorXd& variance);
 
 }  // namespace orbid::orbits
-
-#pragma GCC visibility pop

@@ -7,8 +7,6 @@
 #include "orbits/box_grid.hpp"
 #include "orbits/section_points.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::orbits {
 
 /// Errors of the readings of a section series, told from the series itself.
@@ -46,5 +44,3 @@ struct NoiseLevel {
 [[nodiscard]] NoiseLevel noise_level(const SectionPoints& points, const BoxGrid& grid);
 
 }  // namespace orbid::orbits
-
-#pragma GCC visibility pop

@@ -5,8 +5,6 @@
 
 #include "orbits/section_points.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::orbits {
 
 /// A start for the search of a cycle: a piece of the series that nearly closes, and how many others run beside it.
@@ -28,5 +26,3 @@ struct RecurrenceSeed {
                                                            std::size_t minimum);
 
 }  // namespace orbid::orbits
-
-#pragma GCC visibility pop

@@ -11,8 +11,6 @@
 
 #include "orbits/series.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::orbits {
 
 /// The points of a section series in units of Series::scale(), one after the other, ready for neighbour searches.
@@ -83,5 +81,3 @@ private:
 };
 
 }  // namespace orbid::orbits
-
-#pragma GCC visibility pop

@@ -7,8 +7,6 @@
 
 #include "orbits/virtual_experiment.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::orbits {
 
 /// True states at the instants of a record, before any instrument: what the two kinds of plan deliver.
@@ -37,5 +35,3 @@ struct StateRecord {
                                           double longest_return);
 
 }  // namespace orbid::orbits
-
-#pragma GCC visibility pop

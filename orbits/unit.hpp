@@ -4,8 +4,6 @@
 #include <string>
 #include <string_view>
 
-#pragma GCC visibility push(default)
-
 namespace orbid::orbits {
 
 /// Factor that turns a number in unit `from` into a number in unit `to`: 1 deg = pi/180 rad.
@@ -21,5 +19,3 @@ namespace orbid::orbits {
 [[nodiscard]] std::string units_like(std::string_view to);
 
 }  // namespace orbid::orbits
-
-#pragma GCC visibility pop

@@ -8,8 +8,6 @@
 #include "periodic/course.hpp"
 #include "periodic/solver_options.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::periodic {
 
 /// A course brought near the orbit that it is meant for.
@@ -31,5 +29,3 @@ struct Approach {
                                 const ShootingOptions& options);
 
 }  // namespace orbid::periodic
-
-#pragma GCC visibility pop

@@ -7,8 +7,6 @@
 #include "periodic/branch_curve.hpp"
 #include "periodic/stability.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::periodic {
 
 /// The cubic through two points of a curve with their tangents. Inside it is off the curve by the fourth power of the
@@ -72,5 +70,3 @@ struct LocatedPoint {
 [[nodiscard]] Correction orbit_between(const CurvePoint& a, const CurvePoint& b, double parameter);
 
 }  // namespace orbid::periodic
-
-#pragma GCC visibility pop

@@ -12,8 +12,6 @@
 #include "periodic/orbit.hpp"
 #include "periodic/solver_options.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::periodic {
 
 /// What all curves of a diagram have in common.
@@ -140,5 +138,3 @@ private:
 };
 
 }  // namespace orbid::periodic
-
-#pragma GCC visibility pop

@@ -7,8 +7,6 @@
 
 #include "periodic/discretisation.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::periodic {
 
 /// How far the steps of a discretised orbit miss each other, F_j(z_j) - z_{j+1} - 2 pi turns_j, and the derivatives.
@@ -30,5 +28,3 @@ struct ClosingError {
                                          std::span<const Eigen::Index> free = {});
 
 }  // namespace orbid::periodic
-
-#pragma GCC visibility pop

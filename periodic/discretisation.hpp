@@ -5,8 +5,6 @@
 
 #include <Eigen/Core>
 
-#pragma GCC visibility push(default)
-
 namespace orbid::periodic {
 
 /// The image of one step and its derivatives; d: length of z, f: number of free parameters.
@@ -55,5 +53,3 @@ protected:
 };
 
 }  // namespace orbid::periodic
-
-#pragma GCC visibility pop

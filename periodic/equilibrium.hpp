@@ -4,8 +4,6 @@
 
 #include "models/system.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::periodic {
 
 /// States of a closed orbit of an autonomous flow that do not move: neither does the field carry the first one farther
@@ -14,5 +12,3 @@ namespace orbid::periodic {
                                   const Eigen::MatrixXd& states, double time, const Eigen::VectorXd& scale);
 
 }  // namespace orbid::periodic
-
-#pragma GCC visibility pop

@@ -9,8 +9,6 @@
 
 #include "models/system.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::periodic {
 
 /// The section in which orbits of one model at one theta are counted: one point per period of the forcing at a phase,
@@ -60,5 +58,3 @@ struct SectionPiecesOptions {
 [[nodiscard]] Eigen::VectorXd random_state(const Eigen::VectorXd& range, std::uint64_t seed, std::uint64_t index);
 
 }  // namespace orbid::periodic
-
-#pragma GCC visibility pop

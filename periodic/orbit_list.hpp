@@ -9,8 +9,6 @@
 #include "periodic/model_section.hpp"
 #include "periodic/orbit_search.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::periodic {
 
 /// Points of an orbit in the order that begins with the smallest first coordinate (where several are as small to 1e-9
@@ -54,5 +52,3 @@ private:
                                                           const models::FlowOptions& flow);
 
 }  // namespace orbid::periodic
-
-#pragma GCC visibility pop

@@ -8,8 +8,6 @@
 
 #include "periodic/model_section.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::periodic {
 
 /// p returns to the section: the image and its derivative, in coordinates u along the section that are of order one.
@@ -63,5 +61,3 @@ struct StabilisedOptions {
                                                               const StabilisedOptions& options);
 
 }  // namespace orbid::periodic
-
-#pragma GCC visibility pop

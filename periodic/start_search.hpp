@@ -12,8 +12,6 @@
 #include "periodic/orbit_search.hpp"
 #include "periodic/stabilised_start.hpp"
 
-#pragma GCC visibility push(default)
-
 namespace orbid::periodic {
 
 /// Accuracy of the flow where it only has to lead to starts.
@@ -70,5 +68,3 @@ private:
 };
 
 }  // namespace orbid::periodic
-
-#pragma GCC visibility pop
