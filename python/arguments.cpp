@@ -1,0 +1,127 @@
+#include "python/arguments.hpp"
+
+#include <algorithm>
+
+#include <pybind11/stl.h>
+
+#include "python/arrays.hpp"
+
+namespace orbid::python {
+
+namespace py = pybind11;
+
+namespace {
+
+template <class Item>
+std::vector<std::string> names_of(std::span<const Item> items) {
+    std::vector<std::string> names;
+    for (const Item& item : items)
+        names.emplace_back(item.name);
+    return names;
+}
+
+double number(py::handle value, const std::string& name) {
+    return *finite_vector(value, name.c_str(), 1).data();
+}
+
+}  // namespace
+
+std::vector<std::string> parameter_names(const models::System& system) {
+    return names_of(system.parameters());
+}
+
+std::vector<std::string> coordinate_names(const models::System& system) {
+    return names_of(system.coordinates());
+}
+
+Eigen::Index index_of(std::string_view name, const std::vector<std::string>& names, const std::string& what) {
+    const auto place = std::find(names.begin(), names.end(), name);
+    if (place != names.end()) return place - names.begin();
+    std::string message = "no " + what + " '" + std::string(name) + "'";
+    const auto nearest =
+        py::module_::import("difflib").attr("get_close_matches")(name, names, 1).cast<std::vector<std::string>>();
+    if (!nearest.empty()) {
+        message += ": did you mean '" + nearest.front() + "'?";
+    } else {
+        message += "; there is";
+        for (const std::string& known : names)
+            message += (&known == &names.front() ? " '" : ", '") + known + "'";
+        if (names.empty()) message += " none";
+    }
+    throw py::key_error(message);
+}
+
+Eigen::VectorXd parameter_values(const models::System& system, py::handle parameters) {
+    Eigen::VectorXd theta = system.default_parameters();
+    if (!parameters || parameters.is_none()) return theta;
+    const auto table = system.parameters();
+    if (py::isinstance<py::str>(parameters))
+        throw py::type_error("parameters: text; a dict of names and values or an array is needed");
+    if (py::hasattr(parameters, "items")) {
+        const auto names = parameter_names(system);
+        for (const py::handle item : parameters.attr("items")()) {
+            const auto pair = py::reinterpret_borrow<py::tuple>(item);
+            if (!py::isinstance<py::str>(pair[0])) throw py::type_error("parameters: names must be text");
+            const auto name = pair[0].cast<std::string>();
+            const Eigen::Index k = index_of(name, names, "parameter");
+            theta[k] = number(pair[1], "parameters['" + name + "']");
+        }
+    } else {
+        theta = vector(finite_vector(parameters, "parameters", theta.size()));
+    }
+    for (std::size_t k = 0; k < table.size(); ++k) {
+        const double value = theta[static_cast<Eigen::Index>(k)];
+        if (!models::contains(table[k].domain, value))
+            throw py::value_error("parameters['" + std::string(table[k].name) + "'] = " + std::to_string(value) +
+                                  ": must be " + std::string(models::rule(table[k].domain)));
+    }
+    return theta;
+}
+
+std::optional<std::vector<Eigen::Index>> free_parameters(const models::System& system, py::handle names) {
+    if (!names || names.is_none() || (py::isinstance<py::bool_>(names) && !names.cast<bool>())) return std::nullopt;
+    const auto known = parameter_names(system);
+    std::vector<Eigen::Index> free;
+    if (py::isinstance<py::bool_>(names)) {
+        for (std::size_t k = 0; k < known.size(); ++k)
+            free.push_back(static_cast<Eigen::Index>(k));
+        return free;
+    }
+    if (py::isinstance<py::str>(names)) return std::vector{index_of(names.cast<std::string>(), known, "parameter")};
+    for (const py::handle name : names) {
+        if (!py::isinstance<py::str>(name)) throw py::type_error("sensitivities: names of parameters are needed");
+        free.push_back(index_of(name.cast<std::string>(), known, "parameter"));
+    }
+    return free;
+}
+
+std::optional<models::Section> plane(const models::System& system, py::handle section) {
+    if (!section || section.is_none()) return std::nullopt;
+    if (!py::isinstance<py::dict>(section)) throw py::type_error("section: a dict is needed");
+    const auto keys = py::reinterpret_borrow<py::dict>(section);
+    static const std::vector<std::string> known{"coordinate", "value", "direction", "normal", "offset"};
+    for (const auto& item : keys)
+        (void)index_of(py::str(item.first).cast<std::string>(), known, "key of a section");
+    const auto get = [&](const char* key) -> py::object {
+        return keys.contains(key) ? py::reinterpret_borrow<py::object>(keys[key]) : py::none();
+    };
+    models::Section plane;
+    if (!get("coordinate").is_none()) {
+        if (keys.contains("normal") || keys.contains("offset"))
+            throw py::value_error("section: either 'coordinate' and 'value' or 'normal' and 'offset'");
+        plane.normal = Eigen::VectorXd::Zero(system.dimension());
+        plane.normal[index_of(get("coordinate").cast<std::string>(), coordinate_names(system), "coordinate")] = 1.0;
+        plane.offset = number(get("value"), "section['value']");
+    } else {
+        plane.normal = vector(finite_vector(get("normal"), "section['normal']", system.dimension()));
+        plane.offset = number(get("offset"), "section['offset']");
+    }
+    if (keys.contains("direction")) {
+        const double direction = number(get("direction"), "section['direction']");
+        if (direction != 1.0 && direction != -1.0) throw py::value_error("section['direction']: must be 1 or -1");
+        plane.direction = direction > 0 ? 1 : -1;
+    }
+    return plane;
+}
+
+}  // namespace orbid::python

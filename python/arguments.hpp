@@ -1,0 +1,38 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <pybind11/pybind11.h>
+#include <Eigen/Core>
+
+#include "models/system.hpp"
+
+namespace orbid::python {
+
+/// The full parameter vector of a system: defaults replaced by those of a dict, or all of them in an array.
+/// @param parameters  None, a mapping from names to numbers, or q numbers.
+/// @throws KeyError for an unknown name, with the nearest one; ValueError for values outside their domain.
+[[nodiscard]] Eigen::VectorXd parameter_values(const models::System& system, pybind11::handle parameters);
+
+/// Indices of the parameters that derivatives are asked for: names, one name, or True for all.
+/// @return nothing for None and False.
+/// @throws KeyError for an unknown name, with the nearest one.
+[[nodiscard]] std::optional<std::vector<Eigen::Index>> free_parameters(const models::System& system,
+                                                                       pybind11::handle names);
+
+/// The value that stands at the name. @throws KeyError naming `what` and the nearest name.
+[[nodiscard]] Eigen::Index index_of(std::string_view name, const std::vector<std::string>& names,
+                                    const std::string& what);
+
+[[nodiscard]] std::vector<std::string> parameter_names(const models::System& system);
+[[nodiscard]] std::vector<std::string> coordinate_names(const models::System& system);
+
+/// A section as in a job, {"coordinate": "z", "value": 27, "direction": -1}, or {"normal": [..], "offset": 1.0};
+/// nothing for None.
+/// @throws KeyError, ValueError naming the key.
+[[nodiscard]] std::optional<models::Section> plane(const models::System& system, pybind11::handle section);
+
+}  // namespace orbid::python

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstddef>
+#include <initializer_list>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <Eigen/Core>
+
+namespace orbid::python {
+
+/// Numbers of float64 in C order: what the library reads in place.
+using Doubles =
+    pybind11::array_t<double, int{pybind11::array::c_style} | int{pybind11::detail::npy_api::NPY_ARRAY_ALIGNED_}>;
+
+/// An argument as float64 in C order. An array that is so already, read-only ones included, is taken as it is, without
+/// a copy; other strides and float16, float32 are copied; integers are converted where float64 holds them exactly.
+///
+/// @param name  of the argument, for messages.
+/// @throws TypeError for None, bool, complex, long double, text and objects; ValueError for an integer beyond 2^53.
+[[nodiscard]] Doubles doubles(pybind11::handle argument, const char* name);
+
+/// The same, one-dimensional; a number counts as one entry. @param size  required where given. All entries finite.
+/// @throws ValueError naming the shape, or the entry that is not finite.
+[[nodiscard]] Doubles finite_vector(pybind11::handle argument, const char* name,
+                                    std::optional<pybind11::ssize_t> size = std::nullopt);
+
+/// The same, shape (records, columns); one-dimensional: one record. @param missing  nan is allowed.
+[[nodiscard]] Doubles records(pybind11::handle argument, const char* name, pybind11::ssize_t columns,
+                              bool missing = false);
+
+/// The memory of records, shape (m, n) in C order, as the library's matrix (n, m): valid as long as the array.
+[[nodiscard]] Eigen::Map<const Eigen::MatrixXd> matrix(const Doubles& records);
+[[nodiscard]] Eigen::Map<const Eigen::VectorXd> vector(const Doubles& numbers);
+[[nodiscard]] std::span<const double> span(const Doubles& numbers);
+
+/// A matrix (n, m) as an array (m, n) of records that owns its memory: nothing is copied.
+[[nodiscard]] pybind11::array_t<double> array(Eigen::MatrixXd&& matrix);
+[[nodiscard]] pybind11::array_t<double> array(Eigen::VectorXd&& vector);
+[[nodiscard]] pybind11::array_t<double> array(std::vector<double>&& vector);
+
+/// A matrix (n, m d), columns [k d, (k + 1) d) of record k, as an array (m, n, d) that owns its memory: entry [k, i, j]
+/// belongs to coordinate i and direction j. Nothing is copied, hence the strides of its last two axes are exchanged.
+[[nodiscard]] pybind11::array_t<double> derivative_array(Eigen::MatrixXd&& matrix, pybind11::ssize_t directions);
+
+/// The memory of a matrix (n, m) that belongs to `owner`, as an array (m, n), which keeps the owner alive. Read-only
+/// unless `writeable`.
+[[nodiscard]] pybind11::array_t<double> view(const Eigen::MatrixXd& matrix, pybind11::handle owner,
+                                             bool writeable = false);
+[[nodiscard]] pybind11::array_t<double> view(const Eigen::VectorXd& vector, pybind11::handle owner,
+                                             bool writeable = false);
+
+}  // namespace orbid::python

@@ -1,0 +1,31 @@
+#include <exception>
+#include <stdexcept>
+
+#include "orbits/data_error.hpp"
+#include "python/bindings.hpp"
+
+namespace orbid::python {
+
+namespace py = pybind11;
+
+/// Wrong calls are ValueErrors (pybind11 does so with std::invalid_argument); what a model does not offer as well.
+void bind_errors(py::module_& module) {
+    // Never freed: a translator may be asked when the interpreter is gone already.
+    static auto* data_error = new py::exception<orbits::DataError>(module, "DataError", PyExc_ValueError);
+    py::register_exception_translator([](std::exception_ptr thrown) {
+        if (!thrown) return;
+        try {
+            std::rethrow_exception(thrown);
+        } catch (const orbits::DataError& error) {
+            (*data_error)(error.what());
+        } catch (const std::invalid_argument& error) {
+            PyErr_SetString(PyExc_ValueError, error.what());
+        } catch (const std::out_of_range& error) {
+            PyErr_SetString(PyExc_IndexError, error.what());
+        } catch (const std::logic_error& error) {
+            PyErr_SetString(PyExc_ValueError, error.what());
+        }
+    });
+}
+
+}  // namespace orbid::python

@@ -1,0 +1,7 @@
+#include "python/bindings.hpp"
+
+namespace orbid::python {
+
+void bind_flow(pybind11::module_& /*module*/) {}
+
+}  // namespace orbid::python

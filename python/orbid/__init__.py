@@ -1,0 +1,5 @@
+"""Identification of nonlinear dynamical systems from chaotic data."""
+
+from ._orbid import DataError, System, __version__, model
+
+__all__ = ["DataError", "System", "__version__", "model"]
