@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/counted_noun.hpp"
 #include "apps/stage_fingerprint.hpp"
 #include "orbits/mixed_bits.hpp"
 #include "orbits/series_file.hpp"
@@ -171,8 +172,8 @@ Experiment simulated(const Workspace& work, std::size_t index) {
                 origin->captured,
                 {}};
             experiment.inputs = by_segment(inputs, experiment.series.segments.size());
-            work.progress.reused("simulate",
-                                 fmt::format("{} points from {}", experiment.series.size(), file.filename().string()));
+            work.progress.reused("simulate", fmt::format("{} from {}", counted(experiment.series.size(), "point"),
+                                                         file.filename().string()));
             return experiment;
         }
     }
@@ -197,8 +198,8 @@ Experiment simulated(const Workspace& work, std::size_t index) {
             }
         });
     }
-    work.progress.end(
-        fmt::format("{} points in {} segments", experiment.series.size(), experiment.series.segments.size()));
+    work.progress.end(fmt::format("{} in {}", counted(experiment.series.size(), "point"),
+                                  counted(experiment.series.segments.size(), "segment")));
     for (const Capture& capture : experiment.captured) {
         work.progress.say(fmt::format("{}, trajectory {}, section {}: {}", capture.experiment, capture.trajectory,
                                       capture.section, capture.what));
@@ -228,8 +229,9 @@ Experiment measured(const Workspace& work, std::size_t index) {
     Experiment experiment;
     experiment.series = recorded_series(work.job, index);
     experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments.size());
-    work.progress.end(fmt::format("{} points in {} segments from {}", experiment.series.size(),
-                                  experiment.series.segments.size(), data.file->path.filename().string()));
+    work.progress.end(fmt::format("{} in {} from {}", counted(experiment.series.size(), "point"),
+                                  counted(experiment.series.segments.size(), "segment"),
+                                  data.file->path.filename().string()));
     return experiment;
 }
 

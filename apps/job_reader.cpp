@@ -98,7 +98,7 @@ JobReading read_job_model(std::string_view text, const std::filesystem::path& so
 JobReading read_job_file(const std::filesystem::path& file) {
     const auto refuse = [](std::string rule) {
         JobReading reading;
-        reading.problems.push_back({{}, "", std::move(rule), Problem::Kind::job});
+        reading.problems.push_back({{0, 0}, "", std::move(rule), Problem::Kind::job});
         return reading;
     };
     if (!std::filesystem::exists(file)) return refuse("the job file does not exist");

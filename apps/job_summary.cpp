@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/counted_noun.hpp"
 #include "apps/evaluated_model.hpp"
 
 namespace orbid::apps {
@@ -21,8 +22,8 @@ std::string data_line(const Job& job, const DataJob& data) {
     const bool section = simulation.sampling == orbits::Series::Sampling::section;
     const std::size_t points = section ? simulation.sections : simulation.count * simulation.trajectories;
     const auto values = static_cast<double>(points) * static_cast<double>(job.model.system->dimension());
-    return fmt::format("  simulate   {}: {} {} on {} trajectories, {:.3g} MB\n", data.name, points,
-                       section ? "sections" : "samples", simulation.trajectories,
+    return fmt::format("  simulate   {}: {} on {}, {:.3g} MB\n", data.name,
+                       counted(points, section ? "section" : "sample"), counted(simulation.trajectories, "trajectory"),
                        values * static_cast<double>(sizeof(double)) / bytes_per_megabyte);
 }
 
@@ -64,10 +65,10 @@ std::string periodic_lines(const Job& job) {
         return points * n * static_cast<double>(sizeof(double)) / bytes_per_megabyte;
     };
     if (periodic.search) {
-        text += fmt::format(
-            "  search     periods {} of the model: {} points of the section on {} trajectories, {:.3g} MB\n",
-            periods_text(periodic.search->periods), periodic.search->points, periodic.search->trajectories,
-            megabytes(static_cast<double>(periodic.search->points)));
+        text += fmt::format("  search     periods {} of the model: {} of the section on {}, {:.3g} MB\n",
+                            periods_text(periodic.search->periods), counted(periodic.search->points, "point"),
+                            counted(periodic.search->trajectories, "trajectory"),
+                            megabytes(static_cast<double>(periodic.search->points)));
     }
     if (periodic.continuation) {
         const periodic::ContinuationOptions& options = periodic.continuation->options;

@@ -241,6 +241,8 @@ std::string_view description(JsonValue::Kind kind) {
 }
 
 std::string message(const Problem& problem, std::string_view file) {
+    // What is wrong with the file as a whole has no place in it.
+    if (problem.place.line == 0) return fmt::format("{}: {}", file, problem.rule);
     return fmt::format("{}:{}:{}: {}{}{}", file, problem.place.line, problem.place.column, problem.pointer,
                        problem.pointer.empty() ? "" : ": ", problem.rule);
 }

@@ -8,7 +8,7 @@
 
 namespace orbid::apps {
 
-/// Where something stands in a text file, counted from 1; columns in bytes.
+/// Where something stands in a text file, counted from 1; columns in bytes. Line 0: the file as a whole.
 struct Place {
     std::size_t line = 1;
     std::size_t column = 1;

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/counted_noun.hpp"
 #include "apps/summary_table.hpp"
 
 namespace orbid::apps {
@@ -130,7 +131,8 @@ std::string orbits_summary(const ComputedOrbits& orbits) {
             "  orbits are missing: indices of the periods 1 to {} add up to {}, equal numbers in a complete list\n",
             sums.size(), fmt::join(sums, ", "));
     if (orbits.captured > 0)
-        text += fmt::format("  {} trajectories of the search ended in a stable orbit or at rest\n", orbits.captured);
+        text += fmt::format("  {} of the search ended in a stable orbit or at rest\n",
+                            counted(orbits.captured, "trajectory"));
     return text;
 }
 

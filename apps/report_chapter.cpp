@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/counted_noun.hpp"
 #include "apps/html_text.hpp"
 #include "apps/markup_text.hpp"
 
@@ -33,7 +34,7 @@ std::string grouped(std::size_t value) {
 }
 
 std::string counted(std::size_t count, std::string_view noun) {
-    return fmt::format("{} {}{}", grouped(count), noun, count == 1 ? "" : "s");
+    return apps::counted(count, noun, grouped(count));
 }
 
 }  // namespace detail

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/counted_noun.hpp"
 #include "apps/progress.hpp"
 #include "apps/summary_table.hpp"
 
@@ -104,7 +105,9 @@ private:
         const auto trajectories = static_cast<double>(run.trajectories);
         const double left_out = trajectories * static_cast<double>(run.transient);
         const double cores = std::min(threads_, trajectories);
-        add("simulate", fmt::format("{:.0f} points on {} trajectories", points(index), run.trajectories),
+        add("simulate",
+            fmt::format("{} on {}", counted(static_cast<std::size_t>(points(index)), "point"),
+                        counted(run.trajectories, "trajectory")),
             points(index) * n_ * bytes, (points(index) + left_out) * step(index) / cores);
     }
 
@@ -199,14 +202,14 @@ private:
                 double seconds = 0.0;
                 for (std::size_t i = 0; i < job_.data.size(); ++i)
                     seconds += std::min(points(i), prediction_intervals) * step(i);
-                add(stage.name(), fmt::format("{} parameters", estimate.parameters.size()), 0.0,
+                add(stage.name(), counted(estimate.parameters.size(), "parameter"), 0.0,
                     seconds * directions() * series_sweeps / threads_);
                 continue;
             }
             const bool nodes = stage.uses(ResidualType::series) && estimate.series && estimate.series->interval;
             const double cycles = stage.uses(ResidualType::cycles) ? cycle_points() : 0.0;
             const double read = stage.uses(ResidualType::series) || stage.uses(ResidualType::waveform) ? readings() : 0;
-            std::string amount = fmt::format("{} parameters", estimate.parameters.size());
+            std::string amount = counted(estimate.parameters.size(), "parameter");
             if (cycles > 0.0) amount += fmt::format(", {}{:.0f} points of cycles", data_.cycles ? "" : "some ", cycles);
             if (read > 0.0) amount += fmt::format(", {:.0f} readings", read);
             if (nodes) amount += ", states at nodes";
