@@ -11,6 +11,7 @@
 #include "apps/html_text.hpp"
 #include "apps/plot_axis.hpp"
 #include "apps/report_chapter.hpp"
+#include "apps/stored_record.hpp"
 #include "apps/summary_table.hpp"
 
 namespace orbid::apps {
@@ -35,10 +36,6 @@ double scaled(const ResidualRow& row) {
     return row.sd > 0.0 ? (row.observed - row.predicted) / row.sd : std::nan("");
 }
 
-bool is_cycle(const ResidualRow& row) {
-    return row.block.starts_with("cycle");
-}
-
 /// Rows of one coordinate by block, in the order of the file.
 struct Group {
     std::string experiment;
@@ -46,6 +43,8 @@ struct Group {
     std::vector<std::pair<std::string, Rows>> blocks;
     bool cycles = false;
     std::string place = "time or phase";  ///< what residuals.csv counts along
+    std::string place_unit = {};
+    std::string unit = {};  ///< of the coordinate
 };
 
 std::vector<Group> groups_of(const std::vector<ResidualRow>& rows) {
@@ -55,8 +54,9 @@ std::vector<Group> groups_of(const std::vector<ResidualRow>& rows) {
     const std::size_t every = std::max<std::size_t>(1, (rows.size() + most_rows - 1) / most_rows);
     std::map<std::size_t, std::size_t> seen;
     for (const ResidualRow& row : rows) {
-        const auto [found, fresh] = place.try_emplace({row.experiment, row.coordinate, is_cycle(row)}, groups.size());
-        if (fresh) groups.push_back({row.experiment, row.coordinate, {}, is_cycle(row), "time or phase"});
+        const auto [found, fresh] =
+            place.try_emplace({row.experiment, row.coordinate, catalog::is_cycle(row)}, groups.size());
+        if (fresh) groups.push_back({row.experiment, row.coordinate, {}, catalog::is_cycle(row)});
         if (seen[found->second]++ % every != 0) continue;
         Group& group = groups[found->second];
         const auto [block, first] = block_place.try_emplace({found->second, row.block}, group.blocks.size());
@@ -67,14 +67,12 @@ std::vector<Group> groups_of(const std::vector<ResidualRow>& rows) {
 }
 
 /// Samples are placed by time, sections by the phase of their forcing or by time.
-std::string place_of(const StoredRun& run, const std::string& name) {
-    for (const Json* experiment : run.experiments()) {
-        if (text_at(*experiment, "name") != name) continue;
-        const Json* simulate = filled(*experiment, "simulate");
-        if (text_at(*experiment, "kind") == "samples" || (simulate != nullptr && simulate->contains("samples")))
-            return "time";
+void name_axes(Group& group, const StoredRun& run, const ModelJob& model) {
+    if (catalog::is_sampled(run, group.experiment)) {
+        group.place = "time";
+        group.place_unit = catalog::time_unit(model);
     }
-    return "time or phase";
+    group.unit = catalog::coordinate_of(model, group.coordinate).unit;
 }
 
 std::string label_of(const Group& group, bool several) {
@@ -125,7 +123,7 @@ Chart residual_chart(const std::vector<Group>& groups) {
         if (group.cycles) view.layers.push_back(std::move(cycles));
         if (x.empty()) continue;
         view.label = label_of(group, several);
-        view.x = x.axis(group.cycles ? "cycles, in their order" : group.place, "");
+        view.x = x.axis(group.cycles ? "cycles, in their order" : group.place, group.cycles ? "" : group.place_unit);
         view.x.deep = true;
         view.y = y.axis("residual / sd", "");
         view.height = 0.42;
@@ -193,9 +191,9 @@ ChartView course_view(const Group& group, const std::string& block, const Rows& 
     ChartView view;
     view.label = group.blocks.size() == 1 && several ? label_of(group, several)
                                                      : fmt::format("{}, segment {}", label_of(group, several), block);
-    view.x = x.axis(group.place, "");
+    view.x = x.axis(group.place, group.place_unit);
     view.x.deep = true;
-    view.y = y.axis(display_name(group.coordinate), "");
+    view.y = y.axis(display_name(group.coordinate), group.unit);
     view.height = 0.42;
     view.layers = {std::move(observed), std::move(predicted)};
     return view;
@@ -216,8 +214,8 @@ ChartView cycle_view(const Group& group, bool several) {
     }
     ChartView view;
     view.label = label_of(group, several);
-    view.x = range.axis(fmt::format("{} predicted", display_name(group.coordinate)), "");
-    view.y = range.axis(fmt::format("{} observed", display_name(group.coordinate)), "");
+    view.x = range.axis(fmt::format("{} predicted", display_name(group.coordinate)), group.unit);
+    view.y = range.axis(fmt::format("{} observed", display_name(group.coordinate)), group.unit);
     view.height = 0.6;
     ChartLayer line{"line", "equal", 1, "soft"};
     line.x = line.y = {view.x.lower, view.x.upper};
@@ -316,8 +314,11 @@ std::string used_table(const Json& counts) {
 ReportChapter residual_chapter(const ReportSource& source) {
     ReportChapter chapter{"residuals", "Fit and residuals", ""};
     std::vector<Group> groups = groups_of(source.residuals);
-    for (Group& group : groups)
-        group.place = place_of(source.run, group.experiment);
+    if (!groups.empty()) {
+        const ModelJob model = stored_model(source.run);
+        for (Group& group : groups)
+            name_axes(group, source.run, model);
+    }
     const Json* result = source.run.result ? &*source.run.result : nullptr;
     if (result != nullptr) {
         if (const Json* list = filled(*result, "residuals")) chapter.html += used_table(*list);
