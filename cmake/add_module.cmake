@@ -8,6 +8,9 @@ target_compile_options(orbid_warnings INTERFACE
 add_library(orbid_flags INTERFACE)
 target_compile_options(orbid_flags INTERFACE -ffp-contract=off)
 target_include_directories(orbid_flags INTERFACE ${CMAKE_SOURCE_DIR})
+if(ORBID_PLAIN_THREADS)
+  target_include_directories(orbid_flags BEFORE INTERFACE ${CMAKE_SOURCE_DIR}/tests/threads)
+endif()
 target_link_libraries(orbid_flags INTERFACE Eigen3::Eigen Threads::Threads)
 # BLAS-like threading inside Eigen would make sums depend on the number of threads. Alignment of Eigen's types must not
 # depend on -march, which a program that uses the library may choose differently.

@@ -313,7 +313,7 @@ TEST_CASE("a nonlinear model of two parameters: the full Hessian brings the marg
     CHECK(std::abs(full[0].mean - a.mean) < 0.2 * std::abs(gauss[0].mean - a.mean));
 }
 
-TEST_CASE("marginals end at bounds, report flat directions, and follow names and threads", "[estimator]") {
+TEST_CASE("marginals end at bounds, report flat directions, and follow names and threads", "[estimator][threads]") {
     const Regression data = made_regression(8);
     FunctionResidual residual;
     residual.add_group(group("y", 0.5, false));

@@ -78,7 +78,8 @@ TEST_CASE("multi-start finds both wells of one parameter", "[estimator]") {
     CHECK(counted == 12);
 }
 
-TEST_CASE("multi-start finds the four zeros of Himmelblau's function, with any number of threads", "[estimator]") {
+TEST_CASE("multi-start finds the four zeros of Himmelblau's function, with any number of threads",
+          "[estimator][threads]") {
     const std::vector<estimator::FreeParameter> parameters{bounded("x", 0.5, -6.0, 6.0), bounded("y", 0.5, -6.0, 6.0)};
     estimator::MultiStartOptions options;
     options.starts = 40;

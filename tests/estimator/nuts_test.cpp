@@ -381,7 +381,7 @@ TEST_CASE("the tails of Student's t", "[estimator]") {
         judge(moments);
 }
 
-TEST_CASE("the same draws with any number of threads, others with another seed", "[estimator]") {
+TEST_CASE("the same draws with any number of threads, others with another seed", "[estimator][threads]") {
     NutsOptions options;
     options.draws = 50;
     options.warm_up = 60;

@@ -385,7 +385,7 @@ TEST_CASE("the posterior density has the value of its formula", "[estimator]") {
     CHECK_THAT(density(x, nullptr), WithinRel(expected, 1e-13));
 }
 
-TEST_CASE("draws of a posterior do not depend on threads; progress and interruption", "[estimator]") {
+TEST_CASE("draws of a posterior do not depend on threads; progress and interruption", "[estimator][threads]") {
     const Regression data = made_regression(14);
     FunctionResidual residual;
     residual.add_group(group("y"));

@@ -213,7 +213,7 @@ TEST_CASE("flows of autonomous models in packs agree with single flows", "[model
     }
 }
 
-TEST_CASE("flows are the same bytes with any number of threads", "[models][flows]") {
+TEST_CASE("flows are the same bytes with any number of threads", "[models][flows][threads]") {
     const auto pendulum = make_system("parametric_pendulum");
     const Eigen::VectorXd theta = rough_pendulum(*pendulum);
     const Eigen::MatrixXd starts = uniform({-3.0, -12.0}, {3.0, 12.0}, 150);

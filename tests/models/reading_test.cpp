@@ -151,7 +151,7 @@ TEST_CASE("an ensemble is the repeated flow of each trajectory", "[models][fast]
     }
 }
 
-TEST_CASE("an ensemble has the same bytes with any number of threads", "[models][fast]") {
+TEST_CASE("an ensemble has the same bytes with any number of threads", "[models][fast][threads]") {
     const auto system = make_system("parametric_pendulum");
     const Eigen::MatrixXd starts = some_states(5);
     std::vector<EnsembleResult> results;

@@ -159,7 +159,7 @@ TEST_CASE("cycle residual: the error of the points at the truth, exact derivativ
     CHECK(derivative_error(residual, c.truth(), no_latents, 1e-6) < 1e-4);
 }
 
-TEST_CASE("cycle residual: same bytes with any number of threads", "[orbits]") {
+TEST_CASE("cycle residual: same bytes with any number of threads", "[orbits][threads]") {
     const CycleCase c({{"l", 1.0}, {"k2", 1.0}});
     const auto cycles = tests::measured_cycles(c.table, 1e-4, 1);
     const orbits::CycleResidual residual(c.system, c.binding, cycles, 0.0, c.truth());

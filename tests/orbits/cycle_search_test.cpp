@@ -283,7 +283,7 @@ TEST_CASE("a shuffled series has no cycles", "[orbits][cycles]") {
     }
 }
 
-TEST_CASE("cycles are the same bytes with any number of threads", "[orbits][cycles]") {
+TEST_CASE("cycles are the same bytes with any number of threads", "[orbits][cycles][threads]") {
     const auto series = tests::standard_map_series(1 << 16);
     CycleSearchOptions options;
     options.periods = {1, 2, 3};

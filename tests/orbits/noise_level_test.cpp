@@ -117,7 +117,7 @@ TEST_CASE("clean series have errors no larger than what the fits leave over, shu
     CHECK(none.unexplained > 0.5);
 }
 
-TEST_CASE("the level is the same with any number of threads, and needs points", "[orbits][noise]") {
+TEST_CASE("the level is the same with any number of threads, and needs points", "[orbits][noise][threads]") {
     const Eigen::Vector2d sd(2.57e-3, 0.77e-3);
     const auto series = with_errors(tests::henon_series(5000), sd.cwiseAbs2().asDiagonal(), 6);
     const NoiseLevel many = level_of(series);

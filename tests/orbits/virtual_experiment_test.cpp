@@ -109,7 +109,7 @@ TEST_CASE("random starts fill the attractor, and the seed decides", "[orbits]") 
     CHECK_FALSE(same(first.series, simulate(*system, theta, options).series));
 }
 
-TEST_CASE("any number of threads gives the same record", "[orbits]") {
+TEST_CASE("any number of threads gives the same record", "[orbits][threads]") {
     const auto system = models::make_system("parametric_pendulum");
     const auto theta = pendulum_parameters(*system, 9.81, 0.0);
     VirtualExperimentOptions options;

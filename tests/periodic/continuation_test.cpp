@@ -210,7 +210,7 @@ TEST_CASE("an asymmetric branch between two losses of symmetry is followed once"
         CHECK_THAT(std::hypot(point.parameter, point.orbit.points(0, 0)), tests::WithinRel(std::sqrt(0.2), 4e-15));
 }
 
-TEST_CASE("a diagram is the same with any number of threads", "[periodic]") {
+TEST_CASE("a diagram is the same with any number of threads", "[periodic][threads]") {
     const auto system = models::make_system("duffing");
     VectorXd theta(5);
     theta << 0.1, 1.0, 0.25, 0.5, 0.5;

@@ -238,7 +238,7 @@ TEST_CASE("indices of a complete list of orbits of the pendulum add up to the sa
     CHECK(index_sums(orbits, 4).back() != 0);
 }
 
-TEST_CASE("search gives the same bytes with any number of threads", "[periodic][search]") {
+TEST_CASE("search gives the same bytes with any number of threads", "[periodic][search][threads]") {
     const auto pendulum = models::make_system("parametric_pendulum");
     const auto table = tests::read_reference_orbits(*pendulum, "pendulum_orbits_g9.81.json");
     OrbitSearchOptions options;

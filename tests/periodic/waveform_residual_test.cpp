@@ -200,7 +200,7 @@ TEST_CASE("an unstable limit cycle from its measured states", "[periodic][wavefo
     CHECK_THAT(found[0].multipliers.front().real(), WithinRel(shortest.unstable_multiplier, 1e-8));
 }
 
-TEST_CASE("waveform layout: missing readings, known phases, channels", "[periodic][waveform]") {
+TEST_CASE("waveform layout: missing readings, known phases, channels", "[periodic][waveform][threads]") {
     const std::shared_ptr<const models::System> system = models::make_system("duffing", "");
     const auto binding = estimated(*system, hardening(*system, 0.8), {"delta"});
     WaveformOptions options;

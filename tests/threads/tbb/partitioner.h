@@ -1,0 +1,11 @@
+#pragma once
+
+#include "crew.h"
+
+namespace tbb {
+
+struct simple_partitioner {};
+struct auto_partitioner {};
+struct static_partitioner {};
+
+}  // namespace tbb
