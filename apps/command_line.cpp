@@ -12,6 +12,7 @@
 #include "apps/command_table.hpp"
 #include "apps/json_reader.hpp"
 #include "apps/version.hpp"
+#include "models/processor_level.hpp"
 
 namespace orbid::apps {
 
@@ -100,7 +101,10 @@ int run_known(const std::vector<std::string>& arguments, const Console& console)
         return 0;
     }
     if (first == "--version") {
-        console.out << "orbid " << program_version() << '\n';
+        console.out << "orbid " << program_version();
+        if (const std::string_view level = models::processor_level(); !level.empty())
+            console.out << " (" << level << ')';
+        console.out << '\n';
         return 0;
     }
     std::vector<std::string> names;

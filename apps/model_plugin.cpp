@@ -18,6 +18,7 @@
 #include "apps/version.hpp"
 #include "models/equation_source.hpp"
 #include "models/named_kernel.hpp"
+#include "models/processor_level.hpp"
 
 namespace orbid::apps {
 
@@ -39,23 +40,29 @@ class NoPlugin : public std::runtime_error {
 constexpr double longest_compilation_s = 240.0;
 constexpr std::size_t digest_length = 64;
 
-/// Folder that holds models/ as this program was compiled with it: beside an installed program, or the source folder.
+/// Folder that holds models/ as this library was compiled with it: include/orbid of the prefix that the library (or the
+/// program that it is part of) lies in, however deep, or the source folder.
 fs::path headers_folder() {
     std::error_code error;
-    const fs::path program = fs::read_symlink("/proc/self/exe", error);
     std::vector<fs::path> candidates;
-    if (!error) candidates.push_back(program.parent_path().parent_path() / "include" / "orbid");
+    Dl_info library{};
+    if (dladdr(&model_headers_sha256, &library) != 0 && library.dli_fname != nullptr) {
+        const fs::path file = fs::canonical(library.dli_fname, error);
+        // lib, its folder of the architecture, glibc-hwcaps and the level: four folders; a package of Python is as
+        // deep.
+        constexpr int deepest = 6;
+        fs::path folder = file.parent_path();
+        for (int depth = 0; !error && depth < deepest && folder != folder.parent_path(); ++depth) {
+            folder = folder.parent_path();
+            candidates.push_back(folder / "include" / "orbid");
+        }
+    }
     candidates.emplace_back(ORBID_HEADERS);
     for (const fs::path& folder : candidates)
-        if (fs::exists(folder / "models" / "model_kernel.hpp", error)) return folder;
-    throw NoPlugin(fmt::format("orbid's headers are not in {}", fmt::join(
-                                                                    [&] {
-                                                                        std::vector<std::string> names;
-                                                                        for (const fs::path& folder : candidates)
-                                                                            names.push_back(folder.string());
-                                                                        return names;
-                                                                    }(),
-                                                                    " or ")));
+        if (fs::exists(folder / "models" / "detail" / "model_kernel.hpp", error)) return folder;
+    throw NoPlugin(
+        "orbid's headers are not installed beside it (Debian: package liborbid-dev; else component development of "
+        "cmake --install)");
 }
 
 /// As cmake/model_headers.cmake computes it.
@@ -79,7 +86,8 @@ std::string processor() {
 std::vector<std::string> flags(const fs::path& headers) {
     std::vector<std::string> words{"-std=c++20",          "-O3",   "-DNDEBUG", "-ffp-contract=off", "-fPIC", "-shared",
                                    "-fvisibility=hidden", "-pipe", "-w"};
-    if (!std::string_view(ORBID_MACHINE).empty()) words.push_back(std::string("-march=") + ORBID_MACHINE);
+    // As the models of the library that was loaded: numbers do not depend on whether equations are compiled with them.
+    if (const std::string machine = models::compiled_machine(); !machine.empty()) words.push_back("-march=" + machine);
     words.push_back("-I" + headers.string());
     // A compiler's own folder must keep its place in its list.
     if (const std::string xsimd = ORBID_XSIMD; xsimd != "/usr/include") {

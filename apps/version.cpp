@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <boost/version.hpp>
 
+#include "models/processor_level.hpp"
+
 namespace orbid::apps {
 
 std::string program_version() {
@@ -13,6 +15,7 @@ std::string program_version() {
 Versions versions() {
     return {{"orbid", program_version()},
             {"compiler", __VERSION__},
+            {"processor", models::processor_level()},
             {"Eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
             {"Boost", fmt::format("{}.{}", BOOST_VERSION / 100000, BOOST_VERSION / 100 % 1000)}};
 }

@@ -75,3 +75,19 @@ function(add_room_tests name)
   add_test(NAME ${name} COMMAND ${name}_test)
   set_tests_properties(${name} PROPERTIES LABELS fast)
 endfunction()
+
+# Sources of a room that are compiled for a processor, by -march: ORBID_MACHINE, and once more for each of ORBID_LEVELS,
+# which cmake/library.cmake makes further libraries of. They hold no type of Eigen, whose alignment depends on such flags.
+#   compile_for_machine(orbits box_tree.cpp)
+function(compile_for_machine room)
+  set(machine "$<TARGET_PROPERTY:ORBID_MACHINE>")
+  set_source_files_properties(${ARGN} PROPERTIES
+    SKIP_PRECOMPILE_HEADERS ON
+    COMPILE_OPTIONS "$<$<CONFIG:Release>:-O3>;$<$<BOOL:${machine}>:-march=${machine}>")
+  set_target_properties(orbid_${room} PROPERTIES ORBID_MACHINE "${ORBID_MACHINE}" ORBID_MACHINE_SOURCES "${ARGN}")
+  foreach(level IN LISTS ORBID_LEVELS)
+    add_library(orbid_${room}_${level} OBJECT ${ARGN})
+    target_link_libraries(orbid_${room}_${level} PRIVATE orbid_${room} orbid_warnings orbid_library_flags fmt::fmt)
+    set_target_properties(orbid_${room}_${level} PROPERTIES ORBID_MACHINE ${level})
+  endforeach()
+endfunction()

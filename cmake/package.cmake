@@ -1,0 +1,66 @@
+# Debian packages (target package, ./dev package): orbid, liborbid-dev, and python3-orbid where it is built.
+if(ORBID_SYNTAX_ONLY)
+  return()
+endif()
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME orbid)
+set(CPACK_PACKAGE_CONTACT "${ORBID_MAINTAINER}")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_COMPONENTS_ALL runtime development)
+if(TARGET orbid_python)
+  list(APPEND CPACK_COMPONENTS_ALL python)
+endif()
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
+set(CPACK_DEBIAN_PACKAGE_PRIORITY optional)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")
+set(about "Trajectories of chaotic systems cannot be fitted directly, for errors grow
+exponentially. orbid reduces a record to its unstable periodic orbits, computes
+those of the model, and estimates parameters of the model and of the errors,
+with intervals and with what the data do not determine.
+")
+
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME orbid)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION science)
+set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "identification of nonlinear dynamical systems from chaotic data
+${about}
+This package holds the program, the library and example jobs.")
+# CPack's own way to dependencies on libraries adds scripts that call ldconfig; those that run after a removal stay behind
+# until a purge. So dpkg-shlibdeps is asked when packages are made, and ldconfig is run by a trigger.
+set(control ${CMAKE_BINARY_DIR}/control)
+file(CONFIGURE OUTPUT ${control}/triggers CONTENT "activate-noawait ldconfig\n")
+file(CONFIGURE OUTPUT ${control}/shlibs @ONLY CONTENT
+  "liborbid @PROJECT_VERSION_MAJOR@.@PROJECT_VERSION_MINOR@ orbid (>= @PROJECT_VERSION@)\n")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA ${control}/triggers ${control}/shlibs)
+set(CPACK_ORBID_BUILD ${CMAKE_BINARY_DIR})
+set(CPACK_PROJECT_CONFIG_FILE ${CMAKE_SOURCE_DIR}/cmake/package_dependencies.cmake)
+# HDF5 is loaded by its name, which no tool finds.
+find_program(ORBID_DPKG_QUERY dpkg-query)
+if(ORBID_DPKG_QUERY)
+  execute_process(COMMAND ${ORBID_DPKG_QUERY} -S */${ORBID_HDF5_LIBRARY} OUTPUT_VARIABLE owner ERROR_QUIET)
+  if(owner MATCHES "^([^:,\n ]+)")
+    set(CPACK_ORBID_LOADED ${CMAKE_MATCH_1})
+  endif()
+endif()
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "liborbid-dev (= ${PROJECT_VERSION}-1), g++, librsvg2-bin")
+
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME liborbid-dev)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "orbid (= ${PROJECT_VERSION}-1), libeigen3-dev, libxsimd-dev")
+set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "identification of nonlinear dynamical systems (C++ headers)
+${about}
+This package holds the headers, files for CMake and pkg-config, and examples.
+With a compiler beside it orbid compiles equations that a job holds.")
+
+set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-orbid)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "orbid (= ${PROJECT_VERSION}-1), python3, python3-numpy")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${CMAKE_LIBRARY_OUTPUT_DIRECTORY})
+set(CPACK_COMPONENT_PYTHON_DESCRIPTION "identification of nonlinear dynamical systems (Python)
+${about}
+This package holds the Python module.")
+include(CPack)
