@@ -1,7 +1,158 @@
-#include "python/bindings.hpp"
+#include <limits>
+#include <memory>
+#include <utility>
+
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "error_model.hpp"
+#include "estimate_result.hpp"
+#include "named_arguments.hpp"
+#include "residual.hpp"
 
 namespace orbid::python {
 
-void bind_estimator(pybind11::module_& /*module*/) {}
+namespace py = pybind11;
+
+namespace {
+
+constexpr auto estimate_text = R"(Parameters, error scales and their uncertainties from residuals.
+
+parameters  dict from names to start values, or to dicts as under "parameters" of a job: start, scale ("linear", "log",
+            "log10", "logit"), bounds, prior, tied; also unit and typical_size. The order is that of theta.
+residuals   a Residual or several.
+derived     dict from names to pairs of functions of theta: value (a number), gradient (shape (parameters,)).
+variance    "restricted", "ml" or "integrated": what error scales minimise (docs/estimator.md, section 3).
+clusters    "automatic", "blocks" or "none"; maximum_iterations (200), maximum_rounds (20), step_tolerance (1e-6, in
+            posterior sds), verdict (True), full_hessian (False), joint_priors (list as in a job).
+progress    called as progress(iteration, objective) after every accepted step.
+
+Ctrl-C: the best estimate so far, status "interrupted". An exception raised by a residual stops the estimate and is
+raised here. ValueError, TypeError and KeyError name what is wrong.)";
+
+std::vector<py::object> residual_list(py::handle residuals) {
+    if (py::isinstance<estimator::Residual>(residuals)) return {py::reinterpret_borrow<py::object>(residuals)};
+    if (residuals.is_none() || !py::isinstance<py::sequence>(residuals) || py::isinstance<py::str>(residuals))
+        throw py::type_error("residuals: needs a Residual or a list of them");
+    std::vector<py::object> list;
+    for (const py::handle one : residuals)
+        list.push_back(py::reinterpret_borrow<py::object>(one));
+    return list;
+}
+
+/// What a function of theta returns, nan where it failed. Not all need be finite: at the start it may have no value.
+Eigen::VectorXd called(ResidualCall& call, py::handle function, const Eigen::VectorXd& theta, Eigen::Index size,
+                       const std::string& where) {
+    if (!call.failed()) {
+        const py::gil_scoped_acquire lock;
+        try {
+            const Doubles numbers = doubles(function(array(Eigen::VectorXd(theta))), where.c_str());
+            if (numbers.size() != size || numbers.ndim() > 1)
+                throw py::value_error(where + ": shape " + std::string(py::str(numbers.attr("shape"))) + ", needs " +
+                                      std::to_string(size) + (size == 1 ? " number" : " numbers"));
+            return vector(numbers);
+        } catch (...) {
+            call.fail(std::current_exception());
+        }
+    }
+    return Eigen::VectorXd::Constant(size, std::numeric_limits<double>::quiet_NaN());
+}
+
+std::shared_ptr<EstimateResult> estimate(py::handle parameters, py::handle residuals, py::object derived,
+                                         const py::kwargs& keywords) {
+    auto result = std::make_shared<EstimateResult>();
+    result->parameters = estimated_parameters(parameters);
+    result->residuals = residual_list(residuals);
+    result->derived = std::move(derived);
+    ResidualCall call(result->residuals);
+    NamedArguments given("estimate", keywords);
+    const auto quantities = derived_quantities(result->derived, call);
+    estimator::EstimateOptions options = estimate_options(given, call);
+    given.finish();
+    const bool interrupted = call.compute([&](const std::function<bool()>& stopped) {
+        options.interrupted = stopped;
+        result->estimate = estimator::estimate(result->parameters, call.residuals(), quantities, options);
+    });
+    // A signal that comes after the last step changes nothing.
+    if (interrupted && result->estimate.status != estimator::EstimateStatus::interrupted)
+        result->estimate.message += "; a signal to stop came after the last step";
+    options.interrupted = nullptr;
+    options.progress = nullptr;
+    result->options = std::move(options);
+    return result;
+}
+
+}  // namespace
+
+std::vector<estimator::DerivedQuantity> derived_quantities(py::handle derived, ResidualCall& call) {
+    std::vector<estimator::DerivedQuantity> quantities;
+    if (!derived || derived.is_none()) return quantities;
+    if (!py::isinstance<py::dict>(derived))
+        throw py::type_error("derived: needs a dict from names to pairs of functions (value, gradient)");
+    for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(derived)) {
+        const std::string name = py::str(key);
+        const std::string where = "derived '" + name + "'";
+        if (!py::isinstance<py::sequence>(value) || py::len(value) != 2)
+            throw py::type_error(where + ": needs a pair of functions (value, gradient)");
+        const py::object parts[] = {value[py::int_(0)], value[py::int_(1)]};
+        for (const py::object& part : parts)
+            if (PyCallable_Check(part.ptr()) == 0) throw py::type_error(where + ": needs functions");
+        estimator::DerivedQuantity quantity;
+        quantity.name = name;
+        // The functions are borrowed: their owner is the result, which outlives the call.
+        quantity.value = [&call, where, function = parts[0].ptr()](const Eigen::VectorXd& theta) {
+            return called(call, function, theta, 1, where + ": value")[0];
+        };
+        quantity.gradient = [&call, where, function = parts[1].ptr()](const Eigen::VectorXd& theta) {
+            return called(call, function, theta, theta.size(), where + ": gradient");
+        };
+        quantities.push_back(std::move(quantity));
+    }
+    return quantities;
+}
+
+estimator::EstimateOptions estimate_options(NamedArguments& given, ResidualCall& call) {
+    estimator::EstimateOptions options;
+    constexpr estimator::Variance variances[] = {estimator::Variance::restricted, estimator::Variance::ml,
+                                                 estimator::Variance::integrated};
+    constexpr estimator::Clusters clusters[] = {estimator::Clusters::automatic, estimator::Clusters::blocks,
+                                                estimator::Clusters::none};
+    options.variance = variances[given.choice("variance", {"restricted", "ml", "integrated"})];
+    options.clusters = clusters[given.choice("clusters", {"automatic", "blocks", "none"})];
+    options.maximum_iterations = static_cast<int>(given.integer("maximum_iterations", options.maximum_iterations, 1));
+    options.maximum_rounds = static_cast<int>(given.integer("maximum_rounds", options.maximum_rounds, 1));
+    options.step_tolerance = given.number("step_tolerance", options.step_tolerance);
+    options.relative_singular_value = given.number("relative_singular_value", options.relative_singular_value);
+    options.verdict = given.flag("verdict", options.verdict);
+    options.full_hessian = given.flag("full_hessian", options.full_hessian);
+    if (const py::object priors = given.find_value("joint_priors")) {
+        if (!py::isinstance<py::sequence>(priors)) throw py::type_error("estimate: joint_priors: needs a list");
+        for (const py::handle one : priors)
+            options.joint_priors.push_back(joint_prior(one, "estimate: joint_priors"));
+    }
+    if (const py::object progress = given.find_value("progress")) {
+        if (PyCallable_Check(progress.ptr()) == 0) throw py::type_error("estimate: progress: needs a function");
+        options.progress = [&call, function = progress.ptr()](int iteration, double objective) {
+            if (call.failed()) return;
+            const py::gil_scoped_acquire lock;
+            try {
+                (void)py::handle{function}(iteration, objective);
+            } catch (...) {
+                call.fail(std::current_exception());
+            }
+        };
+    }
+    return options;
+}
+
+void bind_estimator(py::module_& module) {
+    bind_residual(module);
+    bind_estimate_result(module);
+    module.def("estimate", &estimate, py::arg("parameters"), py::arg("residuals"), py::arg("derived") = py::none(),
+               estimate_text);
+    bind_multi_start(module);
+}
 
 }  // namespace orbid::python

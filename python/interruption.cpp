@@ -20,12 +20,19 @@ namespace {
 /// person, seldom enough to cost nothing.
 constexpr std::chrono::milliseconds between_questions{20};
 
+/// What handlers of signals raised while something was computed.
+struct Raised {
+    std::optional<py::error_already_set> error;
+    bool again = false;  ///< a second request to stop: then nothing is wanted any more
+};
+
 /// Handlers of signals that have come since the last call run now; what they raise is kept.
-void ask_signals(std::optional<py::error_already_set>& raised) {
+void ask_signals(Raised& raised) {
     const py::gil_scoped_acquire lock;
     if (PyErr_CheckSignals() == 0) return;
     py::error_already_set error;
-    if (!raised || raised->matches(PyExc_KeyboardInterrupt)) raised.emplace(std::move(error));
+    raised.again = raised.again || (raised.error && error.matches(PyExc_KeyboardInterrupt));
+    if (!raised.error || raised.error->matches(PyExc_KeyboardInterrupt)) raised.error.emplace(std::move(error));
 }
 
 }  // namespace
@@ -36,7 +43,7 @@ bool computed_until_interrupted(const std::function<void(const std::function<boo
     std::mutex mutex;
     std::condition_variable changed;
     bool done = false;
-    std::optional<py::error_already_set> raised;
+    Raised raised;
     {
         const py::gil_scoped_release unlocked;
         std::thread worker([&] {
@@ -52,14 +59,14 @@ bool computed_until_interrupted(const std::function<void(const std::function<boo
         for (std::unique_lock lock(mutex); !changed.wait_for(lock, between_questions, [&] { return done; });) {
             lock.unlock();
             ask_signals(raised);
-            if (raised) stop = true;
+            if (raised.error) stop = true;
             lock.lock();
         }
         worker.join();
     }
     if (failure) std::rethrow_exception(failure);
-    if (!raised) return false;
-    if (!raised->matches(PyExc_KeyboardInterrupt)) throw py::error_already_set(*raised);
+    if (!raised.error) return false;
+    if (raised.again || !raised.error->matches(PyExc_KeyboardInterrupt)) throw py::error_already_set(*raised.error);
     return true;
 }
 

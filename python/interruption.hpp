@@ -8,7 +8,8 @@ namespace orbid::python {
 /// Call it holding the lock; `compute` may take the lock (pybind11::gil_scoped_acquire) to call Python.
 ///
 /// @param compute  asks `stopped` between its steps, from any thread, and returns soon when it says yes.
-/// @return a signal asked to stop (Ctrl-C): what was computed is the best until then. KeyboardInterrupt is not raised.
+/// @return a signal asked to stop (Ctrl-C): what was computed is the best until then. KeyboardInterrupt is not raised,
+///         unless a second such signal comes before `compute` has returned.
 /// @throws what `compute` throws; what a signal's handler raises other than KeyboardInterrupt, once `compute` has
 ///         returned.
 [[nodiscard]] bool computed_until_interrupted(const std::function<void(const std::function<bool()>& stopped)>& compute);

@@ -1,4 +1,15 @@
-from typing import Optional
+import os
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Numbers = Union[float, Sequence[float], Sequence[Sequence[float]], npt.NDArray[np.floating[Any]],
+                npt.NDArray[np.integer[Any]]]
+Parameters = Union[None, Mapping[str, float], Sequence[float], Array]
+Names = Union[None, bool, str, Sequence[str]]
+Section = Mapping[str, Any]
 
 __version__: str
 
@@ -9,3 +20,190 @@ class System:
     def name(self) -> str: ...
 
 def model(name: str, *, variant: str = "", size: Optional[int] = None) -> System: ...
+
+# Estimator
+
+class Residual:
+    """A source of errors e = y - yhat(theta, z) with derivatives; subclass it to bring one of your own."""
+
+    def __init__(self) -> None: ...
+    def evaluate(self, theta: Array, latents: List[Array], derivatives: bool) -> Any: ...
+
+class Estimated:
+    """One estimated or derived number with its uncertainty."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def value(self) -> float: ...
+    @property
+    def start(self) -> float: ...
+    @property
+    def sd(self) -> float: ...
+    @property
+    def interval95(self) -> Tuple[float, float]: ...
+    @property
+    def interval_method(self) -> str: ...
+    @property
+    def at_bound(self) -> str: ...
+    @property
+    def laplace_sd(self) -> float: ...
+    @property
+    def data_share(self) -> float: ...
+
+class EstimatedScale:
+    """Error scale of a group of records."""
+
+    @property
+    def group(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def factor(self) -> bool: ...
+    @property
+    def estimated(self) -> bool: ...
+    @property
+    def value(self) -> float: ...
+    @property
+    def sd(self) -> float: ...
+    @property
+    def interval95(self) -> Tuple[float, float]: ...
+    @property
+    def interval_method(self) -> str: ...
+    @property
+    def count(self) -> int: ...
+    @property
+    def rms(self) -> float: ...
+    @property
+    def lag1(self) -> float: ...
+    @property
+    def effective_count(self) -> float: ...
+    @property
+    def distribution(self) -> str: ...
+    @property
+    def shape(self) -> Dict[str, Estimated]: ...
+
+class Estimate:
+    """Result of estimate(); profiles, marginals and samples are asked of it."""
+
+    @property
+    def status(self) -> str: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def parameters(self) -> Dict[str, Estimated]: ...
+    @property
+    def derived(self) -> Dict[str, Estimated]: ...
+    @property
+    def theta(self) -> Array: ...
+    @property
+    def scales(self) -> Dict[str, EstimatedScale]: ...
+    @property
+    def covariances(self) -> List[Dict[str, Any]]: ...
+    @property
+    def covariance(self) -> Array: ...
+    @property
+    def correlation(self) -> Array: ...
+    @property
+    def singular_values(self) -> Array: ...
+    @property
+    def latents(self) -> List[List[Array]]: ...
+    @property
+    def latent_sds(self) -> List[List[Array]]: ...
+    @property
+    def residuals(self) -> List[List[Array]]: ...
+    @property
+    def null_directions(self) -> List[Array]: ...
+    @property
+    def sloppy_directions(self) -> List[Dict[str, Any]]: ...
+    @property
+    def counts(self) -> List[Dict[str, Any]]: ...
+    @property
+    def history(self) -> List[Dict[str, Any]]: ...
+    @property
+    def trust_normal(self) -> bool: ...
+    @property
+    def distrust(self) -> str: ...
+    @property
+    def objective(self) -> float: ...
+    @property
+    def log_likelihood(self) -> float: ...
+    @property
+    def log_integral(self) -> float: ...
+    @property
+    def degrees_of_freedom(self) -> float: ...
+    @property
+    def effective_count(self) -> float: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def rounds(self) -> int: ...
+    @property
+    def remaining(self) -> float: ...
+    def to_dict(self) -> Dict[str, Any]: ...
+    def profiles(
+        self,
+        *,
+        names: Union[str, Sequence[str], None] = None,
+        level: float = 0.95,
+        tolerance: float = 1e-4,
+        reach: float = 40.0,
+        curve_points: int = 4,
+        maximum_points: int = 60,
+    ) -> Dict[str, Dict[str, Any]]: ...
+    def marginals(
+        self,
+        *,
+        names: Union[str, Sequence[str], None] = None,
+        step: float = 0.5,
+        fall: float = 12.0,
+        reach: float = 40.0,
+        maximum_points: int = 41,
+        full_hessian: bool = ...,
+    ) -> Dict[str, Dict[str, Any]]: ...
+    def sample(
+        self,
+        *,
+        chains: int = 4,
+        warm_up: int = 500,
+        draws: int = 1000,
+        seed: int = 1,
+        acceptance: float = 0.8,
+        maximum_depth: int = 10,
+        spread: float = 1.0,
+    ) -> Dict[str, Any]: ...
+
+def estimate(
+    parameters: Mapping[str, Union[float, Mapping[str, Any]]],
+    residuals: Union[Residual, Sequence[Residual]],
+    derived: Optional[Mapping[str, Tuple[Callable[[Array], float], Callable[[Array], npt.ArrayLike]]]] = None,
+    *,
+    variance: str = "restricted",
+    clusters: str = "automatic",
+    maximum_iterations: int = 200,
+    maximum_rounds: int = 20,
+    step_tolerance: float = 1e-6,
+    relative_singular_value: float = 3e-8,
+    verdict: bool = True,
+    full_hessian: bool = False,
+    joint_priors: Optional[Sequence[Mapping[str, Any]]] = None,
+    progress: Optional[Callable[[int, float], object]] = None,
+) -> Estimate: ...
+def multi_start(
+    parameters: Mapping[str, Union[float, Mapping[str, Any]]],
+    residuals: Callable[[], Union[Residual, Sequence[Residual]]],
+    derived: Optional[Mapping[str, Tuple[Callable[[Array], float], Callable[[Array], npt.ArrayLike]]]] = None,
+    *,
+    starts: int = 20,
+    seed: int = 1,
+    width: float = 1.0,
+    screening_iterations: int = 0,
+    kept: int = 10,
+    distance: float = 0.1,
+    objective_tolerance: float = 0.01,
+    **options: Any,
+) -> Dict[str, Any]: ...

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <pybind11/pybind11.h>
+#include <Eigen/Core>
+
+namespace orbid::python {
+
+/// Values by name, of keyword arguments or of a dict that describes something: each is asked for once, and what nobody
+/// asked for is an error that names it and the nearest name there is.
+class NamedArguments {
+public:
+    /// @param where  begins every message: "estimate", "group 'phi'".
+    /// @throws TypeError unless `given` is a mapping from text.
+    NamedArguments(std::string where, pybind11::handle given);
+
+    /// The value, None included; empty handle when it was not given.
+    [[nodiscard]] pybind11::object find(const char* name);
+    /// The same, where None means: not given.
+    [[nodiscard]] pybind11::object find_value(const char* name);
+    [[nodiscard]] bool has(const char* name) const { return given_.contains(name); }
+
+    /// A number; integers are taken where float64 holds them, bool and text are not.
+    [[nodiscard]] double number(const char* name, double otherwise);
+    [[nodiscard]] double required_number(const char* name);
+    [[nodiscard]] std::optional<double> optional_number(const char* name);
+    /// A whole number in [least, 2^53]. @throws TypeError for a float, ValueError below `least`.
+    [[nodiscard]] long long integer(const char* name, long long otherwise, long long least);
+    [[nodiscard]] bool flag(const char* name, bool otherwise);
+    [[nodiscard]] std::string text(const char* name, const std::string& otherwise);
+    /// Texts; one text counts as a list of one.
+    [[nodiscard]] std::vector<std::string> texts(const char* name);
+    /// Position of the text among the choices. @throws ValueError naming them.
+    [[nodiscard]] std::size_t choice(const char* name, const std::vector<std::string>& choices,
+                                     std::size_t otherwise = 0);
+    /// Numbers, all finite; empty when not given.
+    [[nodiscard]] Eigen::VectorXd vector(const char* name);
+    /// A square or other matrix as written, row after row, all finite; empty when not given.
+    [[nodiscard]] Eigen::MatrixXd matrix(const char* name);
+
+    /// @throws TypeError for names that nobody asked for.
+    void finish() const;
+
+    [[nodiscard]] std::string place(const char* name) const { return where_ + ": " + name; }
+
+private:
+    std::string where_;
+    pybind11::dict given_;
+    std::vector<std::string> asked_;
+};
+
+/// A whole number that is written as one: no float, no bool. @throws TypeError naming `place`.
+[[nodiscard]] long long whole_number(pybind11::handle value, const std::string& place);
+
+/// A number that is finite. @throws TypeError, ValueError naming `place`.
+[[nodiscard]] double finite_number(pybind11::handle value, const std::string& place);
+
+/// A matrix as written, shape (rows, columns): a copy in the library's order. @throws TypeError, ValueError.
+[[nodiscard]] Eigen::MatrixXd written_matrix(pybind11::handle value, const std::string& place);
+
+/// Texts; one text counts as a list of one. @throws TypeError naming `place`.
+[[nodiscard]] std::vector<std::string> text_list(pybind11::handle value, const std::string& place);
+
+}  // namespace orbid::python
