@@ -124,4 +124,25 @@ std::optional<models::Section> plane(const models::System& system, py::handle se
     return plane;
 }
 
+models::FlowOptions flow_options(double rtol, double atol, std::size_t maximum_steps) {
+    return {.relative_tolerance = rtol, .absolute_tolerance = atol, .maximum_steps = maximum_steps};
+}
+
+std::vector<double> phases(py::handle phase, Eigen::Index count) {
+    const Doubles given = finite_vector(phase, "phase");
+    if (given.size() == 1) return std::vector<double>(static_cast<std::size_t>(count), *given.data());
+    if (given.size() != count)
+        throw py::value_error("phase: " + std::to_string(given.size()) + " entries, needs one or " +
+                              std::to_string(count));
+    return {given.data(), given.data() + count};
+}
+
+std::vector<std::string> direction_names(const models::System& system, const std::vector<Eigen::Index>& free) {
+    std::vector<std::string> names = coordinate_names(system);
+    const auto parameters = parameter_names(system);
+    for (const Eigen::Index k : free)
+        names.push_back(parameters[static_cast<std::size_t>(k)]);
+    return names;
+}
+
 }  // namespace orbid::python

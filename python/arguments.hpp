@@ -35,4 +35,14 @@ namespace orbid::python {
 /// @throws KeyError, ValueError naming the key.
 [[nodiscard]] std::optional<models::Section> plane(const models::System& system, pybind11::handle section);
 
+/// Tolerances of a flow, checked by the library.
+[[nodiscard]] models::FlowOptions flow_options(double rtol, double atol, std::size_t maximum_steps);
+
+/// Phases of `count` states: one number for all, or one each.
+[[nodiscard]] std::vector<double> phases(pybind11::handle phase, Eigen::Index count);
+
+/// Names of the directions of sensitivities: the coordinates of the start, then the free parameters.
+[[nodiscard]] std::vector<std::string> direction_names(const models::System& system,
+                                                       const std::vector<Eigen::Index>& free);
+
 }  // namespace orbid::python

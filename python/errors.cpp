@@ -1,4 +1,5 @@
 #include <exception>
+#include <filesystem>
 #include <stdexcept>
 
 #include "orbits/data_error.hpp"
@@ -12,12 +13,15 @@ namespace py = pybind11;
 void bind_errors(py::module_& module) {
     // Never freed: a translator may be asked when the interpreter is gone already.
     static auto* data_error = new py::exception<orbits::DataError>(module, "DataError", PyExc_ValueError);
+    data_error->attr("__doc__") = "Recorded data that cannot be read or used; names file, line and column.";
     py::register_exception_translator([](std::exception_ptr thrown) {
         if (!thrown) return;
         try {
             std::rethrow_exception(thrown);
         } catch (const orbits::DataError& error) {
             (*data_error)(error.what());
+        } catch (const std::filesystem::filesystem_error& error) {
+            PyErr_SetString(PyExc_OSError, error.what());
         } catch (const std::invalid_argument& error) {
             PyErr_SetString(PyExc_ValueError, error.what());
         } catch (const std::out_of_range& error) {

@@ -6,7 +6,6 @@ PYBIND11_MODULE(_orbid, module) {
     module.attr("__version__") = ORBID_VERSION;
     bind_errors(module);
     bind_models(module);
-    bind_flow(module);
     bind_equations(module);
     bind_periodic(module);
     bind_branches(module);

@@ -1,0 +1,249 @@
+"""Jobs from Python: the same runs, files and numbers as the command line's."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import os
+import pathlib
+import tempfile
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _orbid
+
+Job = Union[Mapping[str, Any], str, "os.PathLike[str]"]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong with a job, where, and which rule it breaks."""
+
+    pointer: str
+    """JSON Pointer (RFC 6901); empty: the whole job, or a file."""
+    rule: str
+    text: str
+    """All of it as one line."""
+    line: Optional[int] = None
+    """From 1; None where the job is a dict."""
+    column: Optional[int] = None
+    data: bool = False
+    """A data file that cannot be read, not the job itself."""
+
+
+class JobError(ValueError):
+    """A job that cannot be run; the message names the JSON Pointer of every problem."""
+
+    def __init__(self, message: str, problems: Optional[List[Problem]] = None) -> None:
+        super().__init__(message)
+        self.problems: List[Problem] = problems or []
+
+
+@dataclass(frozen=True)
+class ResultEntry:
+    """A number of result.json with its uncertainty. None where there is none."""
+
+    value: Optional[float]
+    sd: Optional[float]
+    interval95: Optional[Tuple[float, float]]
+    unit: str
+    entry: Mapping[str, Any]
+    """The whole entry of result.json."""
+
+    def __repr__(self) -> str:
+        return f"ResultEntry({self.value} +- {self.sd} {self.unit})"
+
+
+def _entry(entry: Mapping[str, Any]) -> ResultEntry:
+    interval = entry.get("interval95")
+    ends = None if interval is None or None in interval else (float(interval[0]), float(interval[1]))
+    return ResultEntry(entry.get("value"), entry.get("sd"), ends, entry.get("unit") or "", entry)
+
+
+class Run:
+    """A run and its folder of results."""
+
+    def __init__(self, folder: pathlib.Path, result: Dict[str, Any], exit_code: int = 0, summary: str = "",
+                 messages: str = "", keep: Optional[tempfile.TemporaryDirectory[str]] = None) -> None:
+        self.folder = folder
+        self.result = result
+        """Content of result.json; empty: the job has no estimate, or was interrupted before it."""
+        self.exit_code = exit_code
+        """That of the command line: 0 done, 1 without a valid answer, 130 interrupted."""
+        self.summary = summary
+        """The tables that the command line prints."""
+        self.messages = messages
+        """Progress and remarks, as on standard error."""
+        self._keep = keep
+
+    @property
+    def status(self) -> str:
+        """converged, no_progress, iteration_limit, singular, failed or interrupted; done or nothing_found of jobs
+        without an estimate."""
+        if self.exit_code == 130:
+            return "interrupted"
+        return str(self.result.get("status", "done" if self.exit_code == 0 else "nothing_found"))
+
+    @property
+    def parameters(self) -> Dict[str, ResultEntry]:
+        """What was estimated, by name."""
+        return {name: _entry(entry) for name, entry in self.result.get("parameters", {}).items()}
+
+    @property
+    def derived(self) -> Dict[str, ResultEntry]:
+        """Derived quantities, by name."""
+        return {name: _entry(entry) for name, entry in self.result.get("derived", {}).items()}
+
+    @property
+    def residuals(self) -> npt.NDArray[Any]:
+        """residuals.csv as a structured array: text columns as str, numbers as float64 (empty cells nan)."""
+        with open(self.folder / "residuals.csv", newline="", encoding="utf-8") as file:
+            header, *rows = list(csv.reader(file))
+        text = {"experiment", "segment_or_cycle", "coordinate"}
+        columns = []
+        for k, name in enumerate(header):
+            cells = [row[k] for row in rows]
+            columns.append(np.array(cells, dtype=np.str_) if name in text else
+                           np.array([float(cell) if cell else np.nan for cell in cells], dtype=np.float64))
+        return np.rec.fromarrays(columns, names=header).view(np.ndarray)  # type: ignore[call-overload, no-any-return]
+
+    def __repr__(self) -> str:
+        return f"Run({self.status}, {self.folder})"
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's numbers and arrays as JSON has them."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise TypeError(f"{type(value).__name__} has no form in JSON")
+
+
+def _write_table(columns: Mapping[str, Any], pointer: str, folder: pathlib.Path) -> str:
+    """Columns as a table in the folder, named by its content: shortest decimals that read back to the same double."""
+    if not columns:
+        raise JobError(f"{pointer}: no column")
+    cells: List[List[str]] = []
+    for name, given in columns.items():
+        if hasattr(given, "mask"):
+            raise JobError(f'{pointer}/{name}: a masked array; fill it with nan and say "missing": "nan"')
+        column = np.asarray(given)
+        if column.ndim != 1:
+            raise JobError(f"{pointer}/{name}: shape {column.shape}, needs one dimension")
+        if column.dtype.kind not in "fiuU":
+            raise JobError(f"{pointer}/{name}: of type {column.dtype}; needs numbers (or text: labels of segments)")
+        if cells and len(column) != len(cells[0]):
+            raise JobError(f"{pointer}/{name}: {len(column)} entries, the other columns have {len(cells[0])}")
+        quoted = column.dtype.kind == "U"
+        cells.append(['"' + x.replace('"', '""') + '"' if quoted else repr(x) for x in column.tolist()])
+    header = ",".join('"' + name.replace('"', '""') + '"' for name in columns)
+    text = "\n".join([header, *(",".join(row) for row in zip(*cells)), ""])
+    file = folder / "arrays" / (hashlib.sha256(text.encode()).hexdigest()[:16] + ".csv")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = file.with_suffix(".part")
+    unfinished.write_text(text, encoding="utf-8")
+    unfinished.replace(file)
+    return str(file.resolve())
+
+
+def _with_tables(job: Mapping[str, Any], folder: pathlib.Path) -> Dict[str, Any]:
+    """The job with data whose "file" is a dict of arrays written to files."""
+    whole = dict(job)
+    data = whole.get("data")
+    blocks = data if isinstance(data, (list, tuple)) else [data]
+    written: List[Any] = []
+    for k, block in enumerate(blocks):
+        pointer = f"/data/{k}/file" if isinstance(data, (list, tuple)) else "/data/file"
+        if isinstance(block, Mapping) and isinstance(block.get("file"), Mapping):
+            columns = block["file"]
+            own_names = {"time" if name == "t" else name: name for name in columns}
+            block = {"columns": own_names, **block, "file": _write_table(columns, pointer, folder)}
+        written.append(block)
+    if data is not None:
+        whole["data"] = written if isinstance(data, (list, tuple)) else written[0]
+    return whole
+
+
+def _problem(row: Tuple[str, int, int, str, bool, str], with_lines: bool) -> Problem:
+    pointer, line, column, rule, data, text = row
+    if with_lines:
+        return Problem(pointer, rule, text, line or None, column or None, data)
+    return Problem(pointer, rule, f"{pointer}: {rule}" if pointer else rule, data=data)
+
+
+def _text_of(job: Job, folder: pathlib.Path) -> Tuple[str, pathlib.Path, bool]:
+    """Text of a job, the file that its paths are relative to, whether its lines mean something to the caller."""
+    if isinstance(job, Mapping):
+        text = json.dumps(_with_tables(job, folder), default=_plain, indent=1)
+        return text, pathlib.Path.cwd() / "job.json", False
+    if isinstance(job, str) and job.lstrip().startswith("{"):
+        return job, pathlib.Path.cwd() / "job.json", True
+    if isinstance(job, (str, os.PathLike)):
+        file = pathlib.Path(job)
+        return file.read_text(encoding="utf-8"), file, True
+    raise TypeError(f"job: a dict, JSON text or the path of a job file is needed, not {type(job).__name__}")
+
+
+def check(job: Job) -> List[Problem]:
+    """All problems of a job, those of its data files included; none: it can be run."""
+    with tempfile.TemporaryDirectory(prefix="orbid-") as folder:
+        text, source, with_lines = _text_of(job, pathlib.Path(folder))
+        return [_problem(row, with_lines) for row in _orbid.job_problems(text, source)]
+
+
+def run(job: Job, out: Union[str, "os.PathLike[str]", None] = None, *, threads: int = 0, stage: str = "all",
+        force: bool = False, progress: Optional[Callable[[str], object]] = None) -> Run:
+    """Runs a job as the command line does, and returns its results.
+
+    job       a dict with the keys of a job file, JSON text (beginning with "{"), or the path of a job file. Paths in it
+              are relative to the current folder, those of a job file to that file. In a dict, "file" of the data may be
+              a dict of columns, {"t": array, "x": array}: they are written to a table in `out`.
+    out       folder of the results; None: a job file's path without its ending, else a temporary folder that goes with
+              the Run.
+    threads   at most so many; 0: all.
+    stage     "all", or one of simulate, orbits, periodic, estimate.
+    force     overwrite a folder that holds the result of another job.
+    progress  called with each line of progress, by other threads than this one, one at a time.
+
+    Ctrl-C stops the run at its next step: the Run then has status "interrupted" and the best estimate so far.
+    Raises JobError for a job that cannot be run, or data that cannot be used.
+    """
+    if isinstance(threads, bool) or threads < 0:
+        raise ValueError(f"threads = {threads}: must be a whole number >= 0")
+    keep = None
+    if out is not None:
+        folder = pathlib.Path(out)
+    elif isinstance(job, Mapping) or (isinstance(job, str) and job.lstrip().startswith("{")):
+        keep = tempfile.TemporaryDirectory(prefix="orbid-")
+        folder = pathlib.Path(keep.name)
+    else:
+        folder = pathlib.Path(job).with_suffix("")
+    text, source, with_lines = _text_of(job, folder)
+    exit_code, rows, summary, messages, result = _orbid.run_job(text, source, folder, threads, stage, force, progress)
+    if exit_code == 3 and not rows:
+        # Data are read while the job runs, which tells their problems as text.
+        rows = _orbid.job_problems(text, source)
+    problems = [_problem(row, with_lines) for row in rows]
+    if problems:
+        raise JobError("\n".join(problem.text for problem in problems), problems)
+    if exit_code not in (0, 1, 130):
+        raise JobError(messages.strip() or summary.strip())
+    return Run(folder, json.loads(result) if result else {}, exit_code, summary, messages, keep)
+
+
+def stored_run(folder: Union[str, "os.PathLike[str]"]) -> Run:
+    """A run that is stored in a folder, by the command line or by run()."""
+    path = pathlib.Path(folder)
+    file = path / "result.json"
+    if not file.exists():
+        raise FileNotFoundError(f"{file}: there is no result of a run in this folder")
+    result = json.loads(file.read_text(encoding="utf-8"))
+    status = result.get("status")
+    return Run(path, result, 130 if status == "interrupted" else 0 if status == "converged" else 1)
