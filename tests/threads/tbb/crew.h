@@ -12,9 +12,9 @@
 // Under the thread sanitizer alone: the part of oneTBB that orbid uses, of plain threads. Debian's libtbb is not
 // instrumented, so that the sanitizer does not see what its loops wait for and would report every one of them.
 //
-// Each loop starts threads of its own and joins them, and what they share meanwhile are relaxed counters: two pieces of a
-// loop are then ordered by nothing but what our code does, and a race between them is reported even when they happened
-// to run one after the other. A pool, or counters that synchronise, would hide those.
+// Each loop starts threads of its own and joins them, and what they share meanwhile are relaxed counters: two pieces of
+// a loop are then ordered by nothing but what our code does, and a race between them is reported even when they
+// happened to run one after the other. A pool, or counters that synchronise, would hide those.
 
 namespace tbb {
 
@@ -94,19 +94,21 @@ inline Arena*& current_arena() {
     return current;
 }
 
-/// work(i) for every i < count, by this thread and as many as are granted. The first exception ends the loop and is
-/// thrown here.
+/// work(i) for every i < count, by this thread and as many as are granted: of T threads the t-th has the indices t,
+/// t + T, ... Were they dealt out on demand, the first thread would often do all of a short loop, and nothing be seen.
+/// The first exception ends the loop and is thrown here.
 template <class Work>
 void each(std::size_t count, const Work& work) {
     if (count == 0) return;
     Arena& arena = *current_arena();
-    std::atomic<std::size_t> next{0};
+    const int others =
+        Limits::all().take(arena, static_cast<int>(std::min<std::size_t>(count - 1, Limits::most_others)));
+    const std::size_t all = static_cast<std::size_t>(others) + 1;
     std::atomic<bool> failed{false};
     std::mutex door;
     std::exception_ptr failure;
-    const auto pull = [&] {
-        for (std::size_t i; !failed.load(std::memory_order_relaxed) &&
-                            (i = next.fetch_add(1, std::memory_order_relaxed)) < count;) {
+    const auto share = [&](std::size_t first) {
+        for (std::size_t i = first; i < count && !failed.load(std::memory_order_relaxed); i += all) {
             try {
                 work(i);
             } catch (...) {  // whatever it is, it goes on in the thread that asked for the loop
@@ -116,16 +118,14 @@ void each(std::size_t count, const Work& work) {
             }
         }
     };
-    const int others =
-        Limits::all().take(arena, static_cast<int>(std::min<std::size_t>(count - 1, Limits::most_others)));
     std::vector<std::thread> threads;
     threads.reserve(static_cast<std::size_t>(others));
-    for (int k = 0; k < others; ++k)
-        threads.emplace_back([&] {
+    for (std::size_t t = 1; t < all; ++t)
+        threads.emplace_back([&, t] {
             current_arena() = &arena;
-            pull();
+            share(t);
         });
-    pull();
+    share(0);
     for (std::thread& thread : threads)
         thread.join();
     Limits::all().give_back(arena, others);
