@@ -76,14 +76,29 @@ function(add_room_tests name)
   set_tests_properties(${name} PROPERTIES LABELS fast)
 endfunction()
 
+# GCC 12 takes what its own header of AVX-512 leaves undefined on purpose for a mistake of who includes it.
+set(ORBID_AVX512 "")
+if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+  set(ORBID_AVX512 -Wno-uninitialized -Wno-maybe-uninitialized)
+endif()
+include(CheckCXXSourceCompiles)
+set(CMAKE_REQUIRED_FLAGS "${CMAKE_CXX_FLAGS}")
+if(ORBID_MACHINE)
+  string(APPEND CMAKE_REQUIRED_FLAGS " -march=${ORBID_MACHINE}")
+endif()
+check_cxx_source_compiles("#ifndef __AVX512F__\n#error none\n#endif\nint main() {}" ORBID_MACHINE_HAS_AVX512)
+unset(CMAKE_REQUIRED_FLAGS)
+
 # Sources of a room that are compiled for a processor, by -march: ORBID_MACHINE, and once more for each of ORBID_LEVELS,
 # which cmake/library.cmake makes further libraries of. They hold no type of Eigen, whose alignment depends on such flags.
 #   compile_for_machine(orbits box_tree.cpp)
 function(compile_for_machine room)
   set(machine "$<TARGET_PROPERTY:ORBID_MACHINE>")
+  set(same "$<STREQUAL:${machine},${ORBID_MACHINE}>")
+  set(wide "$<OR:$<STREQUAL:${machine},x86-64-v4>,$<AND:$<BOOL:${ORBID_MACHINE_HAS_AVX512}>,${same}>>")
   set_source_files_properties(${ARGN} PROPERTIES
     SKIP_PRECOMPILE_HEADERS ON
-    COMPILE_OPTIONS "$<$<CONFIG:Release>:-O3>;$<$<BOOL:${machine}>:-march=${machine}>")
+    COMPILE_OPTIONS "$<$<CONFIG:Release>:-O3>;$<$<BOOL:${machine}>:-march=${machine}>;$<${wide}:${ORBID_AVX512}>")
   set_target_properties(orbid_${room} PROPERTIES ORBID_MACHINE "${ORBID_MACHINE}" ORBID_MACHINE_SOURCES "${ARGN}")
   foreach(level IN LISTS ORBID_LEVELS)
     add_library(orbid_${room}_${level} OBJECT ${ARGN})
