@@ -124,7 +124,7 @@ TEST_CASE("what is wrong with a broken job is named once, with line, column and 
         CHECK(check.out.empty());
         CHECK(std::count(check.error.begin(), check.error.end(), '\n') == 1);
         const std::string place = file.string() + ":" + row[3] + ": " + row[4] + (row[4].empty() ? "" : ": ");
-        CHECK_THAT(check.error, Catch::StartsWith(place) && tests::ContainsSubstring(row[5]));
+        CHECK_THAT(check.error, Catch::Matchers::StartsWith(place) && tests::ContainsSubstring(row[5]));
     }
 }
 
@@ -159,10 +159,11 @@ TEST_CASE("all problems of a job are reported at once, by place", "[apps][job][c
         found.push_back(message(problem, "job.json"));
     CAPTURE(found);
     REQUIRE(found.size() == 4);
-    CHECK_THAT(found[0], Catch::StartsWith("job.json:2:31: /model/paramters: unknown key; did you mean"));
-    CHECK_THAT(found[1], Catch::StartsWith("job.json:3:11: /seed: must be a whole number"));
-    CHECK_THAT(found[2], Catch::StartsWith("job.json:3:24: /title: must be a text, not 3"));
-    CHECK_THAT(found[3], Catch::StartsWith("job.json:4:56: /data/simulate/initial/0: must be a state of 2 numbers"));
+    CHECK_THAT(found[0], Catch::Matchers::StartsWith("job.json:2:31: /model/paramters: unknown key; did you mean"));
+    CHECK_THAT(found[1], Catch::Matchers::StartsWith("job.json:3:11: /seed: must be a whole number"));
+    CHECK_THAT(found[2], Catch::Matchers::StartsWith("job.json:3:24: /title: must be a text, not 3"));
+    CHECK_THAT(found[3],
+               Catch::Matchers::StartsWith("job.json:4:56: /data/simulate/initial/0: must be a state of 2 numbers"));
 }
 
 TEST_CASE("a key is neither read in secret nor accepted and ignored", "[apps][job][corpus]") {

@@ -58,7 +58,7 @@ void check_each(const std::vector<Wrong>& table) {
         const auto found = problems(job_with(wrong.from, wrong.to));
         CAPTURE(found);
         REQUIRE(found.size() == 1);
-        CHECK_THAT(found[0], Catch::StartsWith(wrong.message));
+        CHECK_THAT(found[0], Catch::Matchers::StartsWith(wrong.message));
     }
 }
 

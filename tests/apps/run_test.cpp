@@ -86,8 +86,9 @@ TEST_CASE("a run stores every file of the contract with its keys", "[apps][run]"
     CHECK(found == cycles["cycles"].size());
 
     CHECK_THAT(files.at("residuals.csv"),
-               Catch::StartsWith("experiment,segment_or_cycle,coordinate,time_or_phase,observed,predicted,sd\nrun1,"));
-    CHECK_THAT(files.at("section.svg"), Catch::StartsWith("<?xml") || Catch::StartsWith("<svg"));
+               Catch::Matchers::StartsWith(
+                   "experiment,segment_or_cycle,coordinate,time_or_phase,observed,predicted,sd\nrun1,"));
+    CHECK_THAT(files.at("section.svg"), Catch::Matchers::StartsWith("<?xml") || Catch::Matchers::StartsWith("<svg"));
     CHECK_THAT(files.at("log.txt"), ContainsSubstring("one-period prediction"));
     const json timing = read_json(out / "timing.json");
     CHECK(timing["threads"] == 2);

@@ -140,7 +140,7 @@ TEST_CASE("correlation dimension of the Henon attractor", "[orbits][correlation]
     const auto noisy = correlation_dimension(rough);
     CHECK_THAT(noisy.dimension, WithinAbs(1.22, 0.05));
     REQUIRE(noisy.remarks.size() == 1);
-    CHECK_THAT(noisy.remarks[0], Catch::Contains("reading errors"));
+    CHECK_THAT(noisy.remarks[0], tests::ContainsSubstring("reading errors"));
 }
 
 TEST_CASE("logistic map at 4: slopes creep up to 1", "[orbits][correlation]") {
@@ -160,15 +160,16 @@ TEST_CASE("rounded readings end the radii above their step", "[orbits][correlati
     series.segments[0].values = (series.segments[0].values * 256.0).array().round() / 256.0;
     const auto rounded = correlation_dimension(series);
     REQUIRE_FALSE(rounded.remarks.empty());
-    CHECK_THAT(rounded.remarks[0], Catch::Contains("rounded readings"));
+    CHECK_THAT(rounded.remarks[0], tests::ContainsSubstring("rounded readings"));
     CHECK(rounded.scales.back().radius > 1.0 / 256.0);
 }
 
 TEST_CASE("correlation dimensions refuse what they cannot mean", "[orbits][correlation]") {
-    CHECK_THROWS_WITH(correlation_dimension(tests::henon_series(900)), Catch::Contains("at least 1000"));
+    CHECK_THROWS_WITH(correlation_dimension(tests::henon_series(900)), tests::ContainsSubstring("at least 1000"));
     const auto series = tests::henon_series(2000);
-    CHECK_THROWS_WITH(correlation_dimension(series, {.pairs = 10}), Catch::Contains("pairs must be in"));
-    CHECK_THROWS_WITH(correlation_dimension(series, {.points = 10}), Catch::Contains("points must be at least"));
+    CHECK_THROWS_WITH(correlation_dimension(series, {.pairs = 10}), tests::ContainsSubstring("pairs must be in"));
+    CHECK_THROWS_WITH(correlation_dimension(series, {.points = 10}),
+                      tests::ContainsSubstring("points must be at least"));
     auto constant = series;
     constant.segments[0].values.setConstant(1.0);
     CHECK_THROWS_AS(correlation_dimension(constant), std::invalid_argument);
@@ -188,7 +189,7 @@ TEST_CASE("invariants of a series with its cycles", "[orbits][correlation]") {
     options.correlation.pairs = 100'000;
     auto invariants = orbits::find_invariants(series, search, options);
     CHECK_FALSE(invariants.expansion);
-    CHECK_THAT(invariants.expansion_refused, Catch::Contains("not stated"));
+    CHECK_THAT(invariants.expansion_refused, tests::ContainsSubstring("not stated"));
     CHECK_THAT(invariants.lyapunov.exponents[0], WithinAbs(0.419, 0.02));
     CHECK_THAT(invariants.correlation.dimension, WithinAbs(1.22, 0.05));
     options.expansion.complete_to = 2;
@@ -200,7 +201,7 @@ TEST_CASE("invariants of a series with its cycles", "[orbits][correlation]") {
     search.cycles.erase(search.cycles.begin());
     invariants = orbits::find_invariants(series, search, options);
     CHECK_FALSE(invariants.expansion);
-    CHECK_THAT(invariants.expansion_refused, Catch::Contains("not complete"));
+    CHECK_THAT(invariants.expansion_refused, tests::ContainsSubstring("not complete"));
     options.expansion.complete_to = 65;
     CHECK_THROWS_AS(orbits::find_invariants(series, search, options), std::invalid_argument);
 }

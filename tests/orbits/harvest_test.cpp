@@ -167,24 +167,24 @@ TEST_CASE("harvest: wrong calls are refused", "[orbits]") {
     orbits::HarvestOptions options = henon_options();
 
     options.search.periods.clear();
-    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), Catch::Contains("periods"));
+    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), tests::ContainsSubstring("periods"));
     options = henon_options();
     options.covariance = Eigen::MatrixXd::Identity(2, 2);
-    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), Catch::Contains("0 free parameters"));
+    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), tests::ContainsSubstring("0 free parameters"));
     options = henon_options();
     options.free = {0};
     options.covariance = Eigen::MatrixXd::Constant(1, 1, -1.0);
-    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), Catch::Contains("variances"));
+    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), tests::ContainsSubstring("variances"));
     options = henon_options();
     options.search.method = orbits::CycleSearchOptions::Method::closest_return;
-    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), Catch::Contains("closest_return"));
+    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), tests::ContainsSubstring("closest_return"));
     options = henon_options();
     options.section = models::Section{Eigen::Vector2d(1.0, 0.0), 0.0, 1};
-    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), Catch::Contains("not autonomous"));
+    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), tests::ContainsSubstring("not autonomous"));
     auto other = series;
     other.coordinates[0].name = "u";
-    CHECK_THROWS_WITH(harvest(other, *system, theta, {}, henon_options()), Catch::Contains("'u'"));
+    CHECK_THROWS_WITH(harvest(other, *system, theta, {}, henon_options()), tests::ContainsSubstring("'u'"));
     CHECK_THROWS_WITH(harvest(series, *models::make_system("lorenz"),
                               models::make_system("lorenz")->default_parameters(), {}, henon_options()),
-                      Catch::Contains("plane"));
+                      tests::ContainsSubstring("plane"));
 }

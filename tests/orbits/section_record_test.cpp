@@ -66,7 +66,7 @@ TEST_CASE("crossings of a plane are recorded with their times", "[orbits]") {
     options.trajectories = 1;
     options.initial = options.initial.leftCols(1).eval();
     const auto first = simulate(*system, theta, options);
-    CHECK(first.series.segments[0].values(2, 0) == Approx(27.0).epsilon(1e-14));
+    CHECK_THAT(first.series.segments[0].values(2, 0), WithinRel(27.0, 1e-14));
 }
 
 TEST_CASE("a long record of crossings goes on where its pieces meet", "[orbits]") {
@@ -268,7 +268,7 @@ TEST_CASE("maps are recorded by their iterates, captured and restarted like flow
         CHECK(segment.times.size() == 0);
         for (Eigen::Index k = 0; k < 20; ++k) {
             const double x = segment.values(0, k);
-            CHECK(segment.values(0, k + 1) == Approx(r * x * (1.0 - x)).epsilon(1e-14));
+            CHECK_THAT(segment.values(0, k + 1), WithinRel(r * x * (1.0 - x), 1e-14));
         }
     }
     // Half of the starts in [-1, 1] are negative and leave for minus infinity.
