@@ -15,8 +15,7 @@ namespace {
 
 struct Flow {
     std::string status;
-    py::array_t<double> states;
-    py::object sensitivities;
+    py::array_t<double> states, sensitivities;
     std::vector<std::string> directions;
     double stopped_after = 0.0;
     py::array_t<double> stopped_state;
@@ -47,16 +46,16 @@ Flow flow(const models::System& system, const py::object& x0, const py::object& 
         result = free ? system.flow_with_sensitivities(start, phase, span(durations), theta, *free, unit, options)
                       : system.flow(start, phase, span(durations), theta, unit, options);
     }
-    Flow flow{std::string(models::description(result.status)),
+    const py::ssize_t count = result.states.cols();
+    Flow flow{result.status == models::FlowStatus::ok ? "ok" : std::string(models::description(result.status)),
               array(std::move(result.states)),
-              py::none(),
+              py::array_t<double>(std::vector<py::ssize_t>{count, system.dimension(), 0}),
               {},
               result.stopped_after,
               array(std::move(result.stopped_state)),
               result.steps,
               result.crossings,
               result.stickings};
-    if (result.status == models::FlowStatus::ok) flow.status = "ok";
     if (free) {
         flow.directions = direction_names(system, *free);
         flow.sensitivities =
@@ -131,7 +130,7 @@ void bind_flow(py::module_& module, SystemClass& system) {
         .def_property_readonly("ok", [](const Flow& flow) { return flow.status == "ok"; })
         .def_readonly("states", &Flow::states, "Shape (m, n): row k after duration t[k]; angles are not wrapped.")
         .def_readonly("sensitivities", &Flow::sensitivities,
-                      "Shape (m, n, d): d states[k, i] / d direction j; None unless asked for.")
+                      "Shape (m, n, d): d states[k, i] / d direction j; d = 0 unless asked for.")
         .def_readonly("directions", &Flow::directions, "Names of the d directions.")
         .def_readonly("stopped_after", &Flow::stopped_after, "Duration reached.")
         .def_readonly("stopped_state", &Flow::stopped_state, "Shape (n): the state there.")

@@ -19,8 +19,7 @@ std::string status_name(models::FlowStatus status) {
 
 struct Crossings {
     std::string status;
-    py::array_t<double> times, states;
-    py::object sensitivities, time_sensitivities;
+    py::array_t<double> times, states, sensitivities, time_sensitivities;
     std::vector<std::string> directions;
 };
 
@@ -41,11 +40,12 @@ Crossings crossings(const models::System& system, const py::object& x0, const py
         const py::gil_scoped_release unlocked;
         result = system.crossings(start, *at, count, longest, theta, directions, options);
     }
+    const py::ssize_t reached = result.states.cols();
     Crossings found{status_name(result.status),
                     array(std::move(result.times)),
                     array(std::move(result.states)),
-                    py::none(),
-                    py::none(),
+                    py::array_t<double>(std::vector<py::ssize_t>{reached, system.dimension(), 0}),
+                    py::array_t<double>(std::vector<py::ssize_t>{reached, 0}),
                     {}};
     if (free) {
         found.directions = direction_names(system, *free);
@@ -136,7 +136,7 @@ py::tuple readings(const models::System& system, const py::dict& sensor, const p
         result = system.readings(instrument, columns, at, theta, directions);
     }
     if (result.status != models::FlowStatus::ok) throw py::value_error("readings: " + status_name(result.status));
-    py::object derivatives = py::none();
+    py::array_t<double> derivatives(std::vector<py::ssize_t>{given.shape(0), given.shape(1), 0});
     if (free)
         derivatives = derivative_array(std::move(result.derivatives),
                                        system.dimension() + static_cast<py::ssize_t>(free->size()));
@@ -153,7 +153,8 @@ void bind_sections(py::module_& module, SystemClass& system) {
         .def_readonly("status", &Crossings::status, "'ok', or why fewer crossings were found.")
         .def_readonly("times", &Crossings::times, "Shape (m,): since the start [s].")
         .def_readonly("states", &Crossings::states, "Shape (m, n).")
-        .def_readonly("sensitivities", &Crossings::sensitivities, "Shape (m, n, d), of the point on the section.")
+        .def_readonly("sensitivities", &Crossings::sensitivities,
+                      "Shape (m, n, d), of the point on the section; d = 0 unless asked for.")
         .def_readonly("time_sensitivities", &Crossings::time_sensitivities, "Shape (m, d).")
         .def_readonly("directions", &Crossings::directions, "Names of the d directions.");
     py::class_<Ensemble>(module, "Ensemble", "Sections of many trajectories.")
@@ -179,7 +180,7 @@ void bind_sections(py::module_& module, SystemClass& system) {
         .def("readings", &readings, py::arg("sensor"), py::arg("states"), py::arg("parameters") = py::none(),
              py::kw_only(), py::arg("sensitivities") = py::none(), py::arg("phase") = 0.0,
              "What a sensor, given as in a job, reads at states (m, n): readings (m, n), and derivatives (m, n, d) by "
-             "the\nstate and the named parameters, None unless sensitivities is given ([] for the state alone).");
+             "the\nstate and the named parameters, d = 0 unless sensitivities is given ([] for the state alone).");
 }
 
 }  // namespace orbid::python

@@ -1,7 +1,9 @@
 """Identification of nonlinear dynamical systems from chaotic data.
 
 Jobs: run, check, stored_run. Models: models, model, equations. Orbits: periodic_orbit, find_orbits, stability,
-follow_branches. Estimates: estimate, multi_start, LeastSquares, Residual. Arrays have one record (state, point, time) in each row.
+follow_branches. Estimates: estimate, multi_start, LeastSquares, Residual.
+
+Arrays have one record (state, point, time) in each row.
 """
 
 from ._orbid import (

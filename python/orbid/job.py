@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import math
 import os
 import pathlib
 import tempfile
@@ -45,11 +46,11 @@ class JobError(ValueError):
 
 @dataclass(frozen=True)
 class ResultEntry:
-    """A number of result.json with its uncertainty. None where there is none."""
+    """A number of result.json with its uncertainty; nan where there is none."""
 
-    value: Optional[float]
-    sd: Optional[float]
-    interval95: Optional[Tuple[float, float]]
+    value: float
+    sd: float
+    interval95: Tuple[float, float]
     unit: str
     entry: Mapping[str, Any]
     """The whole entry of result.json."""
@@ -58,10 +59,14 @@ class ResultEntry:
         return f"ResultEntry({self.value} +- {self.sd} {self.unit})"
 
 
+def _number(value: Optional[float]) -> float:
+    return float("nan") if value is None else float(value)
+
+
 def _entry(entry: Mapping[str, Any]) -> ResultEntry:
-    interval = entry.get("interval95")
-    ends = None if interval is None or None in interval else (float(interval[0]), float(interval[1]))
-    return ResultEntry(entry.get("value"), entry.get("sd"), ends, entry.get("unit") or "", entry)
+    lower, upper = entry.get("interval95") or (None, None)
+    return ResultEntry(_number(entry.get("value")), _number(entry.get("sd")), (_number(lower), _number(upper)),
+                       entry.get("unit") or "", entry)
 
 
 class Run:
@@ -115,32 +120,49 @@ class Run:
         return f"Run({self.status}, {self.folder})"
 
 
-def _plain(value: Any) -> Any:
-    """NumPy's numbers and arrays as JSON has them."""
+def _refused(pointer: str, rule: str) -> JobError:
+    text = f"{pointer}: {rule}" if pointer else rule
+    return JobError(text, [Problem(pointer, rule, text)])
+
+
+def _plain(value: Any, pointer: str = "") -> Any:
+    """A value as JSON has it: NumPy's numbers and arrays as numbers and lists."""
+    if isinstance(value, Mapping):
+        for key in value:
+            if not isinstance(key, str):
+                raise _refused(pointer, f"the key {key!r} is no text")
+        return {key: _plain(item, pointer + "/" + key.replace("~", "~0").replace("/", "~1"))
+                for key, item in value.items()}
     if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
+        value = value.tolist()
+    elif isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, (list, tuple)):
+        return [_plain(item, f"{pointer}/{k}") for k, item in enumerate(value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        raise _refused(pointer, f"{value}: must be a finite number")
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    raise TypeError(f"{type(value).__name__} has no form in JSON")
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    raise _refused(pointer, f"{type(value).__name__} has no form in JSON")
 
 
 def _write_table(columns: Mapping[str, Any], pointer: str, folder: pathlib.Path) -> str:
     """Columns as a table in the folder, named by its content: shortest decimals that read back to the same double."""
     if not columns:
-        raise JobError(f"{pointer}: no column")
+        raise _refused(pointer, "no column")
     cells: List[List[str]] = []
     for name, given in columns.items():
         if hasattr(given, "mask"):
-            raise JobError(f'{pointer}/{name}: a masked array; fill it with nan and say "missing": "nan"')
+            raise _refused(f"{pointer}/{name}", 'a masked array; fill it with nan and say "missing": "nan"')
         column = np.asarray(given)
         if column.ndim != 1:
-            raise JobError(f"{pointer}/{name}: shape {column.shape}, needs one dimension")
+            raise _refused(f"{pointer}/{name}", f"shape {column.shape}, needs one dimension")
         if column.dtype.kind not in "fiuU":
-            raise JobError(f"{pointer}/{name}: of type {column.dtype}; needs numbers (or text: labels of segments)")
+            raise _refused(f"{pointer}/{name}", f"of type {column.dtype}; needs numbers (or text: labels of segments)")
         if cells and len(column) != len(cells[0]):
-            raise JobError(f"{pointer}/{name}: {len(column)} entries, the other columns have {len(cells[0])}")
+            raise _refused(f"{pointer}/{name}", f"{len(column)} entries, the other columns have {len(cells[0])}")
         quoted = column.dtype.kind == "U"
         cells.append(['"' + x.replace('"', '""') + '"' if quoted else repr(x) for x in column.tolist()])
     header = ",".join('"' + name.replace('"', '""') + '"' for name in columns)
@@ -181,7 +203,7 @@ def _problem(row: Tuple[str, int, int, str, bool, str], with_lines: bool) -> Pro
 def _text_of(job: Job, folder: pathlib.Path) -> Tuple[str, pathlib.Path, bool]:
     """Text of a job, the file that its paths are relative to, whether its lines mean something to the caller."""
     if isinstance(job, Mapping):
-        text = json.dumps(_with_tables(job, folder), default=_plain, indent=1)
+        text = json.dumps(_plain(_with_tables(job, folder)), indent=1)
         return text, pathlib.Path.cwd() / "job.json", False
     if isinstance(job, str) and job.lstrip().startswith("{"):
         return job, pathlib.Path.cwd() / "job.json", True
@@ -194,7 +216,10 @@ def _text_of(job: Job, folder: pathlib.Path) -> Tuple[str, pathlib.Path, bool]:
 def check(job: Job) -> List[Problem]:
     """All problems of a job, those of its data files included; none: it can be run."""
     with tempfile.TemporaryDirectory(prefix="orbid-") as folder:
-        text, source, with_lines = _text_of(job, pathlib.Path(folder))
+        try:
+            text, source, with_lines = _text_of(job, pathlib.Path(folder))
+        except JobError as error:
+            return error.problems
         return [_problem(row, with_lines) for row in _orbid.job_problems(text, source)]
 
 

@@ -54,8 +54,9 @@ def test_integers_are_converted_where_float64_holds_them():
         rhs(np.array([2**64 - 1, 0], dtype=np.uint64))
 
 
-@pytest.mark.parametrize("given", [None, "1, 2", [None, 1.0], [True, False], np.array([1 + 1j, 0]), np.array(["1", "2"]),
-                                   np.array([1.0, 2.0], dtype=object), np.ma.array([1.0, 2.0], mask=[0, 1])],
+@pytest.mark.parametrize("given", [None, "1, 2", [None, 1.0], [True, False], np.array([1 + 1j, 0]),
+                                   np.array(["1", "2"]), np.array([1.0, 2.0], dtype=object),
+                                   np.ma.array([1.0, 2.0], mask=[0, 1])],
                          ids=["None", "text", "list with None", "bool", "complex", "text array", "object", "masked"])
 def test_what_is_no_number_is_a_type_error(given):
     with pytest.raises(TypeError, match="x: .*real numbers are needed"):
@@ -131,6 +132,7 @@ def test_arrays_outlive_the_object_they_show():
 
 
 def test_rows_of_tables_outlive_their_model():
-    rows = orbid.equations({"equations": {"x": "-k * x"}, "parameters": {"k": {"value": 2.0, "unit": "1/s"}}}).parameters
+    rows = orbid.equations({"equations": {"x": "-k * x"},
+                            "parameters": {"k": {"value": 2.0, "unit": "1/s"}}}).parameters
     gc.collect()
     assert [(row.name, row.unit, row.default) for row in rows] == [("k", "1/s", 2.0)]

@@ -47,8 +47,8 @@ def logistic_record(count=200, r=3.9):
     return np.array(x)
 
 
-def with_record(columns, **data):
-    return {**LOGISTIC, "data": {"file": columns, "kind": "section", **data}}
+def with_record(table, **data):
+    return {**LOGISTIC, "data": {"file": table, "kind": "section", **data}}
 
 
 @pytest.fixture(scope="module")
@@ -174,8 +174,13 @@ def test_wrong_calls(table3, tmp_path):
     for job in (None, 1, [TABLE3]):
         with pytest.raises(TypeError):
             orbid.run(job, tmp_path / "out")
-    with pytest.raises(TypeError, match="no form in JSON"):
-        orbid.run({**TABLE3, "seed": object()}, tmp_path / "out")
+    for bad, match in [(object(), "/seed: object has no form in JSON"), (np.nan, "/seed: nan: must be a finite number"),
+                       ({"a~/b": [0, np.inf]}, "/seed/a~0~1b/1: inf: must be"),
+                       ({1: 2}, "/seed: the key 1 is no text")]:
+        with pytest.raises(orbid.JobError, match=match) as caught:
+            orbid.run({**TABLE3, "seed": bad}, tmp_path / "out")
+        assert caught.value.problems[0].pointer == match.split(":")[0]
+        assert orbid.check({**TABLE3, "seed": bad}) == caught.value.problems
     with pytest.raises(KeyError, match="did you mean 'orbits'"):
         orbid.run(TABLE3, tmp_path / "out", stage="orbit")
     with pytest.raises(ValueError, match="threads"):

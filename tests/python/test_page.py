@@ -1,10 +1,13 @@
 """docs/python.md says what is true: its blocks run in order, and print what stands below them."""
 
 import contextlib
+import importlib.util
 import io
 import os
 import pathlib
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -27,6 +30,14 @@ def test_blocks_run_in_order(tmp_path):
                 assert printed.getvalue() == expected, code
     finally:
         os.chdir(before)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("mypy") is None, reason="mypy is not installed")
+def test_blocks_have_the_right_types(tmp_path):
+    (tmp_path / "page.py").write_text("\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)))
+    done = subprocess.run([sys.executable, "-m", "mypy", "--cache-dir", str(tmp_path / "cache"),
+                           str(tmp_path / "page.py")], capture_output=True, text=True, cwd=PAGE.parents[1] / "python")
+    assert done.returncode == 0, done.stdout
 
 
 def test_every_public_name_is_on_the_page():

@@ -1,4 +1,4 @@
-"""The wheel: what it holds, that its records are true, that it works where nothing else of orbid is."""
+"""The wheel: what it holds, that its records are true, that it works where nothing else of orbid is; installing."""
 
 import base64
 import csv
@@ -14,14 +14,18 @@ import orbid
 import pytest
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("wheel")
-    done = subprocess.run(["cmake", f"-DTO={folder}", "-P", os.path.join(os.environ["ORBID_BUILD"], "python", "wheel.cmake")],
-                          capture_output=True, text=True)
+def packed(folder):
+    script = os.path.join(os.environ["ORBID_BUILD"], "python", "wheel.cmake")
+    done = subprocess.run(["cmake", f"-DTO={folder}", "-P", script], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     (file,) = folder.glob("*.whl")
     return file
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    return packed(folder)
 
 
 def test_names_and_content(wheel):
@@ -70,6 +74,19 @@ def test_installed_in_a_clean_place(wheel, tmp_path):
 
 
 def test_packing_twice_gives_the_same_bytes(wheel, tmp_path):
-    subprocess.run(["cmake", f"-DTO={tmp_path}", "-P", os.path.join(os.environ["ORBID_BUILD"], "python", "wheel.cmake")],
-                   check=True, capture_output=True)
-    assert (tmp_path / wheel.name).read_bytes() == wheel.read_bytes()
+    assert packed(tmp_path).read_bytes() == wheel.read_bytes()
+
+
+def test_installed_under_a_prefix(tmp_path):
+    for component in ("runtime", "python"):
+        subprocess.run(["cmake", "--install", os.environ["ORBID_BUILD"], "--component", component,
+                        "--prefix", tmp_path], check=True, capture_output=True)
+    code = ("import orbid; print(orbid.__file__);"
+            "print([line.split()[-1] for line in open('/proc/self/maps') if 'liborbid' in line][0])")
+    packages = tmp_path / "lib" / "python3" / "dist-packages"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd="/",
+                          env={"PYTHONPATH": str(packages), "PATH": "/usr/bin:/bin"})
+    assert done.returncode == 0, done.stderr
+    module, library = done.stdout.splitlines()
+    assert module == str(packages / "orbid" / "__init__.py")
+    assert library.startswith(f"{tmp_path}/lib") and not library.startswith(str(packages))
