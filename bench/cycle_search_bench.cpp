@@ -74,7 +74,7 @@ double odeint_simulation(const orbits::Series& series) {
 
 void shuffle(orbits::Series& series) {
     std::mt19937_64 random(17);
-    Eigen::MatrixXd& values = series.segments[0].values;
+    orbits::Readings& values = series.segments[0].values;
     for (const orbits::Segment& segment : series.segments)
         if (&segment != &series.segments[0]) {
             Eigen::MatrixXd both(values.rows(), values.cols() + segment.values.cols());
@@ -191,7 +191,7 @@ void henon(double box, int exponent) {
                     count > 0.0 ? std::sqrt(squares / count) : 0.0);
     }
 #ifdef ORBID_BENCH_PEERS
-    const Eigen::MatrixXd& values = series.segments[0].values;
+    const orbits::Readings& values = series.segments[0].values;
     const double peer = seconds_of([&] {
         const NanoflannTree tree(std::vector<double>(values.data(), values.data() + values.size()));
         if (tree.farthest_of(24).empty()) std::printf("no neighbours\n");

@@ -169,7 +169,7 @@ private:
         std::vector<std::vector<Eigen::Index>> marks(samples_.segments.size());
         bool any = false;
         for (std::size_t s = 0; s < marks.size(); ++s) {
-            const Eigen::MatrixXd& values = samples_.segments[s].values;
+            const Readings& values = samples_.segments[s].values;
             for (Eigen::Index i = 0; i + 1 < values.cols(); ++i) {
                 const double before = beyond(values(crossing_.coordinate, i));
                 const double after = beyond(values(crossing_.coordinate, i + 1));

@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "models/parameter.hpp"
+#include "orbits/readings.hpp"
 
 #pragma GCC visibility push(default)
 
@@ -21,9 +22,9 @@ struct SeriesCoordinate {
 
 /// One uninterrupted piece of a record. Columns follow each other by one section or one sampling interval.
 struct Segment {
-    std::string label;       ///< as in the file, or the index
-    Eigen::MatrixXd values;  ///< shape (n, m); nan = missing sample; angles as read (not wrapped by the series)
-    Eigen::VectorXd times;   ///< shape (m) [s] for samples and crossings of autonomous flows; else empty
+    std::string label;      ///< as in the file, or the index
+    Readings values;        ///< shape (n, m); nan = missing sample; angles as read (not wrapped by the series)
+    Eigen::VectorXd times;  ///< shape (m) [s] for samples and crossings of autonomous flows; else empty
     /// Known sd of every value, in its unit, shape (n, m): > 0, nan where none is known. Empty: of no value.
     Eigen::MatrixXd deviations = {};
 };

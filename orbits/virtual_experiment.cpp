@@ -177,7 +177,7 @@ double rounded(double value, const models::Sensor& sensor) {
 }
 
 /// Adds the errors of one segment's readings and rounds them (mathematics.md, "Instrument").
-void add_reading_errors(Eigen::MatrixXd& readings, const models::Sensor& sensor, const Eigen::VectorXd& noise,
+void add_reading_errors(Readings& readings, const models::Sensor& sensor, const Eigen::VectorXd& noise,
                         const Eigen::VectorXd& correlation, estimator::RandomStream stream) {
     const bool difference = sensor.type == models::Sensor::Type::angle_difference;
     const auto angle = static_cast<Eigen::Index>(sensor.angle);

@@ -69,7 +69,7 @@ TEST_CASE("Newton on cells finds the fixed point, and no map away from the data"
     auto noisy = series;
     std::mt19937_64 random(4);
     std::normal_distribution<double> normal;
-    Eigen::MatrixXd& values = noisy.segments[0].values;
+    orbits::Readings& values = noisy.segments[0].values;
     for (Eigen::Index i = 0; i < values.size(); ++i)
         values.data()[i] += 1e-3 * normal(random);
     const SectionPoints blurred(noisy);
@@ -83,7 +83,7 @@ TEST_CASE("Newton on cells finds the fixed point, and no map away from the data"
 
 TEST_CASE("cells of shuffled points know nothing", "[orbits][cell_map]") {
     auto series = tests::standard_map_series(1 << 14);
-    Eigen::MatrixXd& values = series.segments[0].values;
+    orbits::Readings& values = series.segments[0].values;
     std::mt19937_64 random(2);
     for (Eigen::Index i = values.cols() - 1; i > 0; --i)
         values.col(i).swap(values.col(static_cast<Eigen::Index>(random() % static_cast<std::uint64_t>(i + 1))));
@@ -103,7 +103,7 @@ TEST_CASE("order and neighbours follow the data", "[orbits][fit_choice]") {
         auto series = clean;
         std::mt19937_64 random(5);
         std::normal_distribution<double> normal;
-        Eigen::MatrixXd& values = series.segments[0].values;
+        orbits::Readings& values = series.segments[0].values;
         for (Eigen::Index i = 0; i < values.size(); ++i)
             values.data()[i] += noise * normal(random);
         const SectionPoints section(series);

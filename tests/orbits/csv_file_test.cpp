@@ -71,7 +71,7 @@ TEST_CASE("columns are found by header and turned into model values", "[orbits]"
     CHECK(series.segments[0].label == "0");
     CHECK(series.phase == 0.5);
     CHECK(series.coordinates[0].angle);
-    const Eigen::MatrixXd& values = series.segments[0].values;
+    const orbits::Readings& values = series.segments[0].values;
     REQUIRE(values.cols() == 3);
     CHECK_THAT(values(0, 0), WithinAbs(std::numbers::pi / 2, 1e-15));
     CHECK_THAT(values(0, 1), WithinAbs(0.0, 1e-15));

@@ -237,7 +237,7 @@ TEST_CASE("turns are counted when the angle was read without wrapping", "[orbits
 
 TEST_CASE("no pair of points is made across segments or missing samples", "[orbits][cycles]") {
     const auto whole = tests::henon_series(20000);
-    const Eigen::MatrixXd& values = whole.segments[0].values;
+    const orbits::Readings& values = whole.segments[0].values;
     CycleSearchOptions options;
     options.periods = {1, 2, 4, 6};
     const auto expected = find_cycles(whole, options);
@@ -269,7 +269,7 @@ TEST_CASE("no pair of points is made across segments or missing samples", "[orbi
 TEST_CASE("a shuffled series has no cycles", "[orbits][cycles]") {
     std::mt19937_64 random(17);
     for (auto series : {tests::henon_series(1 << 15), tests::standard_map_series(1 << 15)}) {
-        Eigen::MatrixXd& values = series.segments[0].values;
+        orbits::Readings& values = series.segments[0].values;
         for (Eigen::Index i = values.cols() - 1; i > 0; --i)
             values.col(i).swap(values.col(static_cast<Eigen::Index>(random() % static_cast<std::uint64_t>(i + 1))));
         CycleSearchOptions options;

@@ -89,7 +89,7 @@ TEST_CASE("harvest: the data decide, not the model", "[orbits]") {
     }
     SECTION("shuffled points have no cycles") {
         std::mt19937_64 random(3);
-        Eigen::MatrixXd& values = series.segments[0].values;
+        orbits::Readings& values = series.segments[0].values;
         for (Eigen::Index i = values.cols() - 1; i > 0; --i)
             values.col(i).swap(values.col(static_cast<Eigen::Index>(random() % static_cast<std::uint64_t>(i + 1))));
         const auto found = harvest(series, *system, system->default_parameters(), {}, options);

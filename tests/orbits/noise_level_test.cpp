@@ -109,7 +109,7 @@ TEST_CASE("clean series have errors no larger than what the fits leave over, shu
 
     orbits::Series shuffled = series;
     tests::NormalNumbers uniform(5);
-    Eigen::MatrixXd& values = shuffled.segments[0].values;
+    orbits::Readings& values = shuffled.segments[0].values;
     for (Eigen::Index i = values.cols() - 1; i > 0; --i)
         values.col(i).swap(values.col(static_cast<Eigen::Index>(uniform.uniform() * static_cast<double>(i + 1))));
     const NoiseLevel none = level_of(shuffled);

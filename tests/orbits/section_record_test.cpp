@@ -324,7 +324,7 @@ TEST_CASE("capture by the stable period-10 orbit is told with period and section
         CHECK(event.kind == TrajectoryEvent::Kind::captured);
         CHECK(event.trajectory == i);
         CHECK(event.period == 10);
-        const Eigen::MatrixXd& values = experiment.series.segments[i].values;
+        const orbits::Readings& values = experiment.series.segments[i].values;
         const auto first = static_cast<Eigen::Index>(event.section);
         REQUIRE(first > 10);
         REQUIRE(first < 1000);

@@ -4,8 +4,10 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "orbits/nearest_name.hpp"
@@ -105,4 +107,41 @@ TEST_CASE("the nearest name is found, far ones are not suggested", "[orbits]") {
     CHECK(orbits::nearest_name("segmnet", known) == "segment");
     CHECK_FALSE(orbits::nearest_name("velocity", known).has_value());
     CHECK_FALSE(orbits::nearest_name("x", known).has_value());
+}
+
+TEST_CASE("readings look at numbers of others, or own theirs", "[orbits]") {
+    const auto numbers = std::make_shared<std::vector<double>>(std::vector<double>{1, 2, 3, 4, 5, 6});
+    auto looking = orbits::Readings::borrowed(numbers->data(), 2, 3, numbers);
+    CHECK(looking.data() == numbers->data());
+    CHECK(looking(1, 2) == 6.0);
+    CHECK(numbers.use_count() == 2);
+
+    // Copies look at the same numbers and keep them; so does what a copy was moved to.
+    orbits::Readings copy = looking;
+    CHECK(copy.data() == numbers->data());
+    const orbits::Readings moved = std::move(copy);
+    CHECK(moved.data() == numbers->data());
+    CHECK(numbers.use_count() == 3);
+
+    // What is assigned is owned: the numbers stay as they are.
+    looking = looking.leftCols(2) * 2.0;
+    CHECK(looking.cols() == 2);
+    CHECK(looking(0, 1) == 6.0);
+    CHECK_FALSE(looking.owner());
+    CHECK(numbers.use_count() == 2);
+    looking(0, 1) = 0.0;
+    CHECK((*numbers)[2] == 3.0);
+
+    // Copies of owned readings are their own.
+    orbits::Readings other = looking;
+    other(0, 0) = -1.0;
+    CHECK(looking(0, 0) == 2.0);
+    orbits::Readings taken = std::move(other);
+    CHECK(taken(0, 0) == -1.0);
+    taken = taken.topRows(1).eval();
+    taken.conservativeResize(2, Eigen::NoChange);
+    CHECK(taken(0, 0) == -1.0);
+    CHECK(taken.rows() == 2);
+    taken.resize(3, 1);
+    CHECK(taken.size() == 3);
 }

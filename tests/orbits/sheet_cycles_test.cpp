@@ -127,7 +127,7 @@ TEST_CASE("cycles on a curve blurred by noise lie within their errors", "[orbits
 TEST_CASE("a shuffled curve has no cycles", "[orbits][cycles][sheet]") {
     Series series = curve_series(5000, 0.01, 3);
     tests::NormalNumbers uniform(4);
-    Eigen::MatrixXd& values = series.segments[0].values;
+    orbits::Readings& values = series.segments[0].values;
     for (Eigen::Index i = values.cols() - 1; i > 0; --i)
         values.col(i).swap(values.col(static_cast<Eigen::Index>(uniform.uniform() * static_cast<double>(i + 1))));
     orbits::CycleSearchOptions options;

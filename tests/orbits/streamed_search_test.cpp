@@ -23,7 +23,7 @@ constexpr std::size_t per_point = 4 * 2 * sizeof(double);  // what find_cycles a
 
 // Two segments, so that blocks and stretches meet an end.
 orbits::Series cut(const orbits::Series& whole, Eigen::Index at) {
-    const Eigen::MatrixXd& values = whole.segments[0].values;
+    const orbits::Readings& values = whole.segments[0].values;
     return tests::section_series(whole.coordinates, {values.leftCols(at), values.rightCols(values.cols() - at)});
 }
 
