@@ -1,11 +1,11 @@
-#include "error_model.hpp"
+#include "python/error_model.hpp"
 
 #include <algorithm>
 
 #include <pybind11/stl.h>
 
-#include "arguments.hpp"
-#include "named_arguments.hpp"
+#include "python/arguments.hpp"
+#include "python/named_arguments.hpp"
 
 namespace orbid::python {
 

@@ -2,14 +2,14 @@
 
 #include <pybind11/stl.h>
 
-#include "arrays.hpp"
-#include "error_model.hpp"
-#include "estimate_result.hpp"
 #include "estimator/marginal.hpp"
 #include "estimator/posterior_sample.hpp"
 #include "estimator/profile.hpp"
-#include "named_arguments.hpp"
-#include "residual.hpp"
+#include "python/arrays.hpp"
+#include "python/error_model.hpp"
+#include "python/estimate_result.hpp"
+#include "python/named_arguments.hpp"
+#include "python/residual.hpp"
 
 namespace orbid::python {
 

@@ -1,8 +1,8 @@
-#include "estimate_result.hpp"
+#include "python/estimate_result.hpp"
 
 #include <pybind11/stl.h>
 
-#include "arrays.hpp"
+#include "python/arrays.hpp"
 
 namespace orbid::python {
 

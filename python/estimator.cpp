@@ -5,12 +5,13 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "error_model.hpp"
-#include "estimate_result.hpp"
-#include "named_arguments.hpp"
-#include "residual.hpp"
+#include "python/arrays.hpp"
+#include "python/bindings.hpp"
+#include "python/error_model.hpp"
+#include "python/estimate_result.hpp"
+#include "python/named_arguments.hpp"
+#include "python/residual.hpp"
+#include "python/series.hpp"
 
 namespace orbid::python {
 
@@ -149,6 +150,7 @@ estimator::EstimateOptions estimate_options(NamedArguments& given, ResidualCall&
 
 void bind_estimator(py::module_& module) {
     bind_residual(module);
+    bind_series_residuals(module);
     bind_estimate_result(module);
     module.def("estimate", &estimate, py::arg("parameters"), py::arg("residuals"), py::arg("derived") = py::none(),
                estimate_text);

@@ -1,11 +1,11 @@
-#include "named_arguments.hpp"
+#include "python/named_arguments.hpp"
 
 #include <algorithm>
 #include <utility>
 
 #include <pybind11/stl.h>
 
-#include "arrays.hpp"
+#include "python/arrays.hpp"
 
 namespace orbid::python {
 

@@ -1,14 +1,14 @@
-#include "residual.hpp"
+#include "python/residual.hpp"
 
 #include <algorithm>
 #include <utility>
 
 #include <pybind11/stl.h>
 
-#include "arrays.hpp"
-#include "error_model.hpp"
-#include "interruption.hpp"
-#include "named_arguments.hpp"
+#include "python/arrays.hpp"
+#include "python/error_model.hpp"
+#include "python/interruption.hpp"
+#include "python/named_arguments.hpp"
 
 namespace orbid::python {
 

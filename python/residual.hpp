@@ -90,6 +90,10 @@ private:
     mutable std::atomic<bool> evaluated_ = false;  ///< since begin(): later ones may fail, the first one may not
 };
 
+/// Values of all blocks of a residual of the library, at the latent states of its start where None: method evaluate().
+[[nodiscard]] pybind11::list evaluated(estimator::Residual& residual, pybind11::handle theta, pybind11::handle latents,
+                                       bool derivatives);
+
 /// Values of one block from what evaluate() returned for it: a mapping with "e" and, where derivatives are asked for,
 /// "e_theta" and what else the block has.
 /// @throws TypeError, ValueError naming `where`, the entry and the shape needed.

@@ -3,9 +3,9 @@
 
 #include <pybind11/stl.h>
 
-#include "arrays.hpp"
-#include "named_arguments.hpp"
-#include "residual.hpp"
+#include "python/arrays.hpp"
+#include "python/named_arguments.hpp"
+#include "python/residual.hpp"
 
 namespace orbid::python {
 

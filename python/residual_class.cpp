@@ -1,9 +1,9 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
-#include "arrays.hpp"
-#include "estimate_result.hpp"
-#include "residual.hpp"
+#include "python/arrays.hpp"
+#include "python/estimate_result.hpp"
+#include "python/residual.hpp"
 
 namespace orbid::python {
 
@@ -49,6 +49,8 @@ py::dict value_dict(estimator::BlockValue value, bool derivatives) {
     return dict;
 }
 
+}  // namespace
+
 py::list evaluated(estimator::Residual& residual, py::handle theta, py::handle latents, bool derivatives) {
     if (dynamic_cast<const PythonResidual*>(&residual) != nullptr)
         throw py::type_error("evaluate() is to be written by the subclass");
@@ -74,8 +76,6 @@ py::list evaluated(estimator::Residual& residual, py::handle theta, py::handle l
         list.append(value_dict(std::move(value), derivatives));
     return list;
 }
-
-}  // namespace
 
 void bind_residual(py::module_& module) {
     py::class_<estimator::Residual, PythonResidual, std::shared_ptr<estimator::Residual>>(module, "Residual",

@@ -462,3 +462,306 @@ def multi_start(
     objective_tolerance: float = 0.01,
     **options: Any,
 ) -> Dict[str, Any]: ...
+
+# Series, cycles, their residuals
+
+class Segment:
+    """One uninterrupted piece of a Series."""
+
+    @property
+    def label(self) -> str: ...
+    @property
+    def values(self) -> Array: ...
+    @property
+    def times(self) -> Array: ...
+    @property
+    def deviations(self) -> Array: ...
+    def __len__(self) -> int: ...
+
+Coordinates = Union[System, Sequence[Union[str, Mapping[str, Any]]]]
+Records = Union[npt.ArrayLike, Sequence[npt.ArrayLike]]
+
+class Series:
+    """A measured or simulated record in segments, shape (records, coordinates) each; nan is a missing reading."""
+
+    def __init__(
+        self,
+        values: Records,
+        coordinates: Coordinates,
+        *,
+        times: Optional[Records] = None,
+        deviations: Optional[Records] = None,
+        labels: Union[str, Sequence[str], None] = None,
+        sampling: str = ...,
+        phase: float = 0.0,
+        origin: str = "",
+    ) -> None: ...
+    @property
+    def sampling(self) -> str: ...
+    @property
+    def coordinates(self) -> List[Dict[str, Any]]: ...
+    @property
+    def segments(self) -> List[Segment]: ...
+    @property
+    def phase(self) -> float: ...
+    @property
+    def origin(self) -> str: ...
+    @property
+    def timed(self) -> bool: ...
+    @property
+    def scale(self) -> Array: ...
+    def __len__(self) -> int: ...
+
+def read_csv(
+    file: Union[str, "os.PathLike[str]"],
+    columns: Mapping[str, Union[str, Mapping[str, Any]]],
+    coordinates: Optional[Coordinates] = None,
+    *,
+    segment: str = "",
+    time: str = "",
+    time_unit: str = "s",
+    sampling: str = ...,
+    nan_is_missing: bool = False,
+    phase: float = 0.0,
+    minimum_points: int = 1,
+    time_tolerance: float = 0.05,
+    equidistant: bool = True,
+    complete: bool = False,
+) -> Series: ...
+def read_hdf5(file: Union[str, "os.PathLike[str]"], *, minimum_points: int = 1) -> Series: ...
+def write_csv(file: Union[str, "os.PathLike[str]"], series: Series) -> None: ...
+def write_hdf5(file: Union[str, "os.PathLike[str]"], series: Series) -> None: ...
+
+class VirtualExperiment:
+    """A simulated record and what happened."""
+
+    @property
+    def series(self) -> Series: ...
+    @property
+    def events(self) -> List[Dict[str, Any]]: ...
+    @property
+    def complete(self) -> bool: ...
+    @property
+    def message(self) -> str: ...
+
+def simulate(
+    system: System,
+    parameters: Parameters = None,
+    *,
+    sections: int = ...,
+    section: Optional[Section] = None,
+    longest_return: float = 0.0,
+    step: float = ...,
+    count: int = ...,
+    transient: int = ...,
+    trajectories: int = 1,
+    initial: Optional[npt.ArrayLike] = None,
+    random_range: Optional[npt.ArrayLike] = None,
+    restart: bool = True,
+    phase: float = 0.0,
+    sensor: Optional[Mapping[str, Any]] = None,
+    noise: Optional[npt.ArrayLike] = None,
+    noise_correlation: Optional[npt.ArrayLike] = None,
+    seed: int = 0,
+    rtol: float = ...,
+    atol: float = ...,
+    maximum_steps: int = ...,
+) -> VirtualExperiment: ...
+
+class Cycle:
+    """An unstable periodic orbit found in a series."""
+
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        *,
+        covariance: Optional[npt.ArrayLike] = None,
+        multipliers: Optional[Sequence[complex]] = None,
+        ln_multiplier: Optional[npt.ArrayLike] = None,
+        ln_multiplier_covariance: Optional[npt.ArrayLike] = None,
+        time: float = ...,
+        time_sd: float = ...,
+    ) -> None: ...
+    @property
+    def period(self) -> int: ...
+    @property
+    def rotation(self) -> List[int]: ...
+    @property
+    def points(self) -> Array: ...
+    @property
+    def covariance(self) -> Array: ...
+    @property
+    def multipliers(self) -> npt.NDArray[np.complex128]: ...
+    @property
+    def ln_multiplier(self) -> Array: ...
+    @property
+    def ln_multiplier_covariance(self) -> Array: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def time_sd(self) -> float: ...
+    @property
+    def code(self) -> str: ...
+    @property
+    def recurrences(self) -> int: ...
+    @property
+    def mirror(self) -> Optional[int]: ...
+    @property
+    def quality(self) -> List[str]: ...
+
+class CycleSearch:
+    """What a search for cycles found."""
+
+    @property
+    def cycles(self) -> List[Cycle]: ...
+    @property
+    def missing(self) -> List[int]: ...
+    @property
+    def candidates(self) -> int: ...
+    @property
+    def rejected(self) -> int: ...
+    @property
+    def patch_map(self) -> bool: ...
+    @property
+    def reading_covariance(self) -> Array: ...
+    @property
+    def remarks(self) -> List[str]: ...
+
+def find_cycles(
+    series: Series,
+    *,
+    method: str = "automatic",
+    periods: Optional[Sequence[int]] = None,
+    box: float = 0.1,
+    neighbours: int = 0,
+    order: int = 0,
+    minimum_recurrences: int = 1,
+    symmetry_signs: Optional[Sequence[float]] = None,
+    reading_covariance: Optional[npt.ArrayLike] = None,
+    partition: Optional[Mapping[str, Any]] = None,
+) -> CycleSearch: ...
+def harvest(
+    series: Series,
+    system: System,
+    parameters: Parameters,
+    known: Sequence[Cycle],
+    *,
+    covariance: Optional[npt.ArrayLike] = None,
+    free: Union[str, Sequence[str], None] = None,
+    sensor: Optional[Mapping[str, Any]] = None,
+    phase: float = 0.0,
+    section: Optional[Section] = None,
+    maximum_orbits: int = 400,
+    search_points: int = 100000,
+    **options: Any,
+) -> Dict[str, Any]: ...
+def lyapunov_spectrum(
+    series: Series,
+    *,
+    order: int = 0,
+    neighbours: int = 0,
+    steps: int = 262144,
+    symmetry_signs: Optional[Sequence[float]] = None,
+) -> Dict[str, Any]: ...
+def correlation_dimension(
+    series: Series, *, theiler: int = 0, pairs: int = 1000000, points: int = 200000
+) -> Dict[str, Any]: ...
+def expand_cycles(cycles: Sequence[Cycle], *, complete_to: int, continuous: bool = True) -> Dict[str, Any]: ...
+def embed(
+    series: Series,
+    *,
+    coordinate: str = ...,
+    delay: int = 0,
+    dimension: int = 0,
+    largest_delay: int = 1000,
+    largest_dimension: int = 8,
+) -> Dict[str, Any]: ...
+
+class SeriesResidual(Residual):
+    """Samples minus their prediction from one initial state per segment (single shooting)."""
+
+    def evaluate(
+        self, theta: npt.ArrayLike, latents: Optional[Sequence[npt.ArrayLike]] = None, derivatives: bool = False
+    ) -> List[Dict[str, Any]]: ...
+    def __init__(
+        self,
+        system: System,
+        series: Series,
+        parameters: Sequence[Optional[str]],
+        *,
+        values: Parameters = None,
+        name: str = "series",
+        observe: Union[str, Sequence[str], None] = None,
+        segments: Optional[Sequence[int]] = None,
+        sensor: Optional[Mapping[str, Any]] = None,
+        errors: Optional[Mapping[str, Mapping[str, Any]]] = None,
+        known_sds: bool = False,
+        start: Optional[npt.ArrayLike] = None,
+        initial: Optional[Mapping[str, Union[float, Mapping[str, Any]]]] = None,
+        rtol: float = ...,
+        atol: float = ...,
+        maximum_steps: int = ...,
+    ) -> None: ...
+    def state(self, block: int, theta: npt.ArrayLike, latents: npt.ArrayLike) -> Array: ...
+
+class ShootingResidual(Residual):
+    """A recorded series by multiple shooting: nodes along every segment, matched exactly or with an error."""
+
+    def evaluate(
+        self, theta: npt.ArrayLike, latents: Optional[Sequence[npt.ArrayLike]] = None, derivatives: bool = False
+    ) -> List[Dict[str, Any]]: ...
+    def __init__(
+        self,
+        system: System,
+        series: Series,
+        parameters: Sequence[Optional[str]],
+        *,
+        values: Parameters = None,
+        name: str = "series",
+        observe: Union[str, Sequence[str], None] = None,
+        segments: Optional[Sequence[int]] = None,
+        sensor: Optional[Mapping[str, Any]] = None,
+        errors: Optional[Mapping[str, Mapping[str, Any]]] = None,
+        known_sds: bool = False,
+        start: Optional[npt.ArrayLike] = None,
+        interval: int = 0,
+        matching: str = "exact",
+        matching_sd: Union[npt.ArrayLike, str] = ...,
+        rtol: float = ...,
+        atol: float = ...,
+        maximum_steps: int = ...,
+    ) -> None: ...
+    @property
+    def interval(self) -> int: ...
+
+class CycleResidual(Residual):
+    """Measured cycles against re-solved periodic orbits of the model."""
+
+    def evaluate(
+        self, theta: npt.ArrayLike, latents: Optional[Sequence[npt.ArrayLike]] = None, derivatives: bool = False
+    ) -> List[Dict[str, Any]]: ...
+    def __init__(
+        self,
+        system: System,
+        cycles: Sequence[Cycle],
+        parameters: Sequence[Optional[str]],
+        start: npt.ArrayLike,
+        *,
+        values: Parameters = None,
+        phase: float = 0.0,
+        section: Optional[Section] = None,
+        periods: Optional[Sequence[int]] = None,
+        weights: str = "covariance",
+        positions: bool = True,
+        multipliers: bool = False,
+        times: bool = False,
+        sensor: Optional[Mapping[str, Any]] = None,
+        errors: Optional[Mapping[str, Mapping[str, Any]]] = None,
+        maximum_move: float = 0.05,
+        gate: float = 25.0,
+        rtol: float = ...,
+        atol: float = ...,
+        maximum_steps: int = ...,
+    ) -> None: ...
+    @property
+    def at_rest(self) -> List[int]: ...
