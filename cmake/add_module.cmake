@@ -12,9 +12,11 @@ if(ORBID_PLAIN_THREADS)
   target_include_directories(orbid_flags BEFORE INTERFACE ${CMAKE_SOURCE_DIR}/tests/threads)
 endif()
 target_link_libraries(orbid_flags INTERFACE Eigen3::Eigen Threads::Threads)
-# BLAS-like threading inside Eigen would make sums depend on the number of threads. Alignment of Eigen's types must not
-# depend on -march, which a program that uses the library may choose differently.
-target_compile_definitions(orbid_flags INTERFACE EIGEN_DONT_PARALLELIZE EIGEN_MAX_ALIGN_BYTES=16)
+# BLAS-like threading inside Eigen would make sums depend on the number of threads. How Eigen aligns its types and
+# allocates must not depend on -march or sanitizers, which a program that uses the library may choose differently: with
+# its own allocator (16 bytes more for each matrix) whoever frees finds the address before the matrix.
+target_compile_definitions(orbid_flags INTERFACE EIGEN_DONT_PARALLELIZE
+  EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MAX_STATIC_ALIGN_BYTES=16 EIGEN_MALLOC_ALREADY_ALIGNED=0)
 
 # The rooms together are one shared library (cmake/library.cmake): of their symbols only those of installed headers, which
 # say so themselves, are seen from outside, and calls within the library stay within it.

@@ -38,12 +38,10 @@ foreach(room IN LISTS rooms)
 endforeach()
 target_link_libraries(orbid_library PUBLIC Eigen3::Eigen)
 target_compile_features(orbid_library PUBLIC cxx_std_20)
-# Who uses the library needs the same alignment of Eigen's types, and scalar, dual and pack of an own model must agree.
-target_compile_definitions(orbid_library PUBLIC EIGEN_MAX_ALIGN_BYTES=16)
-# In programs for AVX Eigen would allocate in another way; that and the cure the headers say (models/system.hpp). Types of
-# fixed size then keep their alignment, and allocation its way under the address sanitizer.
-target_compile_definitions(orbid_library INTERFACE
-  $<INSTALL_INTERFACE:EIGEN_MAX_STATIC_ALIGN_BYTES=16> $<INSTALL_INTERFACE:EIGEN_MALLOC_ALREADY_ALIGNED=1>)
+# Who uses the library aligns and allocates Eigen's types as it does (cmake/add_module.cmake), and scalar, dual and pack of
+# an own model must agree.
+target_compile_definitions(orbid_library PUBLIC
+  EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MAX_STATIC_ALIGN_BYTES=16 EIGEN_MALLOC_ALREADY_ALIGNED=0)
 target_compile_options(orbid_library INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-ffp-contract=off>)
 
 if(ORBID_SYNTAX_ONLY)

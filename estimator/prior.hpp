@@ -8,10 +8,11 @@
 
 #pragma GCC visibility push(default)
 
-// Matrices cross the border of the library: both sides must allocate them alike, whatever -march they are compiled for.
-// With AVX Eigen keeps an address of its own before each matrix, which a library without AVX would not look for.
-static_assert(EIGEN_MAX_ALIGN_BYTES <= 16, "compile with -DEIGEN_MAX_ALIGN_BYTES=16, as orbid's CMake target does");
-static_assert(EIGEN_DEFAULT_ALIGN_BYTES == 16, "with -mavx, -march=native and the like: add -DEIGEN_DONT_VECTORIZE");
+// Matrices cross the border of the library: both sides must align and allocate them alike, whatever -march they are
+// compiled for.
+static_assert(EIGEN_MAX_ALIGN_BYTES == 16 && EIGEN_MAX_STATIC_ALIGN_BYTES == 16 && EIGEN_MALLOC_ALREADY_ALIGNED == 0,
+              "compile with -DEIGEN_MAX_ALIGN_BYTES=16 -DEIGEN_MAX_STATIC_ALIGN_BYTES=16 "
+              "-DEIGEN_MALLOC_ALREADY_ALIGNED=0, as orbid's CMake target and pkg-config do");
 
 namespace orbid::estimator {
 
