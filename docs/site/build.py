@@ -29,7 +29,7 @@ TABLES_OF_CONTENTS = [CONTENTS, ROOT / "docs" / "tutorial" / "README.md"]
 
 def pages():
     """Every page of the site: those of docs/, and those of the project that they name."""
-    others = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "configs/README.md"]
+    others = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "configs/README.md", "examples/README.md"]
     return sorted((ROOT / "docs").rglob("*.md")) + [ROOT / name for name in others] + sorted((ROOT / "configs/data").rglob("*.md"))
 
 
