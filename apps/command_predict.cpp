@@ -1,24 +1,20 @@
 #include <filesystem>
 #include <ostream>
 
-#include <fmt/format.h>
-#include <tbb/global_control.h>
-
 #include "apps/command_stored.hpp"
 #include "apps/forecast.hpp"
 #include "apps/job_writer.hpp"
 #include "apps/output_folder.hpp"
 #include "apps/prediction_job.hpp"
 #include "apps/prediction_results.hpp"
+#include "apps/thread_limit.hpp"
 #include "apps/version.hpp"
 
 namespace orbid::apps {
 
 int predict_run(const CommandCall& call) {
     const int threads = call.whole_number("threads", 0, 0);
-    std::optional<tbb::global_control> limit;
-    if (threads > 0) limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
-    return with_stored_files(call, [&] {
+    const auto predict = [&] {
         const StoredRun run = read_stored_run(call.words[0]);
         const std::filesystem::path data = call.words[1];
         const PredictionJob job = prediction_job(run, data, call.value("experiment", ""));
@@ -34,7 +30,8 @@ int predict_run(const CommandCall& call) {
         folder.store("residuals.csv", residuals_text(result.rows));
         call.console.out << prediction_summary(result, job.stored.title);
         return 0;
-    });
+    };
+    return with_stored_files(call, [&] { return with_thread_limit(threads, call.console, predict); });
 }
 
 }  // namespace orbid::apps

@@ -6,8 +6,6 @@
 #include <sstream>
 #include <streambuf>
 
-#include <tbb/task_arena.h>
-
 #include "apps/atomic_file.hpp"
 #include "apps/data_check.hpp"
 #include "apps/job_reader.hpp"
@@ -94,12 +92,7 @@ JobRun run_job_text(std::string_view text, const std::filesystem::path& source, 
     std::ostream error(&lines);
     Console console{out, error};
     console.stopped = one_at_a_time(calls.stopped);
-    const auto compute = [&] { run.exit_code = run_job(*reading.job, options, console, "never"); };
-    if (options.threads > 0) {
-        tbb::task_arena(options.threads).execute(compute);
-    } else {
-        compute();
-    }
+    run.exit_code = run_job(*reading.job, options, console, "never");
     run.summary = out.str();
     run.messages = lines.text();
     const std::filesystem::path result = options.out / "result.json";

@@ -9,7 +9,6 @@
 #include <thread>
 
 #include <fmt/format.h>
-#include <tbb/global_control.h>
 
 #include "apps/branch_stage.hpp"
 #include "apps/colour.hpp"
@@ -31,6 +30,7 @@
 #include "apps/section_plot.hpp"
 #include "apps/signed_files.hpp"
 #include "apps/summary.hpp"
+#include "apps/thread_limit.hpp"
 #include "apps/version.hpp"
 #include "apps/workspace.hpp"
 #include "orbits/data_error.hpp"
@@ -160,9 +160,6 @@ int run_job(const Job& asked, const RunOptions& options, const Console& console,
     }
     Progress progress(options.quiet, console.error, console.error_terminal);
     const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::thread::hardware_concurrency());
-    std::optional<tbb::global_control> limit;
-    if (console.own_process || console.signals)
-        limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
     std::optional<InterruptionGuard> signals;
     if (console.signals) signals.emplace();
     const AskedCaller caller(console.stopped);
@@ -198,7 +195,8 @@ int run_job(const Job& asked, const RunOptions& options, const Console& console,
                                                                ? std::function<void(const std::string&)>(leave)
                                                                : std::function<void(const std::string&)>());
         const Workspace work{job, options, document, progress, interruption, folder, departure};
-        const int code = run_stages(work, console, console.colours_out(color));
+        const int code = with_thread_limit(options.threads, console,
+                                           [&] { return run_stages(work, console, console.colours_out(color)); });
         store_times();
         store_report(folder, console.error);
         return code;
