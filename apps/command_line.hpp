@@ -19,6 +19,7 @@ namespace orbid::apps {
 /// The same for a program that wants the texts itself, or calls it from several threads: nothing is written to the
 /// streams of the process, no signals are caught.
 /// @param stopped  asked between the steps of a run, by several threads; empty: never.
+/// @throws std::runtime_error when files cannot be written.
 [[nodiscard]] int run_command(const std::vector<std::string>& arguments, std::ostream& out, std::ostream& error,
                               const std::function<bool()>& stopped = {});
 

@@ -1,9 +1,11 @@
 #include "apps/job_run.hpp"
 
+#include <exception>
 #include <memory>
 #include <mutex>
 #include <ostream>
 #include <sstream>
+#include <stdexcept>
 #include <streambuf>
 
 #include "apps/atomic_file.hpp"
@@ -15,7 +17,11 @@ namespace orbid::apps {
 
 namespace {
 
-constexpr int unusable_data = 3;
+/// Whether a run with this exit code has stored a result; otherwise that in the folder is of another job.
+bool was_run(int exit_code) {
+    constexpr int done = 0, no_valid_answer = 1, interrupted = 130;
+    return exit_code == done || exit_code == no_valid_answer || exit_code == interrupted;
+}
 
 std::vector<JobProblem> problems_of(const JobReading& reading, const std::filesystem::path& source) {
     std::vector<JobProblem> problems;
@@ -30,6 +36,10 @@ class LineBuffer final : public std::streambuf {
 public:
     explicit LineBuffer(const std::function<void(std::string_view)>& tell) : tell_(tell) {}
     [[nodiscard]] std::string text() const { return text_; }
+    /// Throws what `tell` threw; nothing was told since.
+    void rethrow() const {
+        if (failure_) std::rethrow_exception(failure_);
+    }
 
 private:
     int_type overflow(int_type character) override {
@@ -41,9 +51,14 @@ private:
     std::streamsize xsputn(const char* characters, std::streamsize count) override {
         const std::lock_guard lock(mutex_);
         text_.append(characters, static_cast<std::size_t>(count));
-        for (std::size_t end = text_.find('\n', told_); tell_ && end != std::string::npos;
+        for (std::size_t end = text_.find('\n', told_); tell_ && !failure_ && end != std::string::npos;
              end = text_.find('\n', told_)) {
-            tell_(std::string_view(text_).substr(told_, end - told_));
+            // A stream would swallow it, and all that is written later.
+            try {
+                tell_(std::string_view(text_).substr(told_, end - told_));
+            } catch (...) {
+                failure_ = std::current_exception();
+            }
             told_ = end + 1;
         }
         return count;
@@ -53,6 +68,7 @@ private:
     std::mutex mutex_;
     std::string text_;
     std::size_t told_ = 0;
+    std::exception_ptr failure_;
 };
 
 /// A caller's function as several threads may ask it: one at a time, and no more once it said yes.
@@ -82,6 +98,10 @@ std::vector<JobProblem> job_problems(std::string_view text, const std::filesyste
 
 JobRun run_job_text(std::string_view text, const std::filesystem::path& source, const RunOptions& options,
                     const JobRunCalls& calls) {
+    if (options.out.empty()) throw std::invalid_argument("run_job_text: options.out is empty, needs a folder");
+    if (options.threads < 0)
+        throw std::invalid_argument("run_job_text: options.threads must be >= 0, not " +
+                                    std::to_string(options.threads));
     JobRun run;
     const JobReading reading = read_job(text, source);
     run.problems = problems_of(reading, source);
@@ -95,9 +115,10 @@ JobRun run_job_text(std::string_view text, const std::filesystem::path& source, 
     run.exit_code = run_job(*reading.job, options, console, "never");
     run.summary = out.str();
     run.messages = lines.text();
-    const std::filesystem::path result = options.out / "result.json";
-    if (reading.job->estimate && run.exit_code != unusable_data && std::filesystem::exists(result))
-        run.result = read_whole_file(result);
+    lines.rethrow();
+    const bool estimates = options.stage == Stage::all || options.stage == Stage::estimate;
+    if (reading.job->estimate && estimates && was_run(run.exit_code))
+        run.result = read_whole_file(options.out / "result.json");
     return run;
 }
 

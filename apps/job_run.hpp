@@ -29,7 +29,7 @@ struct JobRun {
     std::vector<JobProblem> problems;  ///< of a job that cannot be run: nothing else is meaningful then
     std::string summary;               ///< the tables that the command line prints
     std::string messages;              ///< lines of standard error, progress included (one line per stage)
-    std::string result;                ///< content of result.json; empty: the job has no such stage
+    std::string result;                ///< content of result.json; empty: no estimate was run
 };
 
 /// What a run asks and tells its caller. Both may be called by other threads than the caller's, one at a time each.
@@ -48,7 +48,8 @@ struct JobRunCalls {
 /// run at once by different threads, each into a folder of its own.
 /// @param text, source  as for job_problems().
 /// @param options       options.threads limits this run alone.
-/// @throws std::runtime_error when files cannot be written.
+/// @throws std::invalid_argument without a folder or with threads < 0; std::runtime_error when files cannot be written;
+///         what `calls.messages` threw, once the run has ended.
 [[nodiscard]] JobRun run_job_text(std::string_view text, const std::filesystem::path& source, const RunOptions& options,
                                   const JobRunCalls& calls = {});
 

@@ -40,6 +40,17 @@ class NoPlugin : public std::runtime_error {
 constexpr double longest_compilation_s = 240.0;
 constexpr std::size_t digest_length = 64;
 
+/// As cmake/model_headers.cmake computes it; nothing where one of the headers is not there.
+std::optional<std::string> digest_of_headers(const fs::path& folder) {
+    std::string text;
+    for (const char* const* file = model_headers; *file != nullptr; ++file) {
+        std::error_code missing;
+        if (!fs::is_regular_file(folder / *file, missing)) return std::nullopt;
+        text += fmt::format("{} {}\n", *file, sha256_of_file(folder / *file));
+    }
+    return sha256(text);
+}
+
 /// Folder that holds models/ as this library was compiled with it: include/orbid of the prefix that the library (or the
 /// program that it is part of) lies in, however deep, or the source folder.
 fs::path headers_folder() {
@@ -58,19 +69,17 @@ fs::path headers_folder() {
         }
     }
     candidates.emplace_back(ORBID_HEADERS);
-    for (const fs::path& folder : candidates)
-        if (fs::exists(folder / "models" / "detail" / "model_kernel.hpp", error)) return folder;
+    fs::path other;
+    for (const fs::path& folder : candidates) {
+        const auto digest = digest_of_headers(folder);
+        if (digest == model_headers_sha256) return folder;
+        if (digest && other.empty()) other = folder;
+    }
+    if (!other.empty())
+        throw NoPlugin(fmt::format("the headers in {} are not those that this orbid was built with", other.string()));
     throw NoPlugin(
         "orbid's headers are not installed beside it (Debian: package liborbid-dev; else component development of "
         "cmake --install)");
-}
-
-/// As cmake/model_headers.cmake computes it.
-std::string digest_of_headers(const fs::path& folder) {
-    std::string text;
-    for (const char* const* file = model_headers; *file != nullptr; ++file)
-        text += fmt::format("{} {}\n", *file, sha256_of_file(folder / *file));
-    return sha256(text);
 }
 
 /// What code for "this machine" depends on, where the file system may be shared by several.
@@ -131,9 +140,7 @@ Recipe recipe_for(const models::Equations& equations) {
     if (!compiler) throw NoPlugin("no C++ compiler was found (the one that built orbid, $ORBID_CXX, c++)");
     recipe.compiler = *compiler;
     const fs::path headers = headers_folder();
-    const std::string digest = digest_of_headers(headers);
-    if (digest != model_headers_sha256)
-        throw NoPlugin(fmt::format("the headers in {} are not those that this orbid was built with", headers.string()));
+    const std::string digest = model_headers_sha256;
     recipe.flags = flags(headers);
     std::string all = recipe.source;
     for (const std::string& part : {program_version(), digest, compiler->identity, processor()})

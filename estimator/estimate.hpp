@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/detail/matrix_layout.hpp"
 #include "estimator/prior.hpp"
 #include "estimator/residual.hpp"
 

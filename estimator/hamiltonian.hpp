@@ -4,6 +4,8 @@
 
 #include <Eigen/Core>
 
+#include "estimator/detail/matrix_layout.hpp"
+
 #pragma GCC visibility push(default)
 
 namespace orbid::estimator {

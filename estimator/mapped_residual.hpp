@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/detail/matrix_layout.hpp"
 #include "estimator/parameter_map.hpp"
 #include "estimator/residual.hpp"
 

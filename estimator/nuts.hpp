@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/detail/matrix_layout.hpp"
 #include "estimator/hamiltonian.hpp"
 
 #pragma GCC visibility push(default)

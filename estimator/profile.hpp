@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/detail/matrix_layout.hpp"
 #include "estimator/estimate.hpp"
 
 #pragma GCC visibility push(default)

@@ -9,6 +9,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/detail/matrix_layout.hpp"
 #include "estimator/prior.hpp"
 
 #pragma GCC visibility push(default)

@@ -10,6 +10,8 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
+
 #pragma GCC visibility push(default)
 
 namespace orbid::models {

@@ -10,18 +10,13 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
 #include "models/input_signal.hpp"
 #include "models/parameter.hpp"
 #include "models/sensor.hpp"
 #include "models/simulation.hpp"
 
 #pragma GCC visibility push(default)
-
-// Matrices cross the border of the library: both sides must align and allocate them alike, whatever -march they are
-// compiled for.
-static_assert(EIGEN_MAX_ALIGN_BYTES == 16 && EIGEN_MAX_STATIC_ALIGN_BYTES == 16 && EIGEN_MALLOC_ALREADY_ALIGNED == 0,
-              "compile with -DEIGEN_MAX_ALIGN_BYTES=16 -DEIGEN_MAX_STATIC_ALIGN_BYTES=16 "
-              "-DEIGEN_MALLOC_ALREADY_ALIGNED=0, as orbid's CMake target and pkg-config do");
 
 namespace orbid::models {
 

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
 #include "models/system.hpp"
 #include "orbits/cycle.hpp"
 #include "orbits/series.hpp"

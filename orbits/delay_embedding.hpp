@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
 #include "orbits/series.hpp"
 
 #pragma GCC visibility push(default)

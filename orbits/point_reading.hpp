@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
 #include "orbits/section_map.hpp"
 
 #pragma GCC visibility push(default)

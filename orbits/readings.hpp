@@ -6,6 +6,8 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
+
 namespace orbid::orbits {
 
 /// The readings of a segment, shape (n, m): a matrix that owns its numbers, or looks at numbers that someone else owns.

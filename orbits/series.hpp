@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
 #include "models/parameter.hpp"
 #include "orbits/readings.hpp"
 

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "estimator/residual.hpp"
+#include "models/detail/matrix_layout.hpp"
 #include "models/system.hpp"
 #include "orbits/error_form.hpp"
 #include "orbits/series.hpp"

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
 #include "models/system.hpp"
 #include "periodic/course.hpp"
 #include "periodic/orbit.hpp"

@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
 #include "models/system.hpp"
 #include "periodic/orbit.hpp"
 #include "periodic/solver_options.hpp"

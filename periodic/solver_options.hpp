@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
 #include "models/system.hpp"
 
 #pragma GCC visibility push(default)

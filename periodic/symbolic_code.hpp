@@ -5,6 +5,8 @@
 
 #include <Eigen/Core>
 
+#include "models/detail/matrix_layout.hpp"
+
 #pragma GCC visibility push(default)
 
 namespace orbid::periodic {

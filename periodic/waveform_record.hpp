@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "estimator/residual.hpp"
+#include "models/detail/matrix_layout.hpp"
 #include "models/sensor.hpp"
 #include "models/system.hpp"
 #include "periodic/course.hpp"

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 
 #include "estimator/residual.hpp"
+#include "models/detail/matrix_layout.hpp"
 #include "models/system.hpp"
 #include "periodic/orbit.hpp"
 #include "periodic/waveform_curve.hpp"

@@ -126,6 +126,40 @@ TEST_CASE("a caller stops a run at its next step, with the best so far", "[apps]
     CHECK(rest.result == whole.result);
 }
 
+TEST_CASE("a run that does not begin gives no result of another job", "[apps]") {
+    const TemporaryFolder folder;
+    const Path source = folder.path() / "job.json";
+    const apps::RunOptions options = into(folder.path() / "out");
+    REQUIRE(silent_run(tests::pendulum_job(4096).dump(), source, options).exit_code == 0);
+    const apps::JobRun refused = silent_run(tests::pendulum_job(8192).dump(), source, options);
+    CHECK(refused.exit_code == 2);
+    CHECK(refused.result.empty());
+    CHECK_THAT(refused.messages, tests::ContainsSubstring("--force") || tests::ContainsSubstring("another job"));
+    apps::RunOptions simulation = options;
+    simulation.stage = apps::Stage::simulate;
+    CHECK(silent_run(tests::pendulum_job(4096).dump(), source, simulation).result.empty());
+
+    CHECK_THROWS_AS(apps::run_job_text("{}", source, apps::RunOptions{}), std::invalid_argument);
+    apps::RunOptions threads = options;
+    threads.threads = -1;
+    CHECK_THROWS_AS(apps::run_job_text("{}", source, threads), std::invalid_argument);
+}
+
+TEST_CASE("what a caller's function throws comes out of the run, which has gone on to its end", "[apps]") {
+    const TemporaryFolder folder;
+    apps::JobRunCalls calls;
+    int told = 0;
+    calls.messages = [&told](std::string_view) {
+        ++told;
+        throw std::domain_error("enough");
+    };
+    CHECK_THROWS_AS(apps::run_job_text(tests::pendulum_job(4096).dump(), folder.path() / "job.json",
+                                       into(folder.path() / "out"), calls),
+                    std::domain_error);
+    CHECK(told == 1);
+    CHECK(tests::read_json(folder.path() / "out" / "result.json").at("status") == "converged");
+}
+
 TEST_CASE("commands write to the streams of their caller", "[apps]") {
     const TemporaryFolder folder;
     tests::CaughtStream caught(STDOUT_FILENO, folder.path() / "out");
@@ -134,6 +168,19 @@ TEST_CASE("commands write to the streams of their caller", "[apps]") {
     CHECK_THAT(out.str(), tests::ContainsSubstring("sigma"));
     CHECK(apps::run_command({"modles"}, out, error) == 2);
     CHECK_THAT(error.str(), tests::ContainsSubstring("models"));
+
+    const Path file = tests::write_job(folder.path() / "job.json", tests::pendulum_job(4096));
+    const auto run = [&](const std::string& name, const std::string& threads, const std::function<bool()>& stopped) {
+        return apps::run_command({"run", file.string(), "--out", (folder.path() / name).string(), "--threads", threads},
+                                 out, error, stopped);
+    };
+    CHECK(run("one", "1", {}) == 0);
+    CHECK(run("two", "2", {}) == 0);
+    CHECK(apps::read_whole_file(folder.path() / "one" / "result.json") ==
+          apps::read_whole_file(folder.path() / "two" / "result.json"));
+    CHECK(run("stopped", "2", [] { return true; }) == 130);
+    CHECK(tests::read_json(folder.path() / "stopped" / "result.json").at("status") == "interrupted");
+    CHECK_THAT(out.str(), tests::ContainsSubstring("converged"));
     CHECK(caught.finish().empty());
 }
 

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""docs/api.md names every header that is installed outside of detail/, no other, and only names that the headers hold.
+"""docs/api.md names every header that is installed outside of detail/, no other, and only names that the headers hold; each with
+types of Eigen refuses programs that would allocate them otherwise.
 
     check_api.py SOURCE_FOLDER PUBLIC_HEADER...      headers as CMake installs them: models/system.hpp ...
 """
@@ -15,6 +16,10 @@ def complaints(root, installed):
     named = set(re.findall(r"`((?:models|periodic|orbits|estimator|apps)/\w+\.hpp)`", text))
     found = [f"docs/api.md: {header} is installed, but not named" for header in sorted(public - named)]
     found += [f"docs/api.md: {header} is named, but not installed" for header in sorted(named - public)]
+    for header in sorted(public & named):
+        code = (root / header).read_text(encoding="utf-8")
+        if "#include <Eigen/" in code and not re.search(r'#include "(models|estimator)/detail/matrix_layout.hpp"', code):
+            found.append(f"{header} has types of Eigen and does not include detail/matrix_layout.hpp")
     for row in re.finditer(r"^\| `([\w/]+\.hpp)` \| (.*) \|$", text, re.M):
         header, holds = row[1], row[2]
         if header not in public:
