@@ -6,9 +6,10 @@ their options, installed headers, as recorded in tests/house/surface/.
     public_surface.py --build FOLDER --write      records what is new, and takes out what CHANGELOG.md says is gone
 
 A name that is recorded and no longer there is an error unless the newest version of CHANGELOG.md has it, in backticks, in
-a line of its section "### Removed" or "### Changed". A line may name more at once: a class or a namespace stands for its
-members, a key for the keys and values below it, a command for its options. A new name is told and no error while the
-newest version is "Unreleased"; a release has all of them recorded.
+a line of its section "### Removed" or "### Changed": a symbol with all its namespaces, a key by its JSON Pointer, a
+command as it is typed (`orbid run`), a header by its path. A line may name more at once: a class stands for its members,
+a key for the keys and values below it, a command for its options. A new name is told and no error while the newest
+version is "Unreleased"; a release has all of them recorded.
 """
 
 import argparse
@@ -124,18 +125,24 @@ def announced(changelog):
     return {name for section in said for name in re.findall(r"`([^`\n]+)`", section.partition("\n")[2])}
 
 
-def named_by(name, announcement):
+def named_by(kind, name, announcement):
     """Whether the announcement stands for the name: it is it, or what follows it there begins a member, a parameter list,
-    a key below, a value or an option."""
+    a key below, a value or an option. A word that may stand in any sentence, or a whole namespace, announces nothing."""
+    if kind == "headers":
+        return name == announcement
+    if kind == "commands":
+        name = f"orbid {name}"
+    if announcement.count("::") < 2 and kind == "symbols" or announcement == "orbid":
+        return False
     return name.startswith(announcement) and (
         name == announcement or name[len(announcement):].startswith(("::", "(", "<", "/", " ")))
 
 
-def compare(recorded, present, changelog):
+def compare(kind, recorded, present, changelog):
     """(gone without a word, gone as announced, new) as sorted lists of names."""
     names = announced(changelog)
     gone = recorded - present
-    said = {name for name in gone if any(named_by(name, announcement) for announcement in names)}
+    said = {name for name in gone if any(named_by(kind, name, announcement) for announcement in names)}
     return sorted(gone - said), sorted(said), sorted(present - recorded)
 
 
@@ -158,7 +165,7 @@ def check(surface, folder, changelog, write):
         if not present:
             print(f"public surface: {kind}: nothing found, the search is broken", file=sys.stderr)
             return False
-        missing, said, new = compare(read_record(folder, kind), present, changelog)
+        missing, said, new = compare(kind, read_record(folder, kind), present, changelog)
         for name in missing:
             print(f"public surface: {kind}: gone: {name}\n    name it in backticks under \"### Removed\" or "
                   f"\"### Changed\" of the newest version in CHANGELOG.md, or bring it back", file=sys.stderr)

@@ -47,15 +47,24 @@ class Surface(unittest.TestCase):
         self.assertEqual(announced(CHANGELOG), {"/model/variant", "orbid::models::flow", "docs"})
 
     def test_what_stands_for_what(self):
-        self.assertTrue(named_by("/model/variant", "/model/variant"))
-        self.assertTrue(named_by("/model/variant/x", "/model/variant"))
-        self.assertTrue(named_by('/model/kind = "map"', "/model/kind"))
-        self.assertTrue(named_by("run --out", "run"))
-        self.assertTrue(named_by("orbid::models::flow(int)", "orbid::models::flow"))
-        self.assertTrue(named_by("orbid::orbits::BoxTree::near(int) const", "orbid::orbits::BoxTree"))
-        self.assertFalse(named_by("/model/variants", "/model/variant"))
-        self.assertFalse(named_by("orbid::models::flows(int)", "orbid::models::flow"))
-        self.assertFalse(named_by("/model", "/model/variant"))
+        self.assertTrue(named_by("job_keys", "/model/variant", "/model/variant"))
+        self.assertTrue(named_by("job_keys", "/model/variant/x", "/model/variant"))
+        self.assertTrue(named_by("job_keys", '/model/kind = "map"', "/model/kind"))
+        self.assertTrue(named_by("commands", "run --out", "orbid run"))
+        self.assertTrue(named_by("commands", "run --out", "orbid run --out"))
+        self.assertTrue(named_by("symbols", "orbid::models::flow(int)", "orbid::models::flow"))
+        self.assertTrue(named_by("symbols", "orbid::orbits::BoxTree::near(int) const", "orbid::orbits::BoxTree"))
+        self.assertTrue(named_by("headers", "orbid/models/flow.hpp", "orbid/models/flow.hpp"))
+        self.assertFalse(named_by("job_keys", "/model/variants", "/model/variant"))
+        self.assertFalse(named_by("symbols", "orbid::models::flows(int)", "orbid::models::flow"))
+        self.assertFalse(named_by("job_keys", "/model", "/model/variant"))
+
+    def test_words_of_any_sentence_announce_nothing(self):
+        for kind in ("symbols", "job_keys", "commands", "headers"):
+            recorded = read_record(RECORDS, kind)
+            for word in ("orbid", "orbid::models", "orbid/models", "models", "run", "model", "/"):
+                silenced = [name for name in recorded if named_by(kind, name, word)]
+                self.assertEqual(silenced, [], f"{kind}: {word}")
 
     def test_a_name_that_is_gone_fails_until_it_is_announced(self):
         write_record(self.folder, "job_keys", {"/seed", "/title", "/model/variant"})
@@ -92,7 +101,7 @@ class Surface(unittest.TestCase):
             recorded = read_record(RECORDS, kind)
             self.assertGreater(len(recorded), 10, kind)
             for name in recorded:
-                self.assertEqual(compare(recorded, recorded - {name}, silent), ([name], [], []))
+                self.assertEqual(compare(kind, recorded, recorded - {name}, silent), ([name], [], []))
 
     def test_keys_are_found_behind_references_choices_and_conditions(self):
         schema = {
