@@ -88,11 +88,15 @@ set(CMAKE_REQUIRED_FLAGS "${CMAKE_CXX_FLAGS}")
 if(ORBID_MACHINE)
   string(APPEND CMAKE_REQUIRED_FLAGS " -march=${ORBID_MACHINE}")
 endif()
-check_cxx_source_compiles("#ifndef __AVX512F__\n#error none\n#endif\nint main() {}" ORBID_MACHINE_HAS_AVX512)
+# The answer is cached, so under the name of the machine that was asked for.
+string(MAKE_C_IDENTIFIER "ORBID_AVX512_OF_${ORBID_MACHINE}" answer)
+check_cxx_source_compiles("#ifndef __AVX512F__\n#error none\n#endif\nint main() {}" ${answer})
+set(ORBID_MACHINE_HAS_AVX512 "${${answer}}")
 unset(CMAKE_REQUIRED_FLAGS)
 
 # Sources of a room that are compiled for a processor, by -march: ORBID_MACHINE, and once more for each of ORBID_LEVELS,
-# which cmake/library.cmake makes further libraries of. They hold no type of Eigen, whose alignment depends on such flags.
+# which cmake/library.cmake makes further libraries of. They hold no type of Eigen: of its inlined functions, compiled for a
+# higher level, the linker could take one for any caller.
 #   compile_for_machine(orbits box_tree.cpp)
 function(compile_for_machine room)
   set(machine "$<TARGET_PROPERTY:ORBID_MACHINE>")
