@@ -16,7 +16,11 @@ command -v objdump >/dev/null || { echo "levels: skipped: there is no objdump"; 
 uses() { # library, pattern
     objdump -d --no-show-raw-insn "$1" | grep -E "$2" >/dev/null
 }
-avx='\tv[a-z0-9]+ .*%[xyz]mm|%ymm' avx512='%zmm|%k[1-7]\b|%[xy]mm(1[6-9]|2[0-9]|3[01])'
+avx=$'\tv[a-z0-9]+ .*%[xyz]mm|%ymm' avx512='%zmm|%k[1-7]\b|%[xy]mm(1[6-9]|2[0-9]|3[01])'
+# That the patterns see what they are for, and only that.
+seen() { printf '  4f0:\t%s\n' "$2" | grep -E "$1" >/dev/null; }
+seen "$avx" 'vaddsd %xmm1,%xmm0,%xmm0' && seen "$avx512" 'vaddpd %ymm1,%ymm17,%ymm0' || fail "a pattern misses its instructions"
+! seen "$avx" 'addsd  %xmm1,%xmm0' && ! seen "$avx512" 'vaddpd %ymm1,%ymm2,%ymm0' || fail "a pattern takes others' instructions"
 name=$(basename "$(readlink -f "$build/lib/liborbid.so")")
 uses "$build/lib/$name" "$avx" && fail "the library of $base holds AVX instructions"
 for level in "$@"; do
