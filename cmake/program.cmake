@@ -25,7 +25,8 @@ install(FILES ${texts}/orbid.zsh DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor
   COMPONENT runtime)
 install(FILES docs/orbid-job.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/orbid COMPONENT runtime)
 
-# Example jobs with their data, each set of data beside its notice. Pages name their folder as the source tree does.
+# Example jobs with their data, each set of data beside its notice. Pages name their folder as the source tree does. Links of
+# pages into tests/ lead nowhere here: what they name as evidence is source, which packages do not hold.
 set(documents ${CMAKE_INSTALL_DATADIR}/doc/orbid)
 install(DIRECTORY configs/ DESTINATION ${documents}/examples COMPONENT runtime FILES_MATCHING
   PATTERN "*.json" PATTERN "*.csv" PATTERN "*.md")
@@ -33,9 +34,10 @@ file(CREATE_LINK examples ${CMAKE_BINARY_DIR}/configs SYMBOLIC)
 install(FILES ${CMAKE_BINARY_DIR}/configs DESTINATION ${documents} COMPONENT runtime)
 install(DIRECTORY docs/ DESTINATION ${documents}/docs COMPONENT runtime FILES_MATCHING
   PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png" PATTERN "*.csv" PATTERN site EXCLUDE)
-install(FILES README.md CONTRIBUTING.md DESTINATION ${documents} COMPONENT runtime)
+install(FILES README.md CONTRIBUTING.md CHANGELOG.md DESTINATION ${documents} COMPONENT runtime)
 install(FILES ${CMAKE_BINARY_DIR}/third_party_licences.txt DESTINATION ${documents} COMPONENT runtime)
-install(DIRECTORY examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/liborbid-dev/examples COMPONENT development)
+install(DIRECTORY examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/liborbid-dev/examples COMPONENT development
+  FILES_MATCHING PATTERN "*.cpp" PATTERN "*.md" PATTERN CMakeLists.txt PATTERN build EXCLUDE)
 
 # As the policy of Debian asks for it: what gzip is there for is compressed, without its date.
 find_program(ORBID_GZIP gzip)
