@@ -1,18 +1,27 @@
-# Lists the licences of everything third-party that the program links, loads or contains. Run as a script:
-#   cmake -DPROGRAM=bin/orbid -DHEADERS="a.hpp|b.hpp" -DBUNDLED=bundled_licences.txt -DTO=third_party_licences.txt -P ...
-# Libraries come from the program's own list, headers are compiled in; each is traced to its Debian package, whose
+# Lists the licences of everything third-party that the program and its library link, load or contain. Run as a script:
+#   cmake -DPROGRAM=bin/orbid -DLIBRARY=lib/liborbid.so -DHEADERS="a.hpp|b.hpp" -DBUNDLED=bundled_licences.txt -DTO=third_party_licences.txt -P ...
+# Libraries come from the lists of these two, headers are compiled in; each is traced to its Debian package, whose
 # copyright file is copied. Elsewhere the files are named, and where to look is said.
 cmake_minimum_required(VERSION 3.25)
 find_program(dpkg dpkg-query)
-execute_process(COMMAND ldd ${PROGRAM} OUTPUT_VARIABLE loaded RESULT_VARIABLE failed ERROR_QUIET)
-execute_process(COMMAND readelf -d ${PROGRAM} OUTPUT_VARIABLE needed ERROR_QUIET)
+set(loaded "")
+set(needed "")
+foreach(part ${PROGRAM} ${LIBRARY})
+  execute_process(COMMAND ldd ${part} OUTPUT_VARIABLE of_part ERROR_QUIET)
+  string(APPEND loaded "${of_part}")
+  execute_process(COMMAND readelf -d ${part} OUTPUT_VARIABLE of_part ERROR_QUIET)
+  string(APPEND needed "${of_part}")
+endforeach()
 string(REPLACE "|" ";" headers "${HEADERS}")
 set(files ${headers})
 string(REGEX MATCHALL "=> (/[^ ]+)" lines "${loaded}")
 foreach(line ${lines})
   string(REGEX REPLACE "^=> " "" file "${line}")
-  list(APPEND files ${file})
+  if(NOT file MATCHES "/liborbid[.]so[^/]*$")
+    list(APPEND files ${file})
+  endif()
 endforeach()
+list(REMOVE_DUPLICATES files)
 
 # package -> how it comes in
 set(packages "")

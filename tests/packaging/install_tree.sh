@@ -16,7 +16,8 @@ while read -r file; do
 done <"$build/install_manifest.txt"
 prefix=$scratch/moved
 mv "$scratch/first" "$prefix"
-grep -rIl --exclude='*.md' --exclude-dir=doc -e "$source" -e "$scratch/first" "$prefix" >"$scratch/named" || true
+# Pages are copies of the source's, which may name any folder.
+grep -rIl --exclude='*.md' -e "$source" -e "$scratch/first" "$prefix" >"$scratch/named" || true
 [[ ! -s $scratch/named ]] || fail "these name the folder that they were built in: $(cat "$scratch/named")"
 
 orbid=$prefix/bin/orbid
