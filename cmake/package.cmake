@@ -37,6 +37,10 @@ file(CONFIGURE OUTPUT ${control}/shlibs @ONLY CONTENT
   "liborbid @PROJECT_VERSION_MAJOR@.@PROJECT_VERSION_MINOR@ orbid (>= @PROJECT_VERSION@)\n")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA ${control}/triggers ${control}/shlibs)
 set(CPACK_ORBID_BUILD ${CMAKE_BINARY_DIR})
+set(CPACK_ORBID_LIBRARIES lib/liborbid.so.${PROJECT_VERSION})
+foreach(level IN LISTS ORBID_LEVELS)
+  list(APPEND CPACK_ORBID_LIBRARIES lib/glibc-hwcaps/${level}/liborbid.so.${PROJECT_VERSION})
+endforeach()
 set(CPACK_PROJECT_CONFIG_FILE ${CMAKE_SOURCE_DIR}/cmake/package_dependencies.cmake)
 # HDF5 is loaded by its name, which no tool finds.
 find_program(ORBID_DPKG_QUERY dpkg-query)
@@ -58,7 +62,14 @@ With a compiler beside it orbid compiles equations that a job holds.")
 
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-orbid)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
-set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "orbid (= ${PROJECT_VERSION}-1), python3, python3-numpy")
+# The module is for the interpreter of one minor version: another would not find it.
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "orbid (= ${PROJECT_VERSION}-1), python3-numpy")
+if(python IN_LIST components)
+  execute_process(COMMAND ${ORBID_PYTHON_INTERPRETER} -c
+    "from sys import version_info as v; print(f'python3 (>= {v[0]}.{v[1]}), python3 (<< {v[0]}.{v[1] + 1})')"
+    OUTPUT_VARIABLE versions OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
+  string(APPEND CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS ", ${versions}")
+endif()
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${CMAKE_LIBRARY_OUTPUT_DIRECTORY})
 set(CPACK_COMPONENT_PYTHON_DESCRIPTION "identification of nonlinear dynamical systems (Python)
