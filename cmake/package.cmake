@@ -70,6 +70,16 @@ if(python IN_LIST components)
     OUTPUT_VARIABLE versions OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
   string(APPEND CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS ", ${versions}")
 endif()
+# As Debian's own packages of Python do: compiled when it is installed, so that what Python writes is gone with the package.
+file(CONFIGURE OUTPUT ${control}/postinst @ONLY CONTENT "#!/bin/sh
+set -e
+if [ \"$1\" = configure ] && command -v py3compile >/dev/null; then py3compile -p python3-orbid; fi
+")
+file(CONFIGURE OUTPUT ${control}/prerm @ONLY CONTENT "#!/bin/sh
+set -e
+if command -v py3clean >/dev/null; then py3clean -p python3-orbid; fi
+")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA ${control}/postinst ${control}/prerm)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${CMAKE_LIBRARY_OUTPUT_DIRECTORY})
 set(CPACK_COMPONENT_PYTHON_DESCRIPTION "identification of nonlinear dynamical systems (Python)

@@ -19,10 +19,12 @@ trap 'rm -rf "$scratch"' EXIT
 packages=("$scratch"/cpack/*.deb)
 program=$(compgen -G "$scratch/cpack/orbid_*.deb") || fail "there is no package orbid"
 development=$(compgen -G "$scratch/cpack/liborbid-dev_*.deb") || fail "there is no package liborbid-dev"
+module=$(compgen -G "$scratch/cpack/python3-orbid_*.deb") || module=
 depends=$(dpkg-deb -f "$program" Depends)
 for library in libc6 libtbb libhdf5; do
     [[ $depends == *$library* ]] || fail "orbid does not depend on $library: $depends"
 done
+[[ -z $module || $(dpkg-deb -f "$module" Depends) == *"python3 (<< 3."* ]] || fail "python3-orbid may meet another Python"
 [[ $(dpkg-deb -f "$development" Depends) == *"orbid (= "* ]] || fail "liborbid-dev may meet another version of orbid"
 for package in "${packages[@]}"; do
     dpkg-deb -c "$package" | awk '$2 != "root/root" {exit 1}' || fail "$package holds files that are not root's"
@@ -42,14 +44,24 @@ in_overlay() {
     if chroot "$root" dpkg -s orbid >/dev/null 2>&1; then chroot "$root" dpkg -r orbid liborbid-dev python3-orbid >/dev/null 2>&1; fi
     mount --bind /proc "$root/proc" && mount --bind /dev "$root/dev" && mount -t tmpfs none "$root/tmp" || return 77
     mkdir -p "$root$source" && mount -t tmpfs none "$root$source"
-    cp "$program" "$development" "$root/tmp/"
+    cp "$program" "$development" ${module:+"$module"} "$root/tmp/"
     find "$scratch/layer/upper" ! -type d | sort >"$scratch/before"
     chroot "$root" dpkg -i "/tmp/$(basename "$program")" >"$scratch/log" 2>&1 || fail "dpkg -i: $(cat "$scratch/log")"
     chroot "$root" sh -c 'mkdir /tmp/empty && cd /tmp/empty && orbid run /usr/share/doc/orbid/examples/henon.json --out out --quiet' \
         >"$scratch/summary" || fail "the example job failed"
     grep -Eq '^ *a +1\.(4|39999)' "$scratch/summary" || fail "a of henon.json is not 1.4: $(cat "$scratch/summary")"
     chroot "$root" dpkg -i "/tmp/$(basename "$development")" >"$scratch/log" 2>&1 || fail "dpkg -i: $(cat "$scratch/log")"
-    chroot "$root" dpkg -r liborbid-dev orbid >"$scratch/log" 2>&1 || fail "dpkg -r: $(cat "$scratch/log")"
+    local installed=(liborbid-dev orbid)
+    if [[ -n $module ]] && chroot "$root" dpkg -s python3-numpy 2>/dev/null | grep '^Status: install ok' >/dev/null; then
+        chroot "$root" dpkg -i "/tmp/$(basename "$module")" >"$scratch/log" 2>&1 || fail "dpkg -i: $(cat "$scratch/log")"
+        local version
+        version=$(chroot "$root" sh -c 'cd /tmp/empty && /usr/bin/python3 -c "import orbid; print(orbid.__version__)"') ||
+            fail "Python does not import orbid"
+        [[ $(dpkg-deb -f "$module" Version) == "$version"-* ]] || fail "python3-orbid is of another version: $version"
+        installed=(python3-orbid "${installed[@]}")
+    fi
+    chroot "$root" dpkg -r "${installed[@]}" >"$scratch/log" 2>&1 || fail "dpkg -r: $(cat "$scratch/log")"
+    printf '%s\n' "${installed[@]}" >"$scratch/used"
     # Of the books that dpkg, ldconfig and man-db keep the content differs; of orbid nothing may be in them.
     find "$scratch/layer/upper" ! -type d | sort >"$scratch/after"
     comm -13 "$scratch/before" "$scratch/after" | sed "s|^$scratch/layer/upper||" |
@@ -59,7 +71,7 @@ in_overlay() {
     chroot "$root" dpkg -l orbid 2>/dev/null | grep '^[ir]' >/dev/null && fail "dpkg still knows orbid"
     return 0
 }
-# Below a folder: dpkg with a book of its own, in which no other package is.
+# Below a folder: dpkg with a book of its own, in which no other package is, so no Python either.
 below_folder() {
     local root=$scratch/root
     mkdir -p "$root/var/lib/dpkg"/{info,updates,triggers}
@@ -72,10 +84,11 @@ below_folder() {
     run_example "$root/usr/bin/orbid" "$root/usr/share/doc/orbid/examples"
     "${dpkg[@]}" -r liborbid-dev orbid >"$scratch/log" 2>&1 || fail "dpkg -r: $(cat "$scratch/log")"
     [[ -z $(find "$root" ! -type d -not -path "$root/var/lib/dpkg/*") ]] || fail "left behind: $(find "$root" ! -type d)"
+    printf '%s\n' orbid liborbid-dev >"$scratch/used"
     [[ ! -e $root/usr ]] || fail "folders are left behind: $(find "$root/usr")"
 }
 export -f in_overlay fail
-export scratch source program development test_name
+export scratch source program development module test_name
 how="overlay of this machine's root"
 code=77
 if can_hide; then
@@ -88,4 +101,4 @@ if ((code == 77)); then
 elif ((code != 0)); then
     exit $code
 fi
-echo "$test_name: ${#packages[@]} packages installed into $how, used and removed without a trace"
+echo "$test_name: ${#packages[@]} packages packed, $(wc -l <"$scratch/used") of them installed into $how, used and removed without a trace"
