@@ -5,6 +5,10 @@
 #include <string>
 #include <utility>
 
+#include <pybind11/stl.h>
+
+#include "python/bindings.hpp"
+
 namespace orbid::python {
 
 namespace py = pybind11;
@@ -67,8 +71,10 @@ py::array_t<double> shown(const double* data, py::array::ShapeContainer shape, p
 
 Doubles doubles(py::handle argument, const char* name) {
     if (!argument || argument.is_none()) wrong_type(name, "None");
-    const py::array given = py::module_::import("numpy").attr("asarray")(argument);
-    if (py::hasattr(argument, "mask")) wrong_type(name, "a masked array, whose mask would be lost");
+    const py::object numpy = py::module_::import("numpy");
+    const py::array given = numpy.attr("asarray")(argument);
+    if (py::isinstance(argument, numpy.attr("ma").attr("MaskedArray")))
+        wrong_type(name, "a masked array, whose mask would be lost");
     const char kind = given.dtype().kind();
     const bool whole = kind == 'i' || kind == 'u';
     if (!whole && (kind != 'f' || given.itemsize() > width))
@@ -134,6 +140,23 @@ py::array_t<double> derivative_array(Eigen::MatrixXd&& matrix, py::ssize_t direc
 
 py::array_t<double> view(const Eigen::MatrixXd& matrix, py::handle owner, bool writeable) {
     return shown(matrix.data(), {matrix.cols(), matrix.rows()}, owner, writeable);
+}
+
+py::array read_only(py::array array) {
+    array.attr("setflags")(py::arg("write") = false);
+    return array;
+}
+
+void bind_arrays(py::module_& module) {
+    module.def(
+        "_numbers", [](py::handle values, const std::string& name) { return doubles(values, name.c_str()); },
+        py::arg("values"), py::arg("name"), "Real numbers as float64 in C order, by the rules of every argument.");
+    module.def(
+        "_finite_vector",
+        [](py::handle values, const std::string& name, std::optional<py::ssize_t> size) {
+            return finite_vector(values, name.c_str(), size);
+        },
+        py::arg("values"), py::arg("name"), py::arg("size") = py::none(), "The same, shape (size,), all finite.");
 }
 
 py::array_t<double> view(const Eigen::VectorXd& vector, py::handle owner, bool writeable) {

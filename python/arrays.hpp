@@ -46,6 +46,9 @@ using Doubles =
 /// belongs to coordinate i and direction j. Nothing is copied, hence the strides of its last two axes are exchanged.
 [[nodiscard]] pybind11::array_t<double> derivative_array(Eigen::MatrixXd&& matrix, pybind11::ssize_t directions);
 
+/// The same array, read-only: what is written into a copy of what an object holds would be lost.
+[[nodiscard]] pybind11::array read_only(pybind11::array array);
+
 /// The memory of a matrix (n, m) that belongs to `owner`, as an array (m, n), which keeps the owner alive. Read-only
 /// unless `writeable`.
 [[nodiscard]] pybind11::array_t<double> view(const Eigen::MatrixXd& matrix, pybind11::handle owner,

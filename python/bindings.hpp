@@ -21,6 +21,7 @@ void bind_sections(pybind11::module_& module, SystemClass& system);
 
 /// Each adds the functions and classes of one part to the module.
 void bind_errors(pybind11::module_& module);
+void bind_arrays(pybind11::module_& module);
 void bind_models(pybind11::module_& module);
 void bind_equations(pybind11::module_& module);  // needs the models
 void bind_periodic(pybind11::module_& module);

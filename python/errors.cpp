@@ -14,7 +14,8 @@ void bind_errors(py::module_& module) {
     // Never freed: a translator may be asked when the interpreter is gone already.
     static auto* data_error = new py::exception<orbits::DataError>(module, "DataError", PyExc_ValueError);
     data_error->attr("__doc__") = "Recorded data that cannot be read or used; names file, line and column.";
-    py::register_exception_translator([](std::exception_ptr thrown) {
+    // Of this module alone: other modules throw exceptions of the standard library as well.
+    py::register_local_exception_translator([](std::exception_ptr thrown) {
         if (!thrown) return;
         try {
             std::rethrow_exception(thrown);
@@ -24,6 +25,8 @@ void bind_errors(py::module_& module) {
             PyErr_SetString(PyExc_OSError, error.what());
         } catch (const std::invalid_argument& error) {
             PyErr_SetString(PyExc_ValueError, error.what());
+        } catch (const py::cast_error& error) {
+            PyErr_SetString(PyExc_TypeError, error.what());
         } catch (const std::out_of_range& error) {
             PyErr_SetString(PyExc_IndexError, error.what());
         } catch (const std::logic_error& error) {

@@ -19,7 +19,8 @@ namespace {
 
 /// Options of the same estimate, once more with its residuals.
 struct Inquiry {
-    explicit Inquiry(const EstimateResult& result) : call(residuals(result)), options(result.options) {}
+    explicit Inquiry(const EstimateResult& result)
+        : call(residuals(result), ResidualCall::Blocks::as_left), options(result.options) {}
 
     static const std::vector<py::object>& residuals(const EstimateResult& result) {
         if (result.residuals.empty())

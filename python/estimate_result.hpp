@@ -12,21 +12,32 @@ namespace orbid::python {
 
 class ResidualCall;
 
+/// A quantity of theta that two functions in Python compute.
+struct DerivedFunctions {
+    std::string name;
+    pybind11::object value, gradient;
+};
+
 /// What was asked for and what came out; profiles, marginals and samples are asked of it.
 struct EstimateResult {
     std::vector<estimator::FreeParameter> parameters;
     std::vector<pybind11::object> residuals;  ///< kept alive
-    pybind11::object derived;                 ///< None, or a mapping from names to (value, gradient)
+    std::vector<DerivedFunctions> derived;    ///< what the caller does with the mapping later changes nothing
     estimator::EstimateOptions options;
     estimator::Estimate estimate;
 };
 
-/// Options of estimate() as keyword arguments; `progress` is called through `call`.
+/// Options of estimate() as keyword arguments, but for `progress`.
 class NamedArguments;
-[[nodiscard]] estimator::EstimateOptions estimate_options(NamedArguments& given, ResidualCall& call);
+[[nodiscard]] estimator::EstimateOptions estimate_options(NamedArguments& given);
 
-/// Quantities written in Python, {"name": (value, gradient)}, called through `call`.
-[[nodiscard]] std::vector<estimator::DerivedQuantity> derived_quantities(pybind11::handle derived, ResidualCall& call);
+/// Functions written in Python, {"name": (value, gradient)}; None: none.
+/// @throws TypeError for anything else than a mapping from texts to pairs of functions.
+[[nodiscard]] std::vector<DerivedFunctions> derived_functions(pybind11::handle derived);
+
+/// The same as the estimator calls them, through `call`; valid as long as both.
+[[nodiscard]] std::vector<estimator::DerivedQuantity> derived_quantities(const std::vector<DerivedFunctions>& functions,
+                                                                         ResidualCall& call);
 
 /// Everything as dicts, lists, numbers and texts.
 [[nodiscard]] pybind11::dict estimate_dict(const estimator::Estimate& estimate);

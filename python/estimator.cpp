@@ -1,3 +1,4 @@
+#include <functional>
 #include <limits>
 #include <memory>
 #include <utility>
@@ -61,16 +62,33 @@ Eigen::VectorXd called(ResidualCall& call, py::handle function, const Eigen::Vec
     return Eigen::VectorXd::Constant(size, std::numeric_limits<double>::quiet_NaN());
 }
 
-std::shared_ptr<EstimateResult> estimate(py::handle parameters, py::handle residuals, py::object derived,
+/// Called after every accepted step; the keyword arguments keep the function.
+std::function<void(int, double)> progress_of(NamedArguments& given, ResidualCall& call) {
+    const py::object progress = given.find_value("progress");
+    if (!progress) return nullptr;
+    if (PyCallable_Check(progress.ptr()) == 0) throw py::type_error("estimate: progress: needs a function");
+    return [&call, function = progress.ptr()](int iteration, double objective) {
+        if (call.failed()) return;
+        const py::gil_scoped_acquire lock;
+        try {
+            (void)py::handle{function}(iteration, objective);
+        } catch (...) {
+            call.fail(std::current_exception());
+        }
+    };
+}
+
+std::shared_ptr<EstimateResult> estimate(py::handle parameters, py::handle residuals, py::handle derived,
                                          const py::kwargs& keywords) {
     auto result = std::make_shared<EstimateResult>();
     result->parameters = estimated_parameters(parameters);
     result->residuals = residual_list(residuals);
-    result->derived = std::move(derived);
-    ResidualCall call(result->residuals);
+    result->derived = derived_functions(derived);
+    ResidualCall call(result->residuals, ResidualCall::Blocks::all);
     NamedArguments given("estimate", keywords);
     const auto quantities = derived_quantities(result->derived, call);
-    estimator::EstimateOptions options = estimate_options(given, call);
+    estimator::EstimateOptions options = estimate_options(given);
+    options.progress = progress_of(given, call);
     given.finish();
     const bool interrupted = call.compute([&](const std::function<bool()>& stopped) {
         options.interrupted = stopped;
@@ -87,26 +105,34 @@ std::shared_ptr<EstimateResult> estimate(py::handle parameters, py::handle resid
 
 }  // namespace
 
-std::vector<estimator::DerivedQuantity> derived_quantities(py::handle derived, ResidualCall& call) {
-    std::vector<estimator::DerivedQuantity> quantities;
-    if (!derived || derived.is_none()) return quantities;
-    if (!py::isinstance<py::dict>(derived))
-        throw py::type_error("derived: needs a dict from names to pairs of functions (value, gradient)");
-    for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(derived)) {
-        const std::string name = py::str(key);
+std::vector<DerivedFunctions> derived_functions(py::handle derived) {
+    std::vector<DerivedFunctions> functions;
+    if (!derived || derived.is_none()) return functions;
+    for (const auto& [key, value] : mapping(derived, "derived")) {
+        const auto name = key.cast<std::string>();
         const std::string where = "derived '" + name + "'";
-        if (!py::isinstance<py::sequence>(value) || py::len(value) != 2)
+        if (!py::isinstance<py::sequence>(value) || py::isinstance<py::str>(value) || py::len(value) != 2)
             throw py::type_error(where + ": needs a pair of functions (value, gradient)");
-        const py::object parts[] = {value[py::int_(0)], value[py::int_(1)]};
-        for (const py::object& part : parts)
-            if (PyCallable_Check(part.ptr()) == 0) throw py::type_error(where + ": needs functions");
+        DerivedFunctions one{name, value[py::int_(0)], value[py::int_(1)]};
+        if (PyCallable_Check(one.value.ptr()) == 0 || PyCallable_Check(one.gradient.ptr()) == 0)
+            throw py::type_error(where + ": needs functions");
+        functions.push_back(std::move(one));
+    }
+    return functions;
+}
+
+std::vector<estimator::DerivedQuantity> derived_quantities(const std::vector<DerivedFunctions>& functions,
+                                                           ResidualCall& call) {
+    std::vector<estimator::DerivedQuantity> quantities;
+    for (const DerivedFunctions& one : functions) {
+        const std::string where = "derived '" + one.name + "'";
         estimator::DerivedQuantity quantity;
-        quantity.name = name;
-        // The functions are borrowed: their owner is the result, which outlives the call.
-        quantity.value = [&call, where, function = parts[0].ptr()](const Eigen::VectorXd& theta) {
+        quantity.name = one.name;
+        // Borrowed: copies are made where the interpreter's lock is not held.
+        quantity.value = [&call, where, function = one.value.ptr()](const Eigen::VectorXd& theta) {
             return called(call, function, theta, 1, where + ": value")[0];
         };
-        quantity.gradient = [&call, where, function = parts[1].ptr()](const Eigen::VectorXd& theta) {
+        quantity.gradient = [&call, where, function = one.gradient.ptr()](const Eigen::VectorXd& theta) {
             return called(call, function, theta, theta.size(), where + ": gradient");
         };
         quantities.push_back(std::move(quantity));
@@ -114,7 +140,7 @@ std::vector<estimator::DerivedQuantity> derived_quantities(py::handle derived, R
     return quantities;
 }
 
-estimator::EstimateOptions estimate_options(NamedArguments& given, ResidualCall& call) {
+estimator::EstimateOptions estimate_options(NamedArguments& given) {
     estimator::EstimateOptions options;
     constexpr estimator::Variance variances[] = {estimator::Variance::restricted, estimator::Variance::ml,
                                                  estimator::Variance::integrated};
@@ -132,18 +158,6 @@ estimator::EstimateOptions estimate_options(NamedArguments& given, ResidualCall&
         if (!py::isinstance<py::sequence>(priors)) throw py::type_error("estimate: joint_priors: needs a list");
         for (const py::handle one : priors)
             options.joint_priors.push_back(joint_prior(one, "estimate: joint_priors"));
-    }
-    if (const py::object progress = given.find_value("progress")) {
-        if (PyCallable_Check(progress.ptr()) == 0) throw py::type_error("estimate: progress: needs a function");
-        options.progress = [&call, function = progress.ptr()](int iteration, double objective) {
-            if (call.failed()) return;
-            const py::gil_scoped_acquire lock;
-            try {
-                (void)py::handle{function}(iteration, objective);
-            } catch (...) {
-                call.fail(std::current_exception());
-            }
-        };
     }
     return options;
 }

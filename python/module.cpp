@@ -5,6 +5,7 @@ PYBIND11_MODULE(_orbid, module) {
     module.doc() = "orbid's C++ library; import orbid for its names.";
     module.attr("__version__") = ORBID_VERSION;
     bind_errors(module);
+    bind_arrays(module);
     bind_models(module);
     bind_equations(module);
     bind_periodic(module);

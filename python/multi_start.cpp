@@ -67,10 +67,10 @@ py::dict run_dict(const estimator::StartedRun& run) {
     return dict;
 }
 
-py::dict multi_start(py::handle parameters, py::object residuals, py::object derived, const py::kwargs& keywords) {
+py::dict multi_start(py::handle parameters, py::object residuals, py::handle derived, const py::kwargs& keywords) {
     auto best = std::make_shared<EstimateResult>();
     best->parameters = estimated_parameters(parameters);
-    best->derived = std::move(derived);
+    best->derived = derived_functions(derived);
     if (PyCallable_Check(residuals.ptr()) == 0)
         throw py::type_error("residuals: needs a function that returns fresh residuals at each call");
     ResidualCall call;
@@ -86,7 +86,20 @@ py::dict multi_start(py::handle parameters, py::object residuals, py::object der
     options.kept = static_cast<int>(given.integer("kept", options.kept, 1));
     options.distance = given.number("distance", options.distance);
     options.objective_tolerance = given.number("objective_tolerance", options.objective_tolerance);
-    options.estimate = estimate_options(given, call);
+    options.estimate = estimate_options(given);
+    if (const py::object progress = given.find_value("progress")) {
+        if (PyCallable_Check(progress.ptr()) == 0) throw py::type_error("multi_start: progress: needs a function");
+        // The keyword arguments keep the function.
+        options.progress = [&call, function = progress.ptr()](int finished, int total) {
+            if (call.failed()) return;
+            const py::gil_scoped_acquire lock;
+            try {
+                (void)py::handle{function}(finished, total);
+            } catch (...) {
+                call.fail(std::current_exception());
+            }
+        };
+    }
     given.finish();
     estimator::MultiStart found;
     (void)call.compute([&](const std::function<bool()>& stopped) {
@@ -124,7 +137,7 @@ void bind_multi_start(py::module_& module) {
         "interrupted.\n\n"
         "residuals: a function without arguments that returns fresh residuals at each call, which share nothing\n"
         "that changes. starts (20), seed (1), width, screening_iterations, kept, distance, objective_tolerance,\n"
-        "and the options of estimate().");
+        "and the options of estimate(); progress is called as progress(finished, total) after every run.");
 }
 
 }  // namespace orbid::python

@@ -34,6 +34,23 @@ std::string nearest(const std::string& name, const std::vector<std::string>& kno
 
 }  // namespace
 
+bool is_mapping(py::handle given) {
+    return given && (py::isinstance<py::dict>(given) || PyMapping_Check(given.ptr()) != 0) &&
+           py::hasattr(given, "keys");
+}
+
+py::dict mapping(py::handle given, const std::string& where) {
+    if (!is_mapping(given))
+        throw py::type_error(where + " is " +
+                             (!given || given.is_none() ? std::string("None") : "of type " + type_name(given)) +
+                             ", needs a dict");
+    const auto dict = py::isinstance<py::dict>(given) ? py::reinterpret_borrow<py::dict>(given)
+                                                      : py::dict(py::reinterpret_borrow<py::object>(given));
+    for (const auto& [key, value] : dict)
+        if (!py::isinstance<py::str>(key)) throw py::type_error(where + ": a key is no text");
+    return dict;
+}
+
 long long whole_number(py::handle value, const std::string& place) {
     // Python's own integers and NumPy's have __index__; a float has none, whatever its value.
     if (py::isinstance<py::bool_>(value) || !PyIndex_Check(value.ptr()))
@@ -72,13 +89,7 @@ std::vector<std::string> text_list(py::handle value, const std::string& place) {
 }
 
 NamedArguments::NamedArguments(std::string where, py::handle given) : where_(std::move(where)) {
-    if (!given || given.is_none() || !py::isinstance<py::dict>(given))
-        throw py::type_error(where_ + " is " +
-                             (!given || given.is_none() ? std::string("None") : "of type " + type_name(given)) +
-                             ", needs a dict");
-    given_ = py::reinterpret_borrow<py::dict>(given);
-    for (const auto& [key, value] : given_)
-        if (!py::isinstance<py::str>(key)) throw py::type_error(where_ + ": a key is no text");
+    given_ = mapping(given, where_);
 }
 
 py::object NamedArguments::find(const char* name) {

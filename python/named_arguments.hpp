@@ -21,7 +21,8 @@ public:
     [[nodiscard]] pybind11::object find(const char* name);
     /// The same, where None means: not given.
     [[nodiscard]] pybind11::object find_value(const char* name);
-    [[nodiscard]] bool has(const char* name) const { return given_.contains(name); }
+    /// Whether there is a value; None is none.
+    [[nodiscard]] bool has(const char* name) { return bool(find_value(name)); }
 
     /// A number; integers are taken where float64 holds them, bool and text are not.
     [[nodiscard]] double number(const char* name, double otherwise);
@@ -51,6 +52,12 @@ private:
     pybind11::dict given_;
     std::vector<std::string> asked_;
 };
+
+/// A mapping from text as a dict: the one given, or a copy of another kind of mapping.
+/// @throws TypeError naming `where`, for anything else and for a key that is no text.
+[[nodiscard]] pybind11::dict mapping(pybind11::handle given, const std::string& where);
+/// Whether it is a dict or another mapping.
+[[nodiscard]] bool is_mapping(pybind11::handle given);
 
 /// A whole number that is written as one: no float, no bool. @throws TypeError naming `place`.
 [[nodiscard]] long long whole_number(pybind11::handle value, const std::string& place);

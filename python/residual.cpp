@@ -1,6 +1,8 @@
 #include "python/residual.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <set>
 #include <utility>
 
 #include <pybind11/stl.h>
@@ -38,23 +40,36 @@ std::string first_not_finite(const Eigen::MatrixXd& values, const std::string& n
     return {};
 }
 
+/// Residuals that take part in a computation: refresh() and suspend() change them, those of the library as well.
+/// Looked at and changed holding the interpreter's lock.
+std::set<const estimator::Residual*>& in_use() {
+    static std::set<const estimator::Residual*> residuals;
+    return residuals;
+}
+
 }  // namespace
 
-ResidualCall::ResidualCall(const std::vector<py::object>& residuals) {
+ResidualCall::ResidualCall(const std::vector<py::object>& residuals, Blocks blocks) : blocks_(blocks) {
     if (residuals.empty()) throw py::value_error("residuals: there is none");
     try {
         for (const py::object& residual : residuals)
             add(residual);
     } catch (...) {
-        for (PythonResidual* residual : python_)
-            residual->end();
+        end();
         throw;
     }
 }
 
 ResidualCall::~ResidualCall() {
-    for (PythonResidual* residual : python_)
-        residual->end();
+    end();
+}
+
+void ResidualCall::end() {
+    for (estimator::Residual* residual : residuals_) {
+        if (auto* python = dynamic_cast<PythonResidual*>(residual)) python->end();
+        in_use().erase(residual);
+    }
+    residuals_.clear();
 }
 
 void ResidualCall::add(py::handle residual) {
@@ -63,9 +78,13 @@ void ResidualCall::add(py::handle residual) {
     auto* one = residual.cast<estimator::Residual*>();
     if (std::find(residuals_.begin(), residuals_.end(), one) != residuals_.end())
         throw py::value_error("residuals: the same residual is given twice");
-    if (auto* python = dynamic_cast<PythonResidual*>(one)) {
-        python->begin(*this);
-        python_.push_back(python);
+    if (!in_use().insert(one).second)
+        throw py::value_error("residuals: one takes part in another computation that still runs");
+    try {
+        if (auto* python = dynamic_cast<PythonResidual*>(one)) python->begin(*this, blocks_);
+    } catch (...) {
+        in_use().erase(one);
+        throw;
     }
     kept_.push_back(py::reinterpret_borrow<py::object>(residual));
     residuals_.push_back(one);
@@ -95,12 +114,12 @@ py::function PythonResidual::method(const char* name) const {
     return py::get_override(static_cast<const estimator::Residual*>(this), name);
 }
 
-void PythonResidual::begin(ResidualCall& call) {
-    if (call_ != nullptr) throw py::value_error("residuals: one takes part in another computation that still runs");
+void PythonResidual::begin(ResidualCall& call, ResidualCall::Blocks blocks) {
     if (!method("evaluate")) throw py::type_error("a Residual needs a method evaluate(theta, latents, derivatives)");
     if (!method("groups") || !method("layout"))
         throw py::type_error("a Residual needs methods groups() and layout(), besides evaluate()");
     if (const py::function type = method("type")) type_ = py::str(type());
+    if (blocks == ResidualCall::Blocks::all) suspended_.clear();
     read_groups();
     read_layout();
     evaluated_ = false;

@@ -20,13 +20,16 @@ class PythonResidual;
 /// exception that they raise is kept; the computation is stopped and the exception raised where it was called.
 class ResidualCall {
 public:
+    /// Blocks that are suspended: put back, as an estimate begins; or left so, as what is asked of it later needs them.
+    enum class Blocks { all, as_left };
+
     /// Call it holding the interpreter's lock. Reads groups and blocks of residuals that are written in Python.
     /// @throws TypeError for anything but residuals; ValueError for one that is given twice, or takes part in another
     ///         computation that still runs; what methods of a residual raise.
-    explicit ResidualCall(const std::vector<pybind11::object>& residuals);
+    ResidualCall(const std::vector<pybind11::object>& residuals, Blocks blocks);
     /// None yet: they are made meanwhile, see add().
     ResidualCall() = default;
-    ~ResidualCall();
+    ~ResidualCall();  ///< holding the lock
     ResidualCall(const ResidualCall&) = delete;
     ResidualCall& operator=(const ResidualCall&) = delete;
 
@@ -43,9 +46,11 @@ public:
     [[nodiscard]] bool compute(const std::function<void(const std::function<bool()>& stopped)>& compute);
 
 private:
+    void end();
+
+    Blocks blocks_ = Blocks::all;
     std::vector<pybind11::object> kept_;  ///< alive until the end
     std::vector<estimator::Residual*> residuals_;
-    std::vector<PythonResidual*> python_;
     std::atomic<bool> failed_ = false;
     std::mutex mutex_;
     std::exception_ptr exception_;
@@ -55,7 +60,7 @@ private:
 class PythonResidual final : public estimator::Residual {
 public:
     /// From here to end() exceptions of methods go to `call`. @throws what is wrong with groups and blocks.
-    void begin(ResidualCall& call);
+    void begin(ResidualCall& call, ResidualCall::Blocks blocks);
     void end() { call_ = nullptr; }
 
     [[nodiscard]] std::string_view type() const override { return type_; }

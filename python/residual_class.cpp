@@ -29,8 +29,9 @@ evaluate(theta, latents, derivatives)
 
 and where they are needed type(), structure() ("none", "independent_blocks", "chain", "cyclic_chain"), covariances(),
 initial_latents(), refresh(theta, latents, scales), suspend(block), provisional(). Methods are called holding the
-interpreter's lock, from a thread that is not the caller's, one at a time. An exception stops the estimate and is raised
-there.)";
+interpreter's lock, from threads that are not the caller's. profiles(), marginals() and sample() call evaluate() from
+several threads: one call may begin where another gives up the lock, in NumPy or between two lines, so evaluate() leaves
+nothing in self that another call of it reads. An exception stops the estimate and is raised there.)";
 
 py::dict value_dict(estimator::BlockValue value, bool derivatives) {
     py::dict dict;

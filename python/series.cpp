@@ -1,5 +1,6 @@
 #include "python/series.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -30,15 +31,22 @@ std::shared_ptr<const void> keeper(py::object array) {
 
 /// An array (m, n) in C order looked at as the library's readings (n, m): nothing is copied.
 orbits::Readings readings(py::handle values, py::ssize_t columns, const std::string& place) {
-    const Doubles array = records(values, place.c_str(), columns, true);
+    Doubles array = doubles(values, place.c_str());
+    // The only coordinate's readings one after the other.
+    if (columns == 1 && array.ndim() == 1) array = Doubles(array.reshape({array.size(), py::ssize_t{1}}));
+    array = records(array, place.c_str(), columns, true);
     return orbits::Readings::borrowed(array.data(), array.shape(1), array.shape(0), keeper(array));
 }
 
-/// A list with one item for each segment; one array stands for a list of one.
-std::vector<py::object> per_segment(const py::object& value) {
+/// A list with one item for each segment; one array stands for a list of one. `rank` of a segment's array: a list of
+/// arrays with fewer dimensions is a list of records, as np.asarray has it.
+std::vector<py::object> per_segment(const py::object& value, py::ssize_t rank) {
     if (!value || value.is_none()) return {};
-    const bool several = (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value)) && py::len(value) > 0 &&
-                         py::isinstance<py::array>(value[py::int_(0)]);
+    const bool several =
+        (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value)) && py::len(value) > 0 &&
+        std::any_of(value.begin(), value.end(), [&](py::handle item) {
+            return py::isinstance<py::array>(item) && py::reinterpret_borrow<py::array>(item).ndim() >= rank;
+        });
     if (!several) return {value};
     std::vector<py::object> list;
     for (const py::handle item : value)
@@ -57,10 +65,10 @@ std::shared_ptr<Series> make_series(const py::object& values, const py::object& 
     NamedArguments given("Series", keywords);
     auto series = std::make_shared<Series>();
     series->coordinates = series_coordinates(coordinates);
-    const std::vector<py::object> arrays = per_segment(values);
+    const std::vector<py::object> arrays = per_segment(values, 2);
     if (arrays.empty()) throw py::type_error("values: None, needs an array (records, coordinates) or a list of them");
-    const std::vector<py::object> times = per_segment(given.find_value("times"));
-    const std::vector<py::object> deviations = per_segment(given.find_value("deviations"));
+    const std::vector<py::object> times = per_segment(given.find_value("times"), 1);
+    const std::vector<py::object> deviations = per_segment(given.find_value("deviations"), 2);
     const std::vector<std::string> labels = given.texts("labels");
     check_count(times.size(), arrays.size(), "times");
     check_count(deviations.size(), arrays.size(), "deviations");
@@ -89,11 +97,11 @@ std::shared_ptr<Series> make_series(const py::object& values, const py::object& 
         }
         if (!deviations.empty()) {
             const std::string place = "deviations" + number;
-            const Doubles sds = records(deviations[s], place.c_str(), series->dimension(), true);
-            if (sds.shape(0) != count)
-                throw py::value_error(place + ": " + std::to_string(sds.shape(0)) + " records, needs " +
+            const orbits::Readings sds = readings(deviations[s], series->dimension(), place);
+            if (sds.cols() != count)
+                throw py::value_error(place + ": " + std::to_string(sds.cols()) + " records, needs " +
                                       std::to_string(count));
-            segment.deviations = matrix(sds);
+            segment.deviations = Eigen::Map<const Eigen::MatrixXd>(sds.data(), sds.rows(), sds.cols());
             if (!(segment.deviations.array() > 0.0 || segment.deviations.array().isNaN()).all())
                 throw py::value_error(place + ": sds must be > 0, or nan where none is known");
         }
@@ -139,7 +147,7 @@ py::list coordinate_list(const Series& series) {
 constexpr auto series_text =
     R"(A measured or simulated record in segments, shape (records, coordinates) each; nan is a missing reading.
 
-values       array, or a list of arrays, one for each segment. float64 in C order is looked at in place, without a copy,
+values       array, or a list of arrays, one for each segment; shape (records,) will do for one coordinate. float64 in C order is looked at in place, without a copy,
              and kept alive: what is written into it later changes the record. Others are copied; integers are taken.
 coordinates  a System, or a list of names or of dicts with name, unit, angle.
 times        [s] of each record, ascending; sampling "samples" (with times) or "section"; deviations: known sds like
@@ -235,7 +243,15 @@ void bind_series(py::module_& module) {
         .def_readonly("origin", &Series::origin)
         .def_property_readonly("timed", &Series::timed)
         .def_property_readonly(
-            "scale", [](const Series& one) { return array(one.scale()); },
+            "scale",
+            [](const Series& one) {
+                Eigen::VectorXd scale;
+                {
+                    const py::gil_scoped_release unlocked;
+                    scale = one.scale();
+                }
+                return array(std::move(scale));
+            },
             "size of each coordinate's range, shape (coordinates,): 2 pi for angles")
         .def("__len__", &Series::size, "records of all segments")
         .def("__repr__", [](const Series& one) {

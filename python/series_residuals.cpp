@@ -1,7 +1,8 @@
 #include <algorithm>
+#include <memory>
+#include <optional>
 #include <utility>
 
-#include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 
 #include "orbits/cycle_residual.hpp"
@@ -117,6 +118,27 @@ std::vector<orbits::InitialStateRule> initial_rules(py::handle description, cons
     return rules;
 }
 
+/// Goes with a residual that Python made: how many parameters the estimate has, which the residual itself keeps hidden.
+struct MadeHere {
+    Eigen::Index parameters = 0;
+    void operator()(const SeriesResidual* residual) const { delete residual; }
+};
+
+/// The state in which a block begins, of arguments that fit the residual.
+py::array_t<double> state(const std::shared_ptr<SeriesResidual>& residual, const py::object& block,
+                          const py::object& theta, const py::object& latents) {
+    const long long number = whole_number(block, "block");
+    const auto blocks = std::ssize(residual->layout());
+    if (number < 0 || number >= blocks)
+        throw py::value_error("block = " + std::to_string(number) + ": there are " + std::to_string(blocks) +
+                              ", counted from 0");
+    const auto index = static_cast<std::size_t>(number);
+    const auto* made = std::get_deleter<MadeHere>(residual);
+    const std::optional<py::ssize_t> parameters = made ? std::optional<py::ssize_t>(made->parameters) : std::nullopt;
+    return array(residual->state(index, vector(finite_vector(theta, "theta", parameters)),
+                                 vector(finite_vector(latents, "latents", residual->layout()[index].latents))));
+}
+
 std::shared_ptr<SeriesResidual> series_residual(const py::object& system, const std::shared_ptr<orbits::Series>& series,
                                                 const py::object& parameters, const py::kwargs& keywords) {
     const auto model = system_of(system);
@@ -128,7 +150,8 @@ std::shared_ptr<SeriesResidual> series_residual(const py::object& system, const 
     given.finish();
     std::shared_ptr<SeriesResidual> result;
     compute_interruptibly([&](const auto&) {
-        result = std::make_shared<SeriesResidual>(model, std::move(bound), *series, std::move(options));
+        const MadeHere made{bound.estimated_count};
+        result = {new SeriesResidual(model, std::move(bound), *series, std::move(options)), made};
     });
     return result;
 }
@@ -229,7 +252,7 @@ void bind_series_residuals(py::module_& module) {
         "which initial states are guessed); initial: dict by coordinate, a fixed number, {\"start\": ..} or\n"
         "{\"normal\": {\"mean\": .., \"sd\": ..}}.")
         .def(py::init(&series_residual), py::arg("system"), py::arg("series").none(false), py::arg("parameters"))
-        .def("state", &SeriesResidual::state, py::arg("block"), py::arg("theta"), py::arg("latents"),
+        .def("state", &state, py::arg("block"), py::arg("theta"), py::arg("latents"),
              "The whole state in which a block begins, shape (n,).");
     residual_class<ShootingResidual>(
         module, "ShootingResidual",

@@ -15,6 +15,9 @@ __version__: str
 
 class DataError(ValueError): ...
 
+def _numbers(values: object, name: str) -> Array: ...
+def _finite_vector(values: object, name: str, size: Optional[int] = None) -> Array: ...
+
 # Models
 
 class Parameter:

@@ -10,7 +10,7 @@ import os
 import pathlib
 import tempfile
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, Mapping, Optional, Set, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -154,13 +154,18 @@ def _write_table(columns: Mapping[str, Any], pointer: str, folder: pathlib.Path)
         raise _refused(pointer, "no column")
     cells: List[List[str]] = []
     for name, given in columns.items():
-        if hasattr(given, "mask"):
+        if isinstance(given, np.ma.MaskedArray):
             raise _refused(f"{pointer}/{name}", 'a masked array; fill it with nan and say "missing": "nan"')
         column = np.asarray(given)
         if column.ndim != 1:
             raise _refused(f"{pointer}/{name}", f"shape {column.shape}, needs one dimension")
         if column.dtype.kind not in "fiuU":
             raise _refused(f"{pointer}/{name}", f"of type {column.dtype}; needs numbers (or text: labels of segments)")
+        if column.dtype.kind != "U":
+            try:
+                _orbid._numbers(column, name)  # doubles are read from the file: nothing may be rounded on its way there
+            except (TypeError, ValueError) as error:
+                raise _refused(f"{pointer}/{name}", str(error).partition(": ")[2]) from None
         if cells and len(column) != len(cells[0]):
             raise _refused(f"{pointer}/{name}", f"{len(column)} entries, the other columns have {len(cells[0])}")
         quoted = column.dtype.kind == "U"
@@ -250,6 +255,34 @@ def run(job: Job, out: Union[str, "os.PathLike[str]", None] = None, *, threads: 
         folder = pathlib.Path(keep.name)
     else:
         folder = pathlib.Path(job).with_suffix("")
+    there, tables = folder.exists(), _tables(folder)
+    try:
+        return _run(job, folder, threads, stage, force, progress, keep)
+    except Exception:
+        _remove_tables(folder, _tables(folder) - tables)
+        if not there and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+        raise
+
+
+def _tables(folder: pathlib.Path) -> Set[pathlib.Path]:
+    return set((folder / "arrays").glob("*.csv"))
+
+
+def _remove_tables(folder: pathlib.Path, tables: Set[pathlib.Path]) -> None:
+    """Takes back tables of a job that was refused: its folder is as it was before. Those of a run that began are part
+    of its job.json and stay."""
+    stored = folder / "job.json"
+    text = stored.read_text(encoding="utf-8") if stored.exists() else ""
+    for table in tables:
+        if table.name not in text:
+            table.unlink(missing_ok=True)
+    if tables and not any((folder / "arrays").iterdir()):
+        (folder / "arrays").rmdir()
+
+
+def _run(job: Job, folder: pathlib.Path, threads: int, stage: str, force: bool,
+         progress: Optional[Callable[[str], object]], keep: Optional[tempfile.TemporaryDirectory[str]]) -> Run:
     text, source, with_lines = _text_of(job, folder)
     exit_code, rows, summary, messages, result = _orbid.run_job(text, source, folder, threads, stage, force, progress)
     if exit_code == 3 and not rows:

@@ -7,7 +7,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Union
 import numpy as np
 import numpy.typing as npt
 
-from ._orbid import Residual
+from ._orbid import Residual, _finite_vector, _numbers
 
 Array = npt.NDArray[np.float64]
 Function = Callable[[Array], npt.ArrayLike]
@@ -15,21 +15,6 @@ Function = Callable[[Array], npt.ArrayLike]
 # Relative steps of differences. The error of a derivative is truncation, which grows with the step (its square for
 # central differences), and rounding, which falls like 1 / step: least where both are equal.
 _STEPS = {"2-point": float(np.finfo(float).eps ** (1 / 2)), "3-point": float(np.finfo(float).eps ** (1 / 3))}
-
-
-def _numbers(name: str, values: npt.ArrayLike, size: Optional[int] = None) -> Array:
-    """One dimension of finite numbers as float64."""
-    given = np.asarray(values)
-    if given.dtype.kind not in "fiu":
-        raise TypeError(f"{name}: numbers of type {given.dtype}; real numbers are needed")
-    column = np.ascontiguousarray(given, dtype=np.float64)
-    if column.ndim != 1 or (size is not None and column.size != size):
-        needed = "one dimension" if size is None else f"({size},)"
-        raise ValueError(f"{name}: shape {column.shape}, needs {needed}")
-    if not np.isfinite(column).all():
-        worst = int(np.flatnonzero(~np.isfinite(column))[0])
-        raise ValueError(f"{name}[{worst}] = {column[worst]}: must be a finite number")
-    return column
 
 
 class LeastSquares(Residual):
@@ -61,7 +46,7 @@ class LeastSquares(Residual):
         errors: Union[None, Dict[str, Any], Sequence[Dict[str, Any]]] = None,
     ) -> None:
         super().__init__()
-        self.y = _numbers("y", y)
+        self.y = _finite_vector(y, "y")
         if self.y.size == 0:
             raise ValueError("y: there is no reading")
         if not callable(prediction):
@@ -85,7 +70,7 @@ class LeastSquares(Residual):
                 raise ValueError(f"groups: {len(groups)} entries, needs {self.y.size}")
             self._block["groups"] = groups
         if deviations is not None:
-            self._block["deviation"] = _numbers("deviations", deviations, self.y.size)
+            self._block["deviation"] = _finite_vector(deviations, "deviations", self.y.size)
 
     def type(self) -> str:
         return "least_squares"
@@ -103,21 +88,18 @@ class LeastSquares(Residual):
         return value
 
     def _predicted(self, theta: Array) -> Array:
-        given = np.asarray(self._prediction(theta))
-        if given.dtype.kind not in "fiu":
-            raise TypeError(f"prediction returned numbers of type {given.dtype}; real numbers are needed")
+        # A copy: functions may fill the same array at every call.
+        given = np.array(_numbers(self._prediction(theta), "what prediction returned"))
         if given.shape != self.y.shape:
             raise ValueError(f"prediction returned shape {given.shape}, needs {self.y.shape}")
-        return given.astype(np.float64)
+        return given
 
     def _derivatives(self, theta: Array) -> Array:
         if callable(self._jacobian):
-            given = np.asarray(self._jacobian(theta))
-            if given.dtype.kind not in "fiu":
-                raise TypeError(f"jacobian returned numbers of type {given.dtype}; real numbers are needed")
+            given = _numbers(self._jacobian(theta), "what jacobian returned")
             if given.shape != (self.y.size, theta.size):
                 raise ValueError(f"jacobian returned shape {given.shape}, needs {(self.y.size, theta.size)}")
-            return given.astype(np.float64)
+            return given
         columns = np.empty((self.y.size, theta.size))
         base = self._predicted(theta) if self._jacobian == "2-point" else None
         for j in range(theta.size):

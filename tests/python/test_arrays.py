@@ -63,6 +63,21 @@ def test_what_is_no_number_is_a_type_error(given):
         rhs(given)
 
 
+def test_a_method_named_mask_makes_no_masked_array():
+    class Column:
+        """As a column of pandas, which has such a method."""
+
+        def mask(self):
+            raise AssertionError
+
+        def __array__(self, dtype=None, copy=None):
+            return STATES
+
+    assert np.array_equal(rhs(Column()), rhs(STATES))
+    written = {"model": {"name": "henon"}, "data": {"file": {"x": np.ma.array([1.0], mask=[1])}}}
+    assert "masked" in orbid.check(written)[0].rule
+
+
 def test_long_double_is_refused():
     if np.dtype(np.longdouble).itemsize <= 8:
         pytest.skip("no wider type here")

@@ -1,5 +1,7 @@
 """The estimator from Python: closed forms, options, wrong calls."""
 
+import collections.abc
+import gc
 import json
 import math
 import threading
@@ -124,6 +126,27 @@ def test_derived_quantities_and_progress():
         orbid.estimate({"c": 0.0, "s": 0.0}, line(), derived={"a": (fail, fail)})
 
 
+def test_functions_of_derived_quantities_are_kept():
+    class Pair(collections.abc.Sequence):
+        """Makes its functions when it is asked for them."""
+
+        def __len__(self):
+            return 2
+
+        def __getitem__(self, k):
+            return [lambda t: t[0] - t[1], lambda t: np.array([1.0, -1.0])][k]
+
+    derived = {"difference": Pair(), "sum": (lambda t: t[0] + t[1], lambda t: np.ones(2))}
+    result = orbid.estimate({"c": 0.0, "s": 0.0}, line(errors={"sd": 0.05}), derived=derived,
+                            progress=lambda *arguments: derived.clear() or gc.collect())
+    assert result.derived["difference"].value == result.theta[0] - result.theta[1]
+    assert not derived and result.derived["sum"].value == result.theta[0] + result.theta[1]
+    assert set(result.sample(draws=20, warm_up=20, chains=1)["derived"]) == {"difference", "sum"}
+    for wrong in ({1: derived}, {"a": 3}, {"a": (3, 4)}, {"a": "ab"}, {"a": (len,)}, [("a", len)]):
+        with pytest.raises(TypeError, match="derived"):
+            orbid.estimate({"c": 0.0, "s": 0.0}, line(), derived=wrong)
+
+
 def test_sample_and_multi_start():
     result = orbid.estimate({"c": 0.0, "s": 0.0}, line(errors={"sd": 0.05}))
     sample = result.sample(draws=400, warm_up=200, chains=2, seed=3)
@@ -149,6 +172,13 @@ def test_sample_and_multi_start():
     assert found["best"].theta[0] == pytest.approx(2.0, abs=1e-2)
     assert sorted(np.sign(one["theta"][0]) for one in found["optima"]) == [-1, 1]
     assert len(found["runs"]) == 8 and not found["interrupted"]
+    seen = []
+    orbid.multi_start({"t": {"start": -1.0, "bounds": [-5, 5]}}, two_minima, starts=3,
+                      progress=lambda finished, total: seen.append((finished, total)))
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+    with pytest.raises(ZeroDivisionError):
+        orbid.multi_start({"t": {"start": -1.0, "bounds": [-5, 5]}}, two_minima, starts=3,
+                          progress=lambda finished, total: 1 // 0)
     with pytest.raises(ValueError, match="multi_start"):
         found["best"].profiles()
     shared = two_minima()
@@ -227,6 +257,9 @@ def test_wrong_options(options, error, text):
         (np.ones(3, complex), TypeError, "complex"),
         (np.ones(3, bool), TypeError, "bool"),
         ([], ValueError, "no reading"),
+        (np.ma.array([1.0, 2.0], mask=[0, 1]), TypeError, "masked"),
+        (np.array([2**53 + 1, 0]), ValueError, "y: .*2.53"),
+        (np.ones(2, np.longdouble), TypeError, "y: numbers of type (float128|longdouble)"),
     ],
 )
 def test_wrong_readings(y, error, text):
@@ -234,12 +267,23 @@ def test_wrong_readings(y, error, text):
         orbid.estimate({"c": 0.0}, orbid.LeastSquares(y, lambda t: t[0] * np.ones(2), jacobian="2-point"))
 
 
+def test_functions_may_fill_one_array():
+    filled = np.empty(Y.size)
+
+    def prediction(theta):
+        filled[:] = DESIGN @ theta
+        return filled
+
+    result = orbid.estimate({"c": 0.0, "s": 0.0}, orbid.LeastSquares(Y, prediction, jacobian="3-point"))
+    assert result.theta == pytest.approx(orbid.estimate({"c": 0.0, "s": 0.0}, line()).theta, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     "prediction, jacobian, text",
     [
         (lambda t: np.ones(3), lambda t: DESIGN, r"prediction returned shape \(3,\)"),
         (lambda t: DESIGN @ t, lambda t: DESIGN.T, r"jacobian returned shape \(2, 12\)"),
-        (lambda t: None, lambda t: DESIGN, "prediction returned numbers of type object"),
+        (lambda t: None, lambda t: DESIGN, "what prediction returned: None"),
         (lambda t: DESIGN @ t * 1j, lambda t: DESIGN, "complex"),
     ],
 )

@@ -130,6 +130,8 @@ def test_data_as_arrays(tmp_path):
     ({"x": [None, 0.1]}, "/data/file/x: of type object"),
     ({"x": np.array([0.1 + 1j])}, "/data/file/x: of type complex"),
     ({"x": np.ma.array([0.1, 0.2], mask=[0, 1])}, "/data/file/x: a masked array"),
+    ({"x": np.array([1, 2**53 + 1])}, r"/data/file/x: .*2\^53"),
+    ({"x": np.array([0.1, 0.2], np.longdouble)}, "/data/file/x: numbers of type"),
     ({}, "/data/file: no column"),
     ({"x": [0.1, np.nan, 0.3, 0.4, 0.5]}, 'csv:3, column "x": "nan" is not a finite number'),
     ({"y": [0.1, 0.2, 0.3]}, '/data/columns/y: the model logistic has no coordinate "y"'),
@@ -193,6 +195,22 @@ def test_wrong_calls(table3, tmp_path):
     with pytest.raises(orbid.JobError, match="force"):
         orbid.run({**TABLE3, "seed": 2}, table3.folder)
     assert orbid.stored_run(table3.folder).result == table3.result
+
+
+def test_a_refused_job_leaves_nothing(tmp_path, table3):
+    record = {"x": [0.1, 0.2, 0.3]}
+    for wrong in (with_record({"y": [0.1, 0.2, 0.3]}), {**with_record(record), "seed": "none"}):
+        with pytest.raises(orbid.JobError):
+            orbid.run(wrong, tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+    with pytest.raises(orbid.JobError, match="force"):
+        orbid.run(with_record(record), table3.folder)
+    assert not (table3.folder / "arrays").exists()
+    (tmp_path / "mine" / "arrays").mkdir(parents=True)
+    (tmp_path / "mine" / "arrays" / "other.csv").write_text("x\n1\n")
+    with pytest.raises(orbid.JobError):
+        orbid.run({**with_record(record), "seed": "none"}, tmp_path / "mine")
+    assert [file.name for file in (tmp_path / "mine").rglob("*.csv")] == ["other.csv"]
 
 
 def test_numpy_in_a_job(tmp_path):

@@ -135,6 +135,45 @@ def test_wrong_descriptions(coordinates, options, error, text):
         orbid.Series(np.zeros((5, 2)), coordinates, **options)
 
 
+def test_a_list_of_records_is_one_segment():
+    values = np.arange(10.0).reshape(5, 2)
+    series = orbid.Series(list(values), ["x", "y"], deviations=list(np.ones((5, 2))))
+    assert len(series.segments) == 1 and series.segments[0].values.tolist() == values.tolist()
+    assert series.segments[0].deviations.tolist() == np.ones((5, 2)).tolist()
+    several = orbid.Series([values, values[:1]], ["x", "y"], times=[np.arange(5.0), np.zeros(1)])
+    assert [len(one) for one in several.segments] == [5, 1]
+    assert several.segments[1].times.tolist() == [0.0]
+
+
+def test_one_coordinate_needs_no_second_axis():
+    values = np.arange(5.0)
+    series = orbid.Series(values, ["x"], deviations=np.ones(5))
+    assert series.segments[0].values.tolist() == values[:, None].tolist()
+    assert series.segments[0].deviations.shape == (5, 1)
+    assert np.shares_memory(series.segments[0].values, values)
+    del values
+    gc.collect()
+    np.random.default_rng(2).normal(size=5)  # other use of freed memory
+    assert series.segments[0].values[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_state_of_a_block():
+    system, theta, series = lotka()
+    residual = orbid.SeriesResidual(system, series, list(theta))
+    start = list(theta.values())
+    latents = np.arange(1.0, 1.0 + system.dimension)
+    assert residual.state(0, start, latents).tolist() == latents.tolist()
+    for block in (-1, 99, 2**40):
+        with pytest.raises(ValueError, match="block"):
+            residual.state(block, start, latents)
+    for wrong in ((0, start, []), (0, start, [np.nan] * system.dimension), (0, start[:1], latents), (0, [], latents)):
+        with pytest.raises(ValueError, match="latents|theta"):
+            residual.state(*wrong)
+    for wrong in ((0.5, start, latents), (0, None, latents), (None, start, latents)):
+        with pytest.raises(TypeError):
+            residual.state(*wrong)
+
+
 def test_segments_times_and_files(tmp_path):
     values = [np.array([[0.1, 1.0], [0.2, np.nan], [0.3, 3.0]]), np.array([[1.1, -1.0], [1.2, -2.0]])]
     times = [np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.5])]

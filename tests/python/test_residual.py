@@ -11,6 +11,8 @@ import pytest
 
 import orbid
 
+import decay_twin  # built beside the package
+
 T = np.linspace(0.0, 5.0, 6)
 Y = np.array([2.02, 1.21, 0.75, 0.43, 0.29, 0.17])
 START = {"a": 1.0, "k": {"start": 1.0, "scale": "log", "bounds": [0, None]}}
@@ -50,7 +52,6 @@ def test_fit_of_the_page():
 
 
 def test_same_bytes_as_the_twin_in_cpp():
-    decay_twin = pytest.importorskip("decay_twin")
     ours = orbid.estimate(START, Decay())
     twin = orbid.estimate(START, decay_twin.Decay(T, Y))
     one, other = ours.to_dict(), twin.to_dict()
@@ -315,6 +316,44 @@ def test_residual_given_twice_or_in_use():
 
     with pytest.raises(ValueError, match="still runs"):
         orbid.estimate(START, Nested())
+
+
+def test_a_residual_of_the_library_in_use():
+    series = orbid.simulate(orbid.model("henon"), sections=50, noise=[1e-3, 1e-3], seed=1).series
+    residual = orbid.ShootingResidual(orbid.model("henon"), series, ["a"])
+
+    def again(iteration, objective):
+        orbid.estimate({"a": 1.39}, residual)
+
+    with pytest.raises(ValueError, match="still runs"):
+        orbid.estimate({"a": 1.39}, residual, progress=again)
+    assert orbid.estimate({"a": 1.39}, residual).status == "converged"
+
+
+def test_suspended_blocks_take_part_in_the_next_estimate():
+    class Blocks(orbid.Residual):
+        broken = True
+
+        def groups(self):
+            return [{"name": "readings", "sd": 0.1}]
+
+        def layout(self):
+            return [{"records": 3}, {"records": 3}, {"records": 2}]
+
+        def evaluate(self, theta, latents, derivatives):
+            values = [{"e": y - theta[0] * np.ones(y.size), "e_theta": -np.ones((y.size, 1))}
+                      for y in (np.array([1.0, 1.1, 0.9]), np.array([0.8, 1.2, 1.0]), np.array([2.0, 2.2]))]
+            if self.broken:
+                values[2] = None
+            return values
+
+    residual = Blocks()
+    first = orbid.estimate({"mean": 0.0}, residual)
+    assert first.counts[0]["lost"] == 1 and first.theta[0] == pytest.approx(1.0, abs=1e-12)
+    assert first.profiles()["mean"]["value"] == first.theta[0]  # of the blocks that are left
+    residual.broken = False
+    second = orbid.estimate({"mean": 0.0}, residual)
+    assert second.counts[0]["lost"] == 0 and second.theta[0] == pytest.approx(10.2 / 8, abs=1e-12)
 
 
 def test_an_estimate_within_an_evaluation():
