@@ -5,6 +5,7 @@
 #include <pybind11/stl.h>
 
 #include "python/arrays.hpp"
+#include "python/named_arguments.hpp"
 
 namespace orbid::python {
 
@@ -24,6 +25,18 @@ double number(py::handle value, const std::string& name) {
     return *finite_vector(value, name.c_str(), 1).data();
 }
 
+/// What a name is not, and the nearest one there is.
+std::string unknown(std::string_view name, const std::vector<std::string>& names, const std::string& what) {
+    std::string message = "no " + what + " '" + std::string(name) + "'";
+    const auto nearest =
+        py::module_::import("difflib").attr("get_close_matches")(name, names, 1).cast<std::vector<std::string>>();
+    if (!nearest.empty()) return message + ": did you mean '" + nearest.front() + "'?";
+    message += "; there is";
+    for (const std::string& known : names)
+        message += (&known == &names.front() ? " '" : ", '") + known + "'";
+    return names.empty() ? message + " none" : message;
+}
+
 }  // namespace
 
 std::vector<std::string> parameter_names(const models::System& system) {
@@ -36,19 +49,14 @@ std::vector<std::string> coordinate_names(const models::System& system) {
 
 Eigen::Index index_of(std::string_view name, const std::vector<std::string>& names, const std::string& what) {
     const auto place = std::find(names.begin(), names.end(), name);
-    if (place != names.end()) return place - names.begin();
-    std::string message = "no " + what + " '" + std::string(name) + "'";
-    const auto nearest =
-        py::module_::import("difflib").attr("get_close_matches")(name, names, 1).cast<std::vector<std::string>>();
-    if (!nearest.empty()) {
-        message += ": did you mean '" + nearest.front() + "'?";
-    } else {
-        message += "; there is";
-        for (const std::string& known : names)
-            message += (&known == &names.front() ? " '" : ", '") + known + "'";
-        if (names.empty()) message += " none";
-    }
-    throw py::key_error(message);
+    if (place == names.end()) throw py::key_error(unknown(name, names, what));
+    return place - names.begin();
+}
+
+Eigen::Index choice_of(std::string_view word, const std::vector<std::string>& words, const std::string& what) {
+    const auto place = std::find(words.begin(), words.end(), word);
+    if (place == words.end()) throw py::value_error(unknown(word, words, what));
+    return place - words.begin();
 }
 
 Eigen::VectorXd parameter_values(const models::System& system, py::handle parameters) {
@@ -97,30 +105,25 @@ std::optional<std::vector<Eigen::Index>> free_parameters(const models::System& s
 
 std::optional<models::Section> plane(const models::System& system, py::handle section) {
     if (!section || section.is_none()) return std::nullopt;
-    if (!py::isinstance<py::dict>(section)) throw py::type_error("section: a dict is needed");
-    const auto keys = py::reinterpret_borrow<py::dict>(section);
-    static const std::vector<std::string> known{"coordinate", "value", "direction", "normal", "offset"};
-    for (const auto& item : keys)
-        (void)index_of(py::str(item.first).cast<std::string>(), known, "key of a section");
-    const auto get = [&](const char* key) -> py::object {
-        return keys.contains(key) ? py::reinterpret_borrow<py::object>(keys[key]) : py::none();
-    };
+    NamedArguments given("section", section);
     models::Section plane;
-    if (!get("coordinate").is_none()) {
-        if (keys.contains("normal") || keys.contains("offset"))
+    const std::string coordinate = given.has("coordinate") ? given.text("coordinate", "") : "";
+    if (!coordinate.empty()) {
+        if (given.has("normal") || given.has("offset"))
             throw py::value_error("section: either 'coordinate' and 'value' or 'normal' and 'offset'");
         plane.normal = Eigen::VectorXd::Zero(system.dimension());
-        plane.normal[index_of(get("coordinate").cast<std::string>(), coordinate_names(system), "coordinate")] = 1.0;
-        plane.offset = number(get("value"), "section['value']");
+        plane.normal[index_of(coordinate, coordinate_names(system), "coordinate")] = 1.0;
+        plane.offset = given.required_number("value");
     } else {
-        plane.normal = vector(finite_vector(get("normal"), "section['normal']", system.dimension()));
-        plane.offset = number(get("offset"), "section['offset']");
+        const py::object normal = given.find_value("normal");
+        if (!normal) throw py::type_error("section: needs 'coordinate' and 'value', or 'normal' and 'offset'");
+        plane.normal = vector(finite_vector(normal, "section: normal", system.dimension()));
+        plane.offset = given.required_number("offset");
     }
-    if (keys.contains("direction")) {
-        const double direction = number(get("direction"), "section['direction']");
-        if (direction != 1.0 && direction != -1.0) throw py::value_error("section['direction']: must be 1 or -1");
-        plane.direction = direction > 0 ? 1 : -1;
-    }
+    const double direction = given.optional_number("direction").value_or(plane.direction);
+    plane.direction = direction > 0 ? 1 : -1;
+    if (direction != plane.direction) throw py::value_error("section: direction: must be 1 or -1");
+    given.finish();
     return plane;
 }
 

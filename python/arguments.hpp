@@ -17,7 +17,7 @@ namespace orbid::python {
 /// @throws KeyError for an unknown name, with the nearest one; ValueError for values outside their domain.
 [[nodiscard]] Eigen::VectorXd parameter_values(const models::System& system, pybind11::handle parameters);
 
-/// Indices of the parameters that derivatives are asked for: names, one name, or True for all.
+/// Indices of the parameters that derivatives are asked for: names, one name, or True for all of the model's.
 /// @return nothing for None and False.
 /// @throws KeyError for an unknown name, with the nearest one.
 [[nodiscard]] std::optional<std::vector<Eigen::Index>> free_parameters(const models::System& system,
@@ -26,6 +26,10 @@ namespace orbid::python {
 /// The value that stands at the name. @throws KeyError naming `what` and the nearest name.
 [[nodiscard]] Eigen::Index index_of(std::string_view name, const std::vector<std::string>& names,
                                     const std::string& what);
+
+/// The same for the words of an option. @throws ValueError.
+[[nodiscard]] Eigen::Index choice_of(std::string_view word, const std::vector<std::string>& words,
+                                     const std::string& what);
 
 [[nodiscard]] std::vector<std::string> parameter_names(const models::System& system);
 [[nodiscard]] std::vector<std::string> coordinate_names(const models::System& system);

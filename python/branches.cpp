@@ -59,8 +59,8 @@ void bind_branches(py::module_& module) {
     py::class_<BranchPoint>(module, "BranchPoint", "One orbit of a branch.")
         .def_readonly("parameter", &BranchPoint::parameter)
         .def_readonly("arclength", &BranchPoint::arclength)
-        .def_property_readonly(
-            "orbit", [](const BranchPoint& point) { return std::make_shared<periodic::PeriodicOrbit>(point.orbit); })
+        .def_property_readonly("orbit",
+                               [](const BranchPoint& point) -> const periodic::PeriodicOrbit& { return point.orbit; })
         .def_readonly("unstable", &BranchPoint::unstable, "Multipliers outside the unit circle.")
         .def_property_readonly(
             "bifurcation", [](const BranchPoint& point) { return std::string(name(point.bifurcation)); },
@@ -68,7 +68,8 @@ void bind_branches(py::module_& module) {
         .def_readonly("parameter_error", &BranchPoint::parameter_error);
     py::class_<Branch>(module, "Branch", "A one-parameter family of orbits, in the order of their arclength.")
         .def_property_readonly("values", &values, "Of the parameter, one for each point.")
-        .def_property_readonly("points", [](const Branch& branch) { return branch.points; })
+        .def_property_readonly("points",
+                               [](const Branch& branch) -> const std::vector<BranchPoint>& { return branch.points; })
         .def_property_readonly("first", [](const Branch& branch) { return std::string(name(branch.first)); })
         .def_property_readonly(
             "last", [](const Branch& branch) { return std::string(name(branch.last)); }, "Why it ended.")
@@ -80,7 +81,9 @@ void bind_branches(py::module_& module) {
                                                                         "Branches of orbits over a parameter.")
         .def_property_readonly(
             "start_status", [](const BifurcationDiagram& diagram) { return std::string(name(diagram.start_status)); })
-        .def_property_readonly("branches", [](const BifurcationDiagram& diagram) { return diagram.branches; });
+        .def_property_readonly("branches", [](const BifurcationDiagram& diagram) -> const std::vector<Branch>& {
+            return diagram.branches;
+        });
     const periodic::ContinuationOptions standard;
     module.def(
         "follow_branches", &follow, py::arg("system"), py::arg("guess"), py::arg("parameter"), py::arg("lower"),

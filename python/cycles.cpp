@@ -37,8 +37,8 @@ parameters  of the system: dict, array of all, or None. known: the cycles of fin
 covariance  of the free parameters, shape (f, f), and free, their names: how far off they may be; sensor, phase, section as
             in simulate(); maximum_orbits (400), search_points (100000); and the options of find_cycles().)";
 
-py::array_t<std::complex<double>> complex_array(const std::vector<std::complex<double>>& values) {
-    return py::array_t<std::complex<double>>(static_cast<py::ssize_t>(values.size()), values.data());
+const Cycle& cycle_of(const py::object& self) {
+    return self.cast<const Cycle&>();
 }
 
 py::object optional_index(const std::optional<std::size_t>& index) {
@@ -142,8 +142,11 @@ Cycle make_cycle(const py::object& points, const py::kwargs& keywords) {
     cycle.ln_multiplier_covariance = given.matrix("ln_multiplier_covariance");
     cycle.time = given.number("time", cycle.time);
     cycle.time_sd = given.number("time_sd", cycle.time_sd);
-    if (const py::object multipliers = given.find_value("multipliers"))
-        cycle.multipliers = multipliers.cast<std::vector<std::complex<double>>>();
+    if (const py::object multipliers = given.find_value("multipliers")) try {
+            cycle.multipliers = multipliers.cast<std::vector<std::complex<double>>>();
+        } catch (const py::cast_error&) {
+            throw py::type_error("Cycle: multipliers: needs a list of complex numbers");
+        }
     given.finish();
     return cycle;
 }
@@ -158,15 +161,22 @@ void bind_cycles(py::module_& module) {
         .def(py::init(&make_cycle), py::arg("points"))
         .def_readonly("period", &Cycle::period, "prime period, in sections")
         .def_readonly("rotation", &Cycle::rotation, "turns per cycle, one per angle; empty: the data do not tell")
-        .def_property_readonly("points", [](const Cycle& one) { return array(Eigen::MatrixXd(one.points)); })
-        .def_property_readonly("covariance",
-                               [](const Cycle& one) { return array(Eigen::MatrixXd(one.covariance.transpose())); })
-        .def_property_readonly("multipliers", [](const Cycle& one) { return complex_array(one.multipliers); })
-        .def_property_readonly("ln_multiplier",
-                               [](const Cycle& one) { return array(Eigen::VectorXd(one.ln_multiplier)); })
+        .def_property_readonly("points", [](const py::object& self) { return view(cycle_of(self).points, self); })
         .def_property_readonly(
-            "ln_multiplier_covariance",
-            [](const Cycle& one) { return array(Eigen::MatrixXd(one.ln_multiplier_covariance.transpose())); })
+            "covariance",
+            [](const py::object& self) -> py::object { return view(cycle_of(self).covariance, self).attr("T"); })
+        .def_property_readonly("multipliers",
+                               [](const py::object& self) {
+                                   const std::vector<std::complex<double>>& values = cycle_of(self).multipliers;
+                                   return read_only(py::array_t<std::complex<double>>(
+                                       static_cast<py::ssize_t>(values.size()), values.data(), self));
+                               })
+        .def_property_readonly("ln_multiplier",
+                               [](const py::object& self) { return view(cycle_of(self).ln_multiplier, self); })
+        .def_property_readonly("ln_multiplier_covariance",
+                               [](const py::object& self) -> py::object {
+                                   return view(cycle_of(self).ln_multiplier_covariance, self).attr("T");
+                               })
         .def_readonly("time", &Cycle::time)
         .def_readonly("time_sd", &Cycle::time_sd)
         .def_readonly("code", &Cycle::code, "one symbol per point; empty without a partition")
@@ -178,14 +188,17 @@ void bind_cycles(py::module_& module) {
         .def("__repr__", [](const Cycle& one) { return "<Cycle of period " + std::to_string(one.period) + ">"; });
     py::class_<CycleSearch, std::shared_ptr<CycleSearch>>(module, "CycleSearch", "What a search for cycles found.")
         .def_property_readonly(
-            "cycles", [](const CycleSearch& one) { return one.cycles; }, "by period, then by descending recurrences")
+            "cycles", [](const CycleSearch& one) -> const std::vector<Cycle>& { return one.cycles; },
+            "by period, then by descending recurrences")
         .def_readonly("missing", &CycleSearch::missing, "periods of which no cycle was found")
         .def_readonly("candidates", &CycleSearch::candidates)
         .def_readonly("rejected", &CycleSearch::rejected)
         .def_readonly("patch_map", &CycleSearch::patch_map)
         .def_property_readonly(
             "reading_covariance",
-            [](const CycleSearch& one) { return array(Eigen::MatrixXd(one.reading_covariance.transpose())); },
+            [](const py::object& self) -> py::object {
+                return view(self.cast<const CycleSearch&>().reading_covariance, self).attr("T");
+            },
             "of the errors of one reading, shape (n, n); empty: not estimated")
         .def_readonly("remarks", &CycleSearch::remarks);
     module.def("find_cycles", &find_cycles, py::arg("series").none(false), search_text);

@@ -15,9 +15,10 @@ namespace {
 
 /// The one key of {"normal": {...}} and what it holds.
 std::pair<std::string, py::object> only_entry(py::handle description, const std::string& where, const char* wanted) {
-    if (!py::isinstance<py::dict>(description) || py::len(description) != 1)
+    if (!is_mapping(description) || py::len(description) != 1)
         throw py::type_error(where + ": needs a dict with one key, " + wanted);
-    const auto entry = *py::reinterpret_borrow<py::dict>(description).begin();
+    const py::dict entries = mapping(description, where);
+    const auto entry = *entries.begin();
     return {py::str(entry.first), py::reinterpret_borrow<py::object>(entry.second)};
 }
 
@@ -85,7 +86,7 @@ estimator::ErrorParameter error_parameter(py::handle value, double start, const 
         throw py::value_error(where + " = '" + value.cast<std::string>() +
                               "': a number, \"estimate\" or {\"estimate\": {\"start\": .., \"prior\": ..}} is needed");
     }
-    if (!py::isinstance<py::dict>(value)) {
+    if (!is_mapping(value)) {
         result.estimate = false;
         result.value = finite_number(value, where);
         return result;
@@ -148,9 +149,8 @@ std::vector<ErrorModel> error_models(py::handle descriptions, const std::vector<
     for (ErrorModel& model : result)
         model.scale.value = 0.0;
     if (!descriptions || descriptions.is_none()) return result;
-    if (!py::isinstance<py::dict>(descriptions))
-        throw py::type_error(where + ": needs a dict with one entry for each coordinate");
-    for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(descriptions)) {
+    if (!is_mapping(descriptions)) throw py::type_error(where + ": needs a dict with one entry for each coordinate");
+    for (const auto& [key, value] : mapping(descriptions, where)) {
         const std::string name = py::str(key);
         const auto place = static_cast<std::size_t>(index_of(name, names, "coordinate"));
         NamedArguments given(where + ": " + name, value);
@@ -189,7 +189,7 @@ estimator::FreeParameter free_parameter(const std::string& name, py::handle desc
     estimator::FreeParameter result;
     result.name = name;
     const std::string where = "parameter '" + name + "'";
-    if (!py::isinstance<py::dict>(description)) {
+    if (!is_mapping(description)) {
         result.start = finite_number(description, where);
         return result;
     }
@@ -237,10 +237,10 @@ estimator::FreeParameter free_parameter(const std::string& name, py::handle desc
 }  // namespace
 
 std::vector<estimator::FreeParameter> estimated_parameters(py::handle parameters) {
-    if (!parameters || !py::isinstance<py::dict>(parameters))
+    if (!parameters || !is_mapping(parameters))
         throw py::type_error("parameters: needs a dict from names to start values, or to dicts with \"start\"");
     std::vector<estimator::FreeParameter> result;
-    for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(parameters)) {
+    for (const auto& [key, value] : mapping(parameters, "parameters")) {
         if (!py::isinstance<py::str>(key)) throw py::type_error("parameters: a name is no text");
         result.push_back(free_parameter(key.cast<std::string>(), value));
     }

@@ -27,7 +27,7 @@ py::list nested(const std::vector<std::vector<Eigen::VectorXd>>& values) {
     for (const auto& residual : values) {
         py::list blocks;
         for (const Eigen::VectorXd& block : residual)
-            blocks.append(vector_array(block));
+            blocks.append(read_only(vector_array(block)));
         residuals.append(blocks);
     }
     return residuals;
@@ -38,7 +38,7 @@ py::list errors(const Estimate& estimate) {
     for (const auto& residual : estimate.residuals) {
         py::list blocks;
         for (const estimator::BlockValue& block : residual)
-            blocks.append(vector_array(block.e));
+            blocks.append(read_only(vector_array(block.e)));
         residuals.append(blocks);
     }
     return residuals;
@@ -105,7 +105,7 @@ py::list history(const Estimate& estimate) {
 py::list null_directions(const Estimate& estimate) {
     py::list list;
     for (const estimator::NullDirection& direction : estimate.null_directions)
-        list.append(vector_array(direction.components));
+        list.append(read_only(vector_array(direction.components)));
     return list;
 }
 
@@ -267,18 +267,19 @@ void bind_estimate_result(py::module_& module) {
             Eigen::VectorXd theta(std::ssize(one.estimate.parameters));
             for (Eigen::Index i = 0; i < theta.size(); ++i)
                 theta[i] = one.estimate.parameters[static_cast<std::size_t>(i)].value;
-            return array(std::move(theta));
+            return read_only(array(std::move(theta)));
         },
         "values of the parameters, shape (parameters,)");
     made(result, "scales", scales_by_group, "dict of EstimatedScale by group");
     made(result, "covariances", covariances, "full covariances of several responses");
     result.def_property_readonly(
-        "covariance", [](const EstimateResult& one) { return matrix_array(one.estimate.covariance); },
+        "covariance", [](const EstimateResult& one) { return read_only(matrix_array(one.estimate.covariance)); },
         "of theta in natural units, shape (parameters, parameters)");
-    result.def_property_readonly("correlation",
-                                 [](const EstimateResult& one) { return matrix_array(one.estimate.correlation); });
-    result.def_property_readonly("singular_values",
-                                 [](const EstimateResult& one) { return vector_array(one.estimate.singular_values); });
+    result.def_property_readonly(
+        "correlation", [](const EstimateResult& one) { return read_only(matrix_array(one.estimate.correlation)); });
+    result.def_property_readonly("singular_values", [](const EstimateResult& one) {
+        return read_only(vector_array(one.estimate.singular_values));
+    });
     result.def_property_readonly(
         "latents", [](const EstimateResult& one) { return nested(one.estimate.latents); }, "per residual, per block");
     result.def_property_readonly("latent_sds",

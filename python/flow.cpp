@@ -23,7 +23,7 @@ struct Flow {
 };
 
 models::Clock clock_of(const models::System& system, const std::string& name) {
-    (void)index_of(name, {"time", "phase"}, "clock");
+    (void)choice_of(name, {"time", "phase"}, "clock");
     if (name == "phase" && system.kind() != models::Kind::forced)
         throw py::value_error("clock: 'phase' is for forced models");
     return name == "phase" ? models::Clock::phase : models::Clock::time;
@@ -35,9 +35,7 @@ Flow flow(const models::System& system, const py::object& x0, const py::object& 
     const Eigen::VectorXd start = vector(finite_vector(x0, "x0", system.dimension()));
     const Doubles durations = finite_vector(t, "t");
     const Eigen::VectorXd theta = parameter_values(system, parameters);
-    // True alone asks for derivatives by the start; parameters are named.
-    const bool by_start = py::isinstance<py::bool_>(sensitivities) && sensitivities.cast<bool>();
-    const auto free = by_start ? std::vector<Eigen::Index>{} : free_parameters(system, sensitivities);
+    const auto free = free_parameters(system, sensitivities);
     const models::Clock unit = clock_of(system, clock);
     const models::FlowOptions options = flow_options(rtol, atol, maximum_steps);
     models::FlowResult result;
@@ -117,7 +115,7 @@ std::shared_ptr<models::System> with_input(const models::System& system, const p
     if (readings.shape(0) != instants.size())
         throw py::value_error("values: " + std::to_string(readings.shape(0)) + " records, needs one for each of " +
                               std::to_string(instants.size()) + " times");
-    const bool cubic = index_of(interpolation, {"linear", "cubic"}, "interpolation") == 1;
+    const bool cubic = choice_of(interpolation, {"linear", "cubic"}, "interpolation") == 1;
     return held(system.with_input(std::make_shared<const models::InputSignal>(
         span(instants), span(readings), count, cubic ? Interpolation::cubic : Interpolation::linear)));
 }
@@ -145,7 +143,8 @@ void bind_flow(py::module_& module, SystemClass& system) {
              py::arg("maximum_steps") = standard.maximum_steps,
              "States after the durations t (ascending, >= 0) from x0.\n\n"
              "parameters: a dict (others keep their defaults) or all values in the order of the table.\n"
-             "sensitivities: True for derivatives by the start, names of parameters for these as well.\n"
+             "sensitivities: names of parameters, for derivatives by the start and by them; True: all, []: none of "
+             "them.\n"
              "phase: of the forcing at the start [rad]; of models with inputs: the time [s] of the start.\n"
              "clock: t in 'time' [s] (iterations of a map) or 'phase' [rad] of the forcing.")
         .def("rhs", &rhs, py::arg("x"), py::arg("parameters") = py::none(), py::kw_only(), py::arg("phase") = 0.0,

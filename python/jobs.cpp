@@ -33,7 +33,7 @@ py::tuple run(const std::string& text, const std::filesystem::path& source, cons
     options.threads = threads;
     options.force = force;
     options.stage =
-        static_cast<apps::Stage>(index_of(stage, {"all", "simulate", "orbits", "periodic", "estimate"}, "stage"));
+        static_cast<apps::Stage>(choice_of(stage, {"all", "simulate", "orbits", "periodic", "estimate"}, "stage"));
     apps::JobRun result;
     // What the caller's function raises ends the run and is raised again.
     std::optional<py::error_already_set> raised;

@@ -127,7 +127,7 @@ void bind_models(py::module_& module) {
         [](const std::string& name, const std::string& variant, std::optional<std::size_t> size) {
             return held(models::make_system(name, variant, size));
         },
-        py::arg("name"), py::kw_only(), py::arg("variant") = "", py::arg("size") = py::none(),
+        py::arg("name"), py::arg("variant") = "", py::arg("size") = py::none(),
         "A model by its name. size: number of cells of models that have any number.");
 }
 

@@ -39,7 +39,11 @@ periodic::StartingSolution orbit_start(const models::System& system, const Eigen
         throw py::value_error("guess: " + std::to_string(count) +
                               " points, needs one or period = " + std::to_string(periods));
     if (autonomous) throw py::value_error("guess: one point for each crossing is needed");
-    const auto result = system.ensemble(start.points, phase, static_cast<std::size_t>(periods - 1), theta, flow);
+    models::EnsembleResult result;
+    {
+        const py::gil_scoped_release unlocked;
+        result = system.ensemble(start.points, phase, static_cast<std::size_t>(periods - 1), theta, flow);
+    }
     if (result.status.front() != models::FlowStatus::ok)
         throw py::value_error("guess: cannot be followed over the period: " +
                               std::string(models::description(result.status.front())));

@@ -44,9 +44,10 @@ void bind_orbit(py::module_& module) {
         .def_readonly("time", &PeriodicOrbit::time, "Duration of the orbit [s]; iterations of a map.")
         .def_property_readonly(
             "multipliers",
-            [](const PeriodicOrbit& orbit) {
-                return py::array_t<std::complex<double>>(static_cast<py::ssize_t>(orbit.multipliers.size()),
-                                                         orbit.multipliers.data());
+            [](const py::object& self) {
+                const PeriodicOrbit& orbit = orbit_of(self);
+                return read_only(py::array_t<std::complex<double>>(static_cast<py::ssize_t>(orbit.multipliers.size()),
+                                                                   orbit.multipliers.data(), self));
             },
             "Floquet multipliers, largest modulus first, without the trivial one.")
         .def_readonly("trivial_multiplier", &PeriodicOrbit::trivial_multiplier)
@@ -70,7 +71,9 @@ void bind_orbit(py::module_& module) {
             "Shape (p, n, f): derivatives of the points by the parameters asked for.")
         .def_property_readonly(
             "time_sensitivities",
-            [](const PeriodicOrbit& orbit) { return array(Eigen::VectorXd(orbit.time_sensitivities.transpose())); },
+            [](const PeriodicOrbit& orbit) {
+                return read_only(array(Eigen::VectorXd(orbit.time_sensitivities.transpose())));
+            },
             "Shape (f,): of the duration, autonomous models.")
         .def_readonly("residual", &PeriodicOrbit::residual, "Largest closing error.")
         .def_readonly("iterations", &PeriodicOrbit::iterations)
@@ -97,7 +100,7 @@ std::shared_ptr<PeriodicOrbit> solve(const models::System& system, const py::obj
     solver.maximum_distance = maximum_distance;
     const periodic::StartingSolution start =
         orbit_start(system, theta, guess, period, section, phase, rotation, solver.flow);
-    const auto chosen = index_of(method, {"multiple_shooting", "finite_difference", "collocation"}, "method");
+    const auto chosen = choice_of(method, {"multiple_shooting", "finite_difference", "collocation"}, "method");
     periodic::OrbitMethod options = solver;
     if (chosen == 0 && nodes) throw py::value_error("nodes: of finite_difference and collocation");
     if (chosen == 1) {
@@ -174,13 +177,13 @@ Search find(const models::System& system, const std::vector<int>& periods, const
 void bind_search(py::module_& module) {
     using periodic::FoundOrbit;
     py::class_<FoundOrbit>(module, "FoundOrbit", "A prime periodic orbit that was found.")
-        .def_property_readonly("orbit",
-                               [](const FoundOrbit& found) { return std::make_shared<PeriodicOrbit>(found.orbit); })
+        .def_property_readonly("orbit", [](const FoundOrbit& found) -> const PeriodicOrbit& { return found.orbit; })
         .def_property_readonly("origin", [](const FoundOrbit& found) { return std::string(name(found.origin)); })
         .def_readonly("mirror", &FoundOrbit::mirror, "Number of its mirror image, -1: not known.")
         .def_readonly("hits", &FoundOrbit::hits, "Starts that led to it.");
     py::class_<Search>(module, "OrbitSearch", "What a search for periodic orbits found.")
-        .def_property_readonly("orbits", [](const Search& search) { return search.found->orbits; })
+        .def_property_readonly(
+            "orbits", [](const Search& search) -> const std::vector<FoundOrbit>& { return search.found->orbits; })
         .def_property_readonly(
             "settled",
             [](const Search& search) {

@@ -6,6 +6,7 @@
 #include "python/arguments.hpp"
 #include "python/arrays.hpp"
 #include "python/bindings.hpp"
+#include "python/series.hpp"
 
 namespace orbid::python {
 
@@ -30,8 +31,7 @@ Crossings crossings(const models::System& system, const py::object& x0, const py
     const auto at = plane(system, section);
     if (!at) throw py::type_error("section: None; a dict is needed");
     const Eigen::VectorXd theta = parameter_values(system, parameters);
-    const bool by_start = py::isinstance<py::bool_>(sensitivities) && sensitivities.cast<bool>();
-    const auto free = by_start ? std::vector<Eigen::Index>{} : free_parameters(system, sensitivities);
+    const auto free = free_parameters(system, sensitivities);
     std::optional<std::span<const Eigen::Index>> directions;
     if (free) directions = *free;
     const auto options = flow_options(rtol, atol, maximum_steps);
@@ -87,46 +87,13 @@ Ensemble ensemble(const models::System& system, const py::object& starts, std::s
     return all;
 }
 
-/// A sensor as in a job.
-models::Sensor sensor_of(const models::System& system, const py::dict& keys) {
-    const std::vector<std::string> types{"state", "angle_difference", "function"};
-    const std::vector<std::string> known{"type", "angle", "rate", "delay", "readings"};
-    for (const auto& item : keys)
-        (void)index_of(py::str(item.first).cast<std::string>(), known, "key of a sensor");
-    const auto key = [&](const char* name) -> py::object {
-        if (!keys.contains(name)) throw py::key_error(std::string("sensor: needs '") + name + "'");
-        return keys[name];
-    };
-    const auto coordinates = coordinate_names(system);
-    const auto coordinate = [&](const py::object& name) {
-        return static_cast<std::size_t>(index_of(py::str(name).cast<std::string>(), coordinates, "coordinate"));
-    };
-    models::Sensor sensor;
-    const auto type = index_of(py::str(key("type")).cast<std::string>(), types, "type of sensor");
-    if (type == 1) {
-        sensor.type = models::Sensor::Type::angle_difference;
-        sensor.angle = coordinate(key("angle"));
-        sensor.rate = coordinate(key("rate"));
-        sensor.delay = *finite_vector(key("delay"), "sensor['delay']", 1).data();
-    } else if (type == 2) {
-        sensor.type = models::Sensor::Type::function;
-        const auto names = models::reading_names(system.coordinates(), system.parameters());
-        const py::object readings = key("readings");
-        if (!py::isinstance<py::dict>(readings)) throw py::type_error("sensor['readings']: a dict is needed");
-        for (const auto& item : py::dict(readings))
-            sensor.functions.push_back({coordinate(py::reinterpret_borrow<py::object>(item.first)),
-                                        models::Expression::parse(py::str(item.second).cast<std::string>(), names)});
-    }
-    return sensor;
-}
-
-py::tuple readings(const models::System& system, const py::dict& sensor, const py::object& states,
+py::tuple readings(const models::System& system, const py::object& sensor, const py::object& states,
                    const py::object& parameters, const py::object& sensitivities, const py::object& phase) {
     const Doubles given = records(states, "states", system.dimension());
     const auto at = phases(phase, given.shape(0));
     const Eigen::VectorXd theta = parameter_values(system, parameters);
     const auto free = free_parameters(system, sensitivities);
-    const models::Sensor instrument = sensor_of(system, sensor);
+    const models::Sensor instrument = python::sensor(sensor, system);
     std::optional<std::span<const Eigen::Index>> directions;
     if (free) directions = *free;
     const Eigen::MatrixXd columns = matrix(given);

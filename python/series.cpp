@@ -189,28 +189,6 @@ std::vector<orbits::SeriesCoordinate> series_coordinates(py::handle coordinates)
     return result;
 }
 
-models::Sensor sensor(py::handle description, const models::System& system) {
-    models::Sensor result;
-    if (!description || description.is_none()) return result;
-    NamedArguments given("sensor", description);
-    const auto place = [&](const char* name, std::size_t otherwise) {
-        const std::string coordinate = given.text(name, "");
-        return coordinate.empty()
-                   ? otherwise
-                   : static_cast<std::size_t>(index_of(coordinate, coordinate_names(system), "coordinate"));
-    };
-    result.type = given.choice("type", {"state", "angle_difference"}) == 0 ? models::Sensor::Type::state
-                                                                           : models::Sensor::Type::angle_difference;
-    result.angle = place("angle", result.angle);
-    result.rate = place("rate", result.rate);
-    result.delay = given.number("delay", 0.0);
-    result.step = given.number("step", 0.0);
-    result.rounding = given.choice("rounding", {"none", "nearest"}) == 0 ? models::Sensor::Rounding::none
-                                                                         : models::Sensor::Rounding::nearest;
-    given.finish();
-    return result;
-}
-
 models::FlowOptions flow_options(NamedArguments& given, models::FlowOptions usual) {
     usual.relative_tolerance = given.number("rtol", usual.relative_tolerance);
     usual.absolute_tolerance = given.number("atol", usual.absolute_tolerance);

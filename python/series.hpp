@@ -20,8 +20,9 @@ class NamedArguments;
 /// Coordinates of a series: a system's, or a list of names or of dicts with name, unit and angle.
 [[nodiscard]] std::vector<orbits::SeriesCoordinate> series_coordinates(pybind11::handle coordinates);
 
-/// A sensor as in a job: {"type": "state" | "angle_difference", "angle": .., "rate": .., "delay": .., "step": ..,
-/// "rounding": "none" | "nearest"}; None: the state.
+/// A sensor with the keys and rules of a job: type "state", "function" (readings) or "angle_difference" (angle, rate,
+/// delay), with angle, step and rounding of an encoder; None: the state.
+/// @throws TypeError, ValueError, KeyError naming the key.
 [[nodiscard]] models::Sensor sensor(pybind11::handle description, const models::System& system);
 
 /// rtol, atol and maximum_steps among keyword arguments.

@@ -20,12 +20,12 @@ using orbits::Series;
 
 /// Coordinates as columns of a table: {"phi": "angle"} or {"phi": {"column": .., "unit": .., ...}}.
 std::vector<orbits::CoordinateColumn> columns(py::handle description, const py::object& known) {
-    if (!py::isinstance<py::dict>(description))
+    if (!is_mapping(description))
         throw py::type_error("columns: needs a dict from coordinates to columns, or to dicts with \"column\"");
     std::vector<orbits::SeriesCoordinate> table;
     if (known && !known.is_none()) table = series_coordinates(known);
     std::vector<orbits::CoordinateColumn> result;
-    for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(description)) {
+    for (const auto& [key, value] : mapping(description, "columns")) {
         const std::string name = py::str(key);
         orbits::CoordinateColumn column;
         column.coordinate.name = name;

@@ -93,13 +93,13 @@ void read_common(Options& options, NamedArguments& given, const models::System& 
 std::vector<orbits::InitialStateRule> initial_rules(py::handle description, const models::System& system) {
     std::vector<orbits::InitialStateRule> rules;
     if (!description || description.is_none()) return rules;
-    if (!py::isinstance<py::dict>(description)) throw py::type_error("initial: needs a dict by coordinate");
+    if (!is_mapping(description)) throw py::type_error("initial: needs a dict by coordinate");
     using Kind = orbits::InitialStateRule::Kind;
     rules.resize(static_cast<std::size_t>(system.dimension()));
-    for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(description)) {
+    for (const auto& [key, value] : mapping(description, "initial")) {
         const std::string name = py::str(key);
         auto& rule = rules[static_cast<std::size_t>(index_of(name, coordinate_names(system), "coordinate"))];
-        if (!py::isinstance<py::dict>(value)) {
+        if (!is_mapping(value)) {
             rule.kind = Kind::fixed;
             rule.value = finite_number(value, "initial: " + name);
             continue;

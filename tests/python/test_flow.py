@@ -33,7 +33,12 @@ def test_sensitivities_of_the_oscillator():
         # x = cos(w t), v = -w sin(w t), dw/dk = 1 / 2 at w = 1.
         by_k = np.array([-t[k] * s / 2, -(s + t[k] * c) / 2])
         np.testing.assert_allclose(flow.sensitivities[k], np.column_stack([[c, -s], [s, c], by_k]), **NEAR)
-    assert OSCILLATOR.flow([1.0, 0.0], t, sensitivities=True).sensitivities.shape == (2, 2, 2)
+    # True: all parameters; an empty list: the start alone.
+    assert OSCILLATOR.flow([1.0, 0.0], t, sensitivities=True).sensitivities.tobytes() == flow.sensitivities.tobytes()
+    assert OSCILLATOR.flow([1.0, 0.0], t, sensitivities=[]).sensitivities.shape == (2, 2, 2)
+    section = {"coordinate": "x", "value": 0.0}
+    assert OSCILLATOR.crossings([1.0, 0.0], section, 2, sensitivities=True).directions == ["x", "v", "k"]
+    assert OSCILLATOR.crossings([1.0, 0.0], section, 2, sensitivities=[]).directions == ["x", "v"]
 
 
 def test_right_hand_side_and_derivatives():
@@ -93,7 +98,11 @@ def test_readings():
     assert read[0, 0] == plain[0, 0]
     # A difference of 5e-4 rad by flows of the tolerance 1e-12 over 1e-3 s.
     assert abs(read[0, 1] - (moved - 0.3) / 1e-3) < 1e-8
-    with pytest.raises(KeyError, match="did you mean 'delay'"):
+    for wrong in ({"type": "state", "angle": names[1]}, {**encoder, "rate": names[0]}, {**encoder, "delay": 0.0},
+                  {**encoder, "rounding": "nearest"}, {**encoder, "type": "angel"}):
+        with pytest.raises(ValueError, match="sensor"):
+            pendulum.readings(wrong, [[0.3, 0.5]])
+    with pytest.raises(TypeError, match="did you mean 'delay'"):
         pendulum.readings({**encoder, "dellay": 1.0}, [[0.3, 0.5]])
     with pytest.raises(ValueError):
         OSCILLATOR.readings({"type": "function", "readings": {"x": "q * x"}}, states)
@@ -129,13 +138,15 @@ def test_unlucky_numbers_are_a_status():
     (lambda: OSCILLATOR.flow([1.0, 0.0], [1.0], rtol=0.0), ValueError, "tolerance"),
     (lambda: OSCILLATOR.flow([1.0, 0.0], [1.0], maximum_steps=-1), TypeError, ""),
     (lambda: OSCILLATOR.flow([1.0, 0.0], [1.0], clock="phase"), ValueError, "forced"),
-    (lambda: OSCILLATOR.flow([1.0, 0.0], [1.0], clock="tine"), KeyError, "did you mean 'time'"),
+    (lambda: OSCILLATOR.flow([1.0, 0.0], [1.0], clock="tine"), ValueError, "did you mean 'time'"),
     (lambda: OSCILLATOR.flow([1.0, 0.0], [1.0], sensitivities=["kk"]), KeyError, "did you mean 'k'"),
     (lambda: OSCILLATOR.flow([1.0, 0.0], [1.0], sensitivities=[1]), TypeError, "names"),
     (lambda: OSCILLATOR.flow([1.0, 0.0], [1.0], sensitivities=["k", "k"]), ValueError, ""),
     (lambda: OSCILLATOR.crossings([1.0, 0.0], None, 1), TypeError, "section"),
     (lambda: OSCILLATOR.crossings([1.0, 0.0], {"coordinate": "y", "value": 1}, 1), KeyError, "no coordinate"),
     (lambda: OSCILLATOR.crossings([1.0, 0.0], {"coordinate": "x"}, 1), TypeError, "value"),
+    (lambda: OSCILLATOR.crossings([1.0, 0.0], {"coordinate": 3, "value": 0}, 1), TypeError, "coordinate"),
+    (lambda: OSCILLATOR.crossings([1.0, 0.0], {"coordinate": "x", "valu": 0}, 1), TypeError, "value"),
     (lambda: OSCILLATOR.crossings([1.0, 0.0], {"coordinate": "x", "value": 0, "direction": 2}, 1), ValueError,
      "1 or -1"),
     (lambda: OSCILLATOR.rhs([1.0, 0.0], phase=[0.0, 1.0]), ValueError, "phase: 2 entries"),

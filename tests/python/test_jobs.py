@@ -183,7 +183,7 @@ def test_wrong_calls(table3, tmp_path):
             orbid.run({**TABLE3, "seed": bad}, tmp_path / "out")
         assert caught.value.problems[0].pointer == match.split(":")[0]
         assert orbid.check({**TABLE3, "seed": bad}) == caught.value.problems
-    with pytest.raises(KeyError, match="did you mean 'orbits'"):
+    with pytest.raises(ValueError, match="did you mean 'orbits'"):
         orbid.run(TABLE3, tmp_path / "out", stage="orbit")
     with pytest.raises(ValueError, match="threads"):
         orbid.run(TABLE3, tmp_path / "out", threads=-1)

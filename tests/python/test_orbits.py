@@ -2,6 +2,7 @@
 
 import gc
 import math
+import types
 
 import numpy as np
 import pytest
@@ -133,6 +134,40 @@ def test_wrong_values(values, error, text):
 def test_wrong_descriptions(coordinates, options, error, text):
     with pytest.raises(error, match=text):
         orbid.Series(np.zeros((5, 2)), coordinates, **options)
+
+
+def test_what_cycles_and_estimates_hold_is_read_only(henon):
+    search = orbid.find_cycles(henon.series, periods=[1, 2])
+    cycle = search.cycles[0]
+    for array in (cycle.points, cycle.covariance, cycle.multipliers, cycle.ln_multiplier,
+                  cycle.ln_multiplier_covariance, search.reading_covariance):
+        assert not array.flags.writeable
+    assert np.shares_memory(cycle.points, search.cycles[0].points)
+    expected = cycle.points.copy()
+    points = cycle.points
+    del search, cycle
+    gc.collect()
+    orbid.find_cycles(henon.series, periods=[1, 2])
+    assert np.array_equal(points, expected)
+    series = orbid.simulate(HENON, sections=50, noise=[1e-3, 1e-3], seed=1).series
+    result = orbid.estimate({"a": 1.4}, orbid.ShootingResidual(HENON, series, ["a"]))
+    for array in (result.covariance, result.correlation, result.theta, result.residuals[0][0], result.latents[0][0]):
+        assert not array.flags.writeable
+
+
+def test_mappings_and_none_are_taken():
+    section = types.MappingProxyType({"coordinate": "z", "value": 27, "direction": None})
+    parameters = types.MappingProxyType({"rho": 28.0})
+    made = orbid.simulate(orbid.model("lorenz"), parameters, sections=5, step=None, count=None, section=section)
+    assert len(made.series) == 5
+    series = orbid.Series(np.zeros((3, 1)), [types.MappingProxyType({"name": "x", "unit": "m"})])
+    assert series.coordinates[0]["unit"] == "m"
+    read_only = types.MappingProxyType
+    prior = read_only({"normal": read_only({"mean": 1.38, "sd": 0.1})})
+    series = orbid.simulate(HENON, sections=50, noise=[1e-3, 1e-3], seed=1).series
+    residual = orbid.ShootingResidual(HENON, series, ["a"], errors=read_only({"x": read_only({"sd": 1e-3})}))
+    result = orbid.estimate(read_only({"a": read_only({"start": 1.39, "prior": prior})}), residual)
+    assert result.status == "converged" and not result.scales["series.x"].estimated
 
 
 def test_a_list_of_records_is_one_segment():
@@ -369,6 +404,8 @@ def test_cycles_measured_elsewhere():
         (lambda s: orbid.simulate(HENON, sections=0), ValueError, "sections"),
         (lambda s: orbid.simulate(HENON, sections=10, noise=[0.1]), ValueError, "noise"),
         (lambda s: orbid.simulate(HENON, {"c": 1.0}, sections=10), KeyError, "c"),
+        (lambda s: orbid.simulate(HENON, sections=None), TypeError, "either"),
+        (lambda s: orbid.Cycle(np.zeros((1, 2)), multipliers=3), TypeError, "multipliers"),
         (lambda s: orbid.simulate(HENON, sections=10, initial=[[0.1, np.nan]]), ValueError, "nan"),
         (lambda s: orbid.CycleResidual(HENON, [], ["a", "b"], [1.4, 0.3]), ValueError, ""),
         (lambda s: orbid.CycleResidual(HENON, [None], ["a"], [1.4]), TypeError, ""),

@@ -1,5 +1,6 @@
 """Periodic orbits against closed forms: Hopf's normal form, the maps of Henon and of logistic growth."""
 
+import gc
 import os
 import signal
 import threading
@@ -66,6 +67,20 @@ def test_all_short_orbits_of_henon():
     assert all(entry.orbit.converged and entry.hits >= 1 for entry in found.orbits)
 
 
+def test_found_orbits_are_looked_at_where_they_are():
+    found = orbid.find_orbits(HENON, [1, 2], points=1 << 12)
+    entry = found.orbits[0]
+    assert found.orbits[0] is entry and entry.orbit is entry.orbit
+    points, multipliers = entry.orbit.points, entry.orbit.multipliers
+    kept = points.copy(), multipliers.copy()
+    assert not points.flags.writeable and not multipliers.flags.writeable
+    assert np.shares_memory(points, found.orbits[0].orbit.points)
+    del found, entry
+    gc.collect()
+    orbid.find_orbits(HENON, [1, 2], points=1 << 12)
+    assert np.array_equal(points, kept[0]) and np.array_equal(multipliers, kept[1])
+
+
 def test_doublings_of_logistic_growth():
     logistic = orbid.model("logistic")
     diagram = orbid.follow_branches(logistic, [0.6], "r", 2.5, 3.5, parameters={"r": 2.6}, maximum_period=2)
@@ -102,7 +117,7 @@ def test_no_convergence_is_a_status():
     (lambda: orbid.periodic_orbit(HENON, [0.5, 0.0], 1.5), ValueError, "whole number"),
     (lambda: orbid.periodic_orbit(HENON, [[0.5, 0.0]] * 3, 2), ValueError, "3 points"),
     (lambda: orbid.periodic_orbit(HENON, [0.5, np.nan]), ValueError, r"guess\[0, 1\] = nan"),
-    (lambda: orbid.periodic_orbit(HENON, [0.5, 0.0], method="shooting"), KeyError, "did you mean 'multiple_shooting'"),
+    (lambda: orbid.periodic_orbit(HENON, [0.5, 0.0], method="shooting"), ValueError, "did you mean 'multiple_shooting'"),
     (lambda: orbid.periodic_orbit(HENON, [0.5, 0.0], nodes=5), ValueError, "nodes"),
     (lambda: orbid.periodic_orbit(HENON, [0.5, 0.0], method="collocation"), ValueError, ""),
     (lambda: orbid.periodic_orbit(None, [0.5, 0.0]), TypeError, ""),
