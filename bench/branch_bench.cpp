@@ -15,8 +15,8 @@
 
 #include <tbb/global_control.h>
 
-#include "models/registry.hpp"
-#include "periodic/continuation.hpp"
+#include "models/catalogue/registry.hpp"
+#include "periodic/branches/continuation.hpp"
 
 using namespace orbid;
 using Eigen::VectorXd;

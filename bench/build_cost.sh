@@ -34,7 +34,7 @@ cat >"$scratch/peer.cpp" <<'EOT'
 EOT
 eigen=$(sed -n '/-isystem [^ ]*eigen3/{s/.*-isystem \([^ ]*eigen3\).*/\1/p;q}' "$build/compile_commands.json")
 peer() { "$compiler" -std=c++20 -O2 -I "${eigen:-/usr/include/eigen3}" -c "$scratch/peer.cpp" -o "$scratch/peer.o"; }
-rebuild() { touch "$root/models/$1.hpp" && ninja -C "$build" orbid_models; }
+rebuild() { touch "$root/models/catalogue/$1.hpp" && ninja -C "$build" orbid_models; }
 
 ninja -C "$build" orbid_models >/dev/null
 peer_seconds=$(seconds peer)

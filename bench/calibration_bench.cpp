@@ -17,12 +17,12 @@
 #include <string>
 #include <vector>
 
-#include "estimator/estimate.hpp"
-#include "estimator/random_stream.hpp"
-#include "models/registry.hpp"
-#include "orbits/prediction_residual.hpp"
-#include "orbits/shooting_residual.hpp"
-#include "orbits/virtual_experiment.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "estimator/interface/random_stream.hpp"
+#include "models/catalogue/registry.hpp"
+#include "orbits/series_residuals/prediction_residual.hpp"
+#include "orbits/series_residuals/shooting_residual.hpp"
+#include "orbits/simulation/virtual_experiment.hpp"
 
 using namespace orbid;
 

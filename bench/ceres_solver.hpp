@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "tests/estimator/least_squares_problem.hpp"
+#include "tests/estimator/minimisation/least_squares_problem.hpp"
 
 namespace orbid::bench {
 

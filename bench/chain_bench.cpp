@@ -17,7 +17,7 @@
 #include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/parallel_for.h>
 
-#include "estimator/estimate.hpp"
+#include "estimator/estimate/estimate.hpp"
 
 namespace {
 

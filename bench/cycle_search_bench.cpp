@@ -20,12 +20,12 @@
 #include <tbb/parallel_for.h>
 
 #include "bench/odeint_loop.hpp"
-#include "models/registry.hpp"
-#include "orbits/box_grid.hpp"
-#include "orbits/cycle_search.hpp"
-#include "orbits/section_points.hpp"
-#include "tests/orbits/map_series.hpp"
-#include "tests/orbits/true_cycles.hpp"
+#include "models/catalogue/registry.hpp"
+#include "orbits/cycles/cycle_search.hpp"
+#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/section_points.hpp"
+#include "tests/orbits/cycles/true_cycles.hpp"
+#include "tests/orbits/sections/map_series.hpp"
 
 #ifdef ORBID_BENCH_PEERS
 #include "bench/nanoflann_tree.hpp"

@@ -21,7 +21,7 @@
 #include <numbers>
 #include <vector>
 
-#include "models/registry.hpp"
+#include "models/catalogue/registry.hpp"
 
 namespace {
 

@@ -10,10 +10,10 @@
 
 #include <tbb/global_control.h>
 
-#include "apps/model_plugin.hpp"
-#include "models/detail/kernel_system.hpp"
-#include "models/interpreted_kernel.hpp"
-#include "models/registry.hpp"
+#include "apps/job/model_plugin.hpp"
+#include "models/catalogue/registry.hpp"
+#include "models/equations/interpreted_kernel.hpp"
+#include "models/system/kernel_system.hpp"
 
 namespace {
 

@@ -14,10 +14,10 @@
 #include <tbb/parallel_for.h>
 
 #include "bench/ceres_solver.hpp"
-#include "estimator/estimate.hpp"
-#include "estimator/multi_start.hpp"
-#include "tests/estimator/mgh_problems.hpp"
-#include "tests/estimator/nist_problems.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "estimator/exploration/multi_start.hpp"
+#include "tests/estimator/minimisation/mgh_problems.hpp"
+#include "tests/estimator/minimisation/nist_problems.hpp"
 
 namespace orbid::bench {
 

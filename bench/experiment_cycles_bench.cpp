@@ -16,14 +16,14 @@
 #include <utility>
 #include <vector>
 
-#include "apps/cycle_start.hpp"
-#include "estimator/estimate.hpp"
-#include "models/registry.hpp"
-#include "orbits/cycle_residual.hpp"
-#include "orbits/cycle_search.hpp"
-#include "orbits/harvest.hpp"
-#include "tests/orbits/measured_cycles.hpp"
-#include "tests/orbits/true_cycles.hpp"
+#include "apps/estimation/cycle_start.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "models/catalogue/registry.hpp"
+#include "orbits/cycle_residuals/cycle_residual.hpp"
+#include "orbits/cycles/cycle_search.hpp"
+#include "orbits/cycles/harvest.hpp"
+#include "tests/orbits/cycles/measured_cycles.hpp"
+#include "tests/orbits/cycles/true_cycles.hpp"
 
 namespace {
 

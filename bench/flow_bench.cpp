@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "bench/odeint_loop.hpp"
-#include "models/registry.hpp"
+#include "models/catalogue/registry.hpp"
 
 namespace {
 

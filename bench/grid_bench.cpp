@@ -12,8 +12,8 @@
 #include <tbb/global_control.h>
 
 #include "bench/nanoflann_tree.hpp"
-#include "models/registry.hpp"
-#include "orbits/box_grid.hpp"
+#include "models/catalogue/registry.hpp"
+#include "orbits/sections/box_grid.hpp"
 
 namespace {
 

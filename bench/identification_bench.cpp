@@ -21,11 +21,11 @@
 #include <vector>
 
 #include "bench/identification_experiment.hpp"
-#include "orbits/cycle_residual.hpp"
-#include "orbits/cycle_search.hpp"
-#include "orbits/node_state.hpp"
-#include "orbits/prediction_residual.hpp"
-#include "orbits/shooting_residual.hpp"
+#include "orbits/cycle_residuals/cycle_residual.hpp"
+#include "orbits/cycles/cycle_search.hpp"
+#include "orbits/series_residuals/prediction_residual.hpp"
+#include "orbits/series_residuals/shooting_residual.hpp"
+#include "orbits/simulation/node_state.hpp"
 
 namespace orbid::bench {
 

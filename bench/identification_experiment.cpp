@@ -7,8 +7,8 @@
 #include <limits>
 #include <numbers>
 
-#include "models/registry.hpp"
-#include "orbits/virtual_experiment.hpp"
+#include "models/catalogue/registry.hpp"
+#include "orbits/simulation/virtual_experiment.hpp"
 
 namespace orbid::bench {
 

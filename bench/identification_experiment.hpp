@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "bench/ceres_shooting.hpp"
-#include "estimator/estimate.hpp"
-#include "models/system.hpp"
-#include "orbits/series.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "models/system/system.hpp"
+#include "orbits/records/series.hpp"
 
 namespace orbid::bench {
 

@@ -12,7 +12,7 @@
 #include <numbers>
 
 #include "bench/identification_experiment.hpp"
-#include "orbits/shooting_residual.hpp"
+#include "orbits/series_residuals/shooting_residual.hpp"
 
 namespace orbid::bench {
 

@@ -8,7 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "models/registry.hpp"
+#include "models/catalogue/registry.hpp"
 
 namespace orbid::bench {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "estimator/estimate.hpp"
-#include "orbits/cycle_residual.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "orbits/cycle_residuals/cycle_residual.hpp"
 
 namespace orbid::bench {
 

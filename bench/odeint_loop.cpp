@@ -7,9 +7,9 @@
 #include <cstddef>
 #include <numbers>
 
-#include "models/driven_pendulum.hpp"
-#include "models/parametric_pendulum.hpp"
-#include "tests/models/extended_flow.hpp"
+#include "models/catalogue/driven_pendulum.hpp"
+#include "models/catalogue/parametric_pendulum.hpp"
+#include "tests/models/trajectories/extended_flow.hpp"
 
 namespace orbid::bench {
 

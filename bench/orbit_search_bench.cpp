@@ -11,11 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "models/registry.hpp"
-#include "orbits/cycle_search.hpp"
-#include "orbits/virtual_experiment.hpp"
-#include "periodic/index_sum.hpp"
-#include "periodic/orbit_search.hpp"
+#include "models/catalogue/registry.hpp"
+#include "orbits/cycles/cycle_search.hpp"
+#include "orbits/simulation/virtual_experiment.hpp"
+#include "periodic/search/index_sum.hpp"
+#include "periodic/search/orbit_search.hpp"
 
 namespace {
 

@@ -13,11 +13,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "models/registry.hpp"
-#include "periodic/collocation.hpp"
-#include "periodic/finite_difference.hpp"
-#include "periodic/multiple_shooting.hpp"
-#include "periodic/stability.hpp"
+#include "models/catalogue/registry.hpp"
+#include "periodic/solution/collocation.hpp"
+#include "periodic/solution/finite_difference.hpp"
+#include "periodic/solution/multiple_shooting.hpp"
+#include "periodic/stability/stability.hpp"
 
 namespace {
 

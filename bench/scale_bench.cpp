@@ -11,11 +11,11 @@
 #include <fstream>
 #include <string>
 
-#include "models/registry.hpp"
-#include "orbits/cycle_search.hpp"
-#include "orbits/series_file.hpp"
-#include "orbits/series_stream.hpp"
-#include "orbits/streamed_search.hpp"
+#include "models/catalogue/registry.hpp"
+#include "orbits/cycles/cycle_search.hpp"
+#include "orbits/cycles/streamed_search.hpp"
+#include "orbits/records/series_file.hpp"
+#include "orbits/records/series_stream.hpp"
 
 namespace {
 

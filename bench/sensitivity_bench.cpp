@@ -17,8 +17,8 @@
 #include <numbers>
 #include <vector>
 
-#include "models/detail/flow.hpp"
-#include "models/parametric_pendulum.hpp"
+#include "models/catalogue/parametric_pendulum.hpp"
+#include "models/trajectories/flow.hpp"
 
 namespace orbid::bench {
 

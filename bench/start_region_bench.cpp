@@ -15,10 +15,10 @@
 
 #include <fmt/format.h>
 
-#include "apps/cycle_start.hpp"
+#include "apps/estimation/cycle_start.hpp"
 #include "bench/measured_orbits.hpp"
-#include "orbits/lifted_cycle_residual.hpp"
-#include "orbits/one_period_residual.hpp"
+#include "orbits/cycle_residuals/lifted_cycle_residual.hpp"
+#include "orbits/cycle_residuals/one_period_residual.hpp"
 
 using namespace orbid;
 

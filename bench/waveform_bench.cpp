@@ -16,9 +16,9 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "apps/atomic_file.hpp"
-#include "apps/job_reader.hpp"
-#include "apps/run.hpp"
+#include "apps/documents/atomic_file.hpp"
+#include "apps/job/reading/job_reader.hpp"
+#include "apps/program/run.hpp"
 
 namespace {
 

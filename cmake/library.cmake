@@ -58,9 +58,9 @@ foreach(level IN LISTS ORBID_LEVELS)
     LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/glibc-hwcaps/${level} COMPONENT runtime NAMELINK_SKIP)
 endforeach()
 
-# Compiled models (apps/model_plugin.cpp) take these in as they are.
-install(FILES models/parameter.cpp models/input_evaluation.cpp
-  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/orbid/models COMPONENT development)
+# Compiled models (apps/job/model_plugin.cpp) take these in as they are.
+install(FILES models/definition/parameter.cpp models/definition/input_evaluation.cpp
+  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/orbid/models/definition COMPONENT development)
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/orbid)
 install(EXPORT orbid NAMESPACE orbid:: FILE orbid-targets.cmake DESTINATION ${package_folder} COMPONENT development)
 configure_package_config_file(packaging/orbid-config.cmake.in ${CMAKE_CURRENT_BINARY_DIR}/orbid-config.cmake

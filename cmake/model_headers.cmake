@@ -1,4 +1,4 @@
-# Writes the names of the headers that a compiled model includes, and the SHA-256 over them as apps/model_plugin.cpp computes
+# Writes the names of the headers that a compiled model includes, and the SHA-256 over them as apps/job/model_plugin.cpp computes
 # it, into a source file.
 #   cmake -DSOURCE=... -DFILES="a.hpp|b.hpp" -DOUTPUT=... -P model_headers.cmake
 string(REPLACE "|" ";" files "${FILES}")

@@ -2,11 +2,11 @@
 #include <cstdio>
 #include <string>
 
-#include "estimator/estimate.hpp"
-#include "models/registry.hpp"
-#include "orbits/cycle_residual.hpp"
-#include "orbits/cycle_search.hpp"
-#include "orbits/virtual_experiment.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "models/catalogue/registry.hpp"
+#include "orbits/cycle_residuals/cycle_residual.hpp"
+#include "orbits/cycles/cycle_search.hpp"
+#include "orbits/simulation/virtual_experiment.hpp"
 
 using namespace orbid;
 

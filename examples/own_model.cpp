@@ -4,10 +4,10 @@
 #include <memory>
 #include <string_view>
 
-#include "estimator/estimate.hpp"
-#include "models/model_system.hpp"
-#include "orbits/series_residual.hpp"
-#include "orbits/virtual_experiment.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "models/kernels/model_system.hpp"
+#include "orbits/series_residuals/series_residual.hpp"
+#include "orbits/simulation/virtual_experiment.hpp"
 
 using namespace orbid;
 

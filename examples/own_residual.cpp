@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "estimator/estimate.hpp"
+#include "estimator/estimate/estimate.hpp"
 
 using namespace orbid;
 

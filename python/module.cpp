@@ -1,4 +1,4 @@
-#include "python/bindings.hpp"
+#include "python/conversion/bindings.hpp"
 
 PYBIND11_MODULE(_orbid, module) {
     using namespace orbid::python;

@@ -18,8 +18,8 @@
 #include <tbb/global_control.h>
 #include <nlohmann/json.hpp>
 
-#include "models/registry.hpp"
-#include "periodic/multiple_shooting.hpp"
+#include "models/catalogue/registry.hpp"
+#include "periodic/solution/multiple_shooting.hpp"
 
 namespace {
 

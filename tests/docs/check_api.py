@@ -2,7 +2,7 @@
 """docs/api.md names every header that is installed outside of detail/, no other, and only names that the headers hold; each with
 types of Eigen refuses programs that would allocate them otherwise.
 
-    check_api.py SOURCE_FOLDER PUBLIC_HEADER...      headers as CMake installs them: models/system.hpp ...
+    check_api.py SOURCE_FOLDER PUBLIC_HEADER...      headers as CMake installs them: models/system/system.hpp ...
 """
 
 import re

@@ -32,8 +32,8 @@ sed "/^static constexpr .*listed_models/a\\$line" "$source/$registry" >"$copy/$r
 # As models/CMakeLists.txt derives the file from the struct; its generated file is that of another model, renamed.
 struct=$(sed -nE 's/^ *&instance_of<struct ([A-Za-z0-9]+)>,$/\1/p' <<<"$line")
 file=$(sed -E 's/([a-z0-9])([A-Z])/\1_\2/g' <<<"$struct" | tr '[:upper:]' '[:lower:]')
-[[ models/$file.hpp == "$header" ]] || fail "struct $struct belongs in models/$file.hpp, not $header"
-[[ tests/models/${file}_test.cpp == "$test" ]] || fail "struct $struct is tested by tests/models/${file}_test.cpp, not $test"
+[[ models/catalogue/$file.hpp == "$header" ]] || fail "struct $struct belongs in models/catalogue/$file.hpp, not $header"
+[[ tests/models/catalogue/${file}_test.cpp == "$test" ]] || fail "struct $struct is tested by tests/models/catalogue/${file}_test.cpp, not $test"
 sed "s/Duffing/$struct/g; s/duffing/$file/g" "$build/models/duffing.cpp" >"$copy/$file.cpp"
 
 # The command by which the build compiles an object, applied to another source; headers are looked for in the copy too.
@@ -59,9 +59,9 @@ include_first "$test" "$copy/$test"
 # Optimising the model would take half a minute and gain nothing here.
 compile $objects/duffing.cpp.o "$copy/$file.cpp" "$copy/model.o" -O0 &
 model=$!
-compile $objects/registry.cpp.o "$copy/$registry" "$copy/registry.o" &
+compile $objects/catalogue/registry.cpp.o "$copy/$registry" "$copy/registry.o" &
 list=$!
-compile tests/models/CMakeFiles/models_test.dir/duffing_test.cpp.o "$copy/$test" "$copy/test.o"
+compile tests/models/CMakeFiles/models_test.dir/catalogue/duffing_test.cpp.o "$copy/$test" "$copy/test.o"
 wait $model && wait $list || exit 1
 
 link bin/models_test '[^ ]*models_test\.dir/[^ ]*\.o' "$copy/test.o $copy/registry.o $copy/model.o" "$copy/model_test"
@@ -70,7 +70,7 @@ result=$("$copy/model_test") || fail "the test fails: $result"
 
 # The program takes whatever library it finds first.
 library=$(readlink -f "$build/lib/liborbid.so")
-link "lib/$(basename "$library")" '[^ ]*orbid_models\.dir/registry\.cpp\.o' "$copy/registry.o $copy/model.o" "$copy/$(basename "$library")"
+link "lib/$(basename "$library")" '[^ ]*orbid_models\.dir/catalogue/registry\.cpp\.o' "$copy/registry.o $copy/model.o" "$copy/$(basename "$library")"
 ln -s "$(basename "$library")" "$copy/$(sed -nE 's/.*-soname,([^ ]+) .*/\1/p' <<<"$(ninja -C "$build" -t commands -s "lib/$(basename "$library")" | tail -1)")"
 export LD_LIBRARY_PATH="$copy"
 ran=0

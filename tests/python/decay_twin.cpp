@@ -6,7 +6,7 @@
 #include <pybind11/eigen.h>
 #include <pybind11/pybind11.h>
 
-#include "estimator/residual.hpp"
+#include "estimator/interface/residual.hpp"
 
 namespace py = pybind11;
 namespace est = orbid::estimator;

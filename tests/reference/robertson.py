@@ -6,7 +6,7 @@
 Gauss collocation with 12 stages (order 24) in 45 digits, steps that grow by a constant ratio, 1.4 and 1.25. Their
 difference (3e-14 of y2, 4e-19 of the others) is the error of the first; that of the second is smaller by
 (ln 1.25 / ln 1.4)^24 = 5e-5. Derivatives: central differences of relative step 1e-12, whose error is 1e-24, of runs
-with the first ratio. Prints the rows of tests/models/stiff_test.cpp.
+with the first ratio. Prints the rows of tests/models/trajectories/stiff_test.cpp.
 
     ./robertson.py        (Python 3, mpmath; some minutes)
 """

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "apps/job_run.hpp"
-#include "tests/apps/program.hpp"
+#include "apps/program/job_run.hpp"
+#include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 #include "tests/threads/at_once.hpp"
 

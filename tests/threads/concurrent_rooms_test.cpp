@@ -6,14 +6,14 @@
 #include <functional>
 #include <stdexcept>
 
-#include "estimator/estimate.hpp"
-#include "models/equation_text.hpp"
-#include "models/registry.hpp"
-#include "orbits/cycle_search.hpp"
-#include "orbits/series_residual.hpp"
-#include "periodic/multiple_shooting.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "models/catalogue/registry.hpp"
+#include "models/equations/equation_text.hpp"
+#include "orbits/cycles/cycle_search.hpp"
+#include "orbits/series_residuals/series_residual.hpp"
+#include "periodic/solution/multiple_shooting.hpp"
 #include "tests/catch.hpp"
-#include "tests/orbits/map_series.hpp"
+#include "tests/orbits/sections/map_series.hpp"
 #include "tests/threads/at_once.hpp"
 
 using namespace orbid;

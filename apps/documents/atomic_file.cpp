@@ -1,0 +1,182 @@
+#include "apps/documents/atomic_file.hpp"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <charconv>
+#include <chrono>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+
+#include <fmt/format.h>
+
+namespace orbid::apps {
+namespace {
+
+constexpr std::string_view temporary_prefix = ".orbid-tmp-";
+
+[[noreturn]] void fail(std::string_view what, const std::filesystem::path& path, int error) {
+    throw std::runtime_error(
+        fmt::format("cannot {} {}: {}", what, path.string(), std::generic_category().message(error)));
+}
+
+/// An open file that is closed whatever happens.
+class Descriptor {
+public:
+    explicit Descriptor(int value) : value_(value) {}
+    ~Descriptor() {
+        if (value_ >= 0) {
+            ::close(value_);
+        }
+    }
+    Descriptor(const Descriptor&) = delete;
+    Descriptor& operator=(const Descriptor&) = delete;
+    [[nodiscard]] int value() const { return value_; }
+    [[nodiscard]] int close() {
+        const int result = ::close(value_);
+        value_ = -1;
+        return result;
+    }
+
+private:
+    int value_;
+};
+
+/// A path beside the final one that disappears unless it was renamed.
+class Temporary {
+public:
+    explicit Temporary(const std::filesystem::path& final_path) {
+        // Unique within the process by the counter, between processes by the process id.
+        static std::atomic<unsigned> counter{0};
+        path_ = final_path.parent_path() /
+                fmt::format("{}{}-{}.{}", temporary_prefix, ::getpid(), counter++, final_path.filename().string());
+    }
+    ~Temporary() {
+        if (!renamed_) {
+            std::error_code ignored;
+            std::filesystem::remove(path_, ignored);
+        }
+    }
+    Temporary(const Temporary&) = delete;
+    Temporary& operator=(const Temporary&) = delete;
+
+    [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+    void rename_to(const std::filesystem::path& final_path) {
+        if (::rename(path_.c_str(), final_path.c_str()) != 0) {
+            fail("write", final_path, errno);
+        }
+        renamed_ = true;
+        sync_folder(final_path);
+    }
+
+private:
+    /// The rename itself must reach the disk. Some file systems cannot sync folders and say EINVAL: nothing to do then.
+    static void sync_folder(const std::filesystem::path& final_path) {
+        const auto folder = final_path.has_parent_path() ? final_path.parent_path() : std::filesystem::path(".");
+        const Descriptor opened(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+        if (opened.value() < 0 || (::fsync(opened.value()) != 0 && errno != EINVAL)) {
+            fail("sync the folder of", final_path, errno);
+        }
+    }
+
+    std::filesystem::path path_;
+    bool renamed_ = false;
+};
+
+void write_all(int descriptor, std::string_view bytes, const std::filesystem::path& path) {
+    while (!bytes.empty()) {
+        const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
+        if (written < 0) {
+            if (errno == EINTR) {
+                continue;
+            }
+            fail("write", path, errno);
+        }
+        bytes.remove_prefix(static_cast<std::size_t>(written));
+    }
+}
+
+}  // namespace
+
+void write_atomically(const std::filesystem::path& path, std::string_view bytes) {
+    Temporary temporary(path);
+    // 0666: the user's umask decides, as for any file a program creates.
+    Descriptor file(::open(temporary.path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+    if (file.value() < 0) {
+        fail("write", path, errno);
+    }
+    write_all(file.value(), bytes, path);
+    if (::fsync(file.value()) != 0 || file.close() != 0) {
+        fail("write", path, errno);
+    }
+    temporary.rename_to(path);
+}
+
+void write_atomically(const std::filesystem::path& path,
+                      const std::function<void(const std::filesystem::path& temporary)>& writer) {
+    Temporary temporary(path);
+    writer(temporary.path());
+    {
+        const Descriptor file(::open(temporary.path().c_str(), O_RDONLY | O_CLOEXEC));
+        if (file.value() < 0 || ::fsync(file.value()) != 0) {
+            fail("write", path, errno);
+        }
+    }
+    temporary.rename_to(path);
+}
+
+namespace {
+
+/// The process that a temporary is named after is no more.
+bool is_orphaned(std::string_view name) {
+    name.remove_prefix(temporary_prefix.size());
+    pid_t process = 0;
+    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), process);
+    return error == std::errc() && process > 0 && ::kill(process, 0) != 0 && errno == ESRCH;
+}
+
+}  // namespace
+
+void remove_leftover_temporaries(const std::filesystem::path& folder) {
+    std::error_code error;
+    const auto now = std::filesystem::file_time_type::clock::now();
+    std::filesystem::directory_iterator entry(folder, error);
+    for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
+        std::error_code ignored;
+        const auto touched = entry->last_write_time(ignored);
+        const std::string name = entry->path().filename().string();
+        if (ignored || !name.starts_with(temporary_prefix)) continue;
+        if (is_orphaned(name) || now - touched > std::chrono::hours(24)) {
+            std::filesystem::remove(entry->path(), ignored);
+        }
+    }
+}
+
+std::string read_whole_file(const std::filesystem::path& path) {
+    const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    if (file.value() < 0) {
+        fail("read", path, errno);
+    }
+    std::string bytes;
+    std::string buffer(std::size_t{1} << 16, '\0');  // large enough that system calls do not matter
+    while (true) {
+        const ssize_t got = ::read(file.value(), buffer.data(), buffer.size());
+        if (got == 0) {
+            return bytes;
+        }
+        if (got < 0) {
+            if (errno == EINTR) {
+                continue;
+            }
+            fail("read", path, errno);
+        }
+        bytes.append(buffer.data(), static_cast<std::size_t>(got));
+    }
+}
+
+}  // namespace orbid::apps

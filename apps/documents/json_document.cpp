@@ -1,0 +1,281 @@
+#include "apps/documents/json_document.hpp"
+
+#include <algorithm>
+#include <cstdint>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+namespace orbid::apps {
+
+namespace {
+
+// A job needs about 8 levels; the limit keeps the destructor of the tree from exhausting the stack.
+constexpr std::size_t deepest_level = 64;
+
+constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
+
+/// Builds the tree. nlohmann's SAX events carry no positions, but they come in the order of the tokens, each already
+/// checked: following the text token by token beside them tells where each one starts.
+class Builder {
+public:
+    using Json = nlohmann::json;
+
+    Builder(std::string_view text, JsonDocument& document) : text_(text), document_(document) {
+        if (text_.substr(0, byte_order_mark.size()) == byte_order_mark) cursor_ = byte_order_mark.size();
+        line_start_ = cursor_;
+    }
+
+    bool null() { return leaf(JsonValue::Kind::null); }
+    bool boolean(bool value) {
+        return leaf(JsonValue::Kind::boolean, [&](JsonValue& v) { v.boolean = value; });
+    }
+    bool number_integer(Json::number_integer_t value) { return number(static_cast<double>(value)); }
+    bool number_unsigned(Json::number_unsigned_t value) { return number(static_cast<double>(value)); }
+    bool number_float(Json::number_float_t value, const Json::string_t&) { return number(value); }
+    bool string(Json::string_t& value) {
+        return leaf(JsonValue::Kind::string, [&](JsonValue& v) {
+            v.text = value;
+            v.escaped = escaped_;
+        });
+    }
+    bool binary(Json::binary_t&) { return false; }  // does not occur in text
+
+    bool start_object(std::size_t) { return open(JsonValue::Kind::object); }
+    bool start_array(std::size_t) { return open(JsonValue::Kind::array); }
+    bool end_object() { return close(); }
+    bool end_array() { return close(); }
+
+    bool key(Json::string_t& name) {
+        key_place_ = next_token();
+        key_ = name;
+        return true;
+    }
+
+    bool parse_error(std::size_t position, const std::string&, const nlohmann::detail::exception& error) {
+        // what() = "[json.exception...] parse error at line 3, column 5: syntax error while ...": our own place is
+        // printed in front, so only the last part is kept.
+        std::string rule = error.what();
+        if (const auto at = rule.find(": syntax error"); at != std::string::npos) {
+            rule = rule.substr(at + 2);
+        } else if (const auto bracket = rule.find("] "); bracket != std::string::npos) {
+            rule = rule.substr(bracket + 2);
+        }
+        // position counts the bytes read, the last of which is the one that made no sense.
+        // A number too large is a whole token, which starts where the next one is looked for.
+        const bool number = dynamic_cast<const Json::out_of_range*>(&error) != nullptr;
+        const Place place = number ? next_token() : place_of(position > 0 ? position - 1 : 0);
+        fail(place, rule);
+        return false;
+    }
+
+private:
+    bool number(double value) {
+        return leaf(JsonValue::Kind::number, [&](JsonValue& v) { v.number = value; });
+    }
+
+    bool leaf(JsonValue::Kind kind) {
+        return leaf(kind, [](JsonValue&) {});
+    }
+    template <class Fill>
+    bool leaf(JsonValue::Kind kind, Fill fill) {
+        JsonValue value;
+        value.kind = kind;
+        value.place = next_token();
+        fill(value);
+        add(std::move(value));
+        return true;
+    }
+
+    bool open(JsonValue::Kind kind) {
+        Level level;
+        level.value.kind = kind;
+        level.value.place = next_token();
+        level.key = key_;
+        level.key_place = key_place_;
+        if (levels_.size() >= deepest_level) {
+            fail(level.value.place, fmt::format("nested deeper than {} levels", deepest_level));
+            return false;
+        }
+        levels_.push_back(std::move(level));
+        return true;
+    }
+
+    bool close() {
+        next_token();
+        Level level = std::move(levels_.back());
+        levels_.pop_back();
+        key_ = level.key;
+        key_place_ = level.key_place;
+        add(std::move(level.value));
+        return true;
+    }
+
+    void add(JsonValue value) {
+        if (levels_.empty()) {
+            document_.root = std::move(value);
+            return;
+        }
+        JsonValue& parent = levels_.back().value;
+        if (parent.kind == JsonValue::Kind::array) {
+            parent.items.push_back(std::move(value));
+            return;
+        }
+        const auto same = std::find_if(parent.members.begin(), parent.members.end(),
+                                       [&](const JsonMember& member) { return member.key == key_; });
+        if (same != parent.members.end()) {
+            document_.problems.push_back({key_place_, child_pointer(pointer(), key_),
+                                          fmt::format("duplicate key, first given in line {}, column {}",
+                                                      same->place.line, same->place.column)});
+            return;
+        }
+        parent.members.push_back({key_, key_place_, std::move(value)});
+    }
+
+    /// Pointer of the innermost open level.
+    std::string pointer() const {
+        std::string result;
+        for (std::size_t i = 1; i < levels_.size(); ++i) {
+            const JsonValue& parent = levels_[i - 1].value;
+            result = child_pointer(
+                result, parent.kind == JsonValue::Kind::array ? std::to_string(parent.items.size()) : levels_[i].key);
+        }
+        return result;
+    }
+
+    void fail(Place place, std::string rule) {
+        document_.root.reset();
+        document_.problems.push_back({place, levels_.empty() ? "" : pointer(), std::move(rule)});
+    }
+
+    /// Steps over blanks, comments, commas and colons to the next token, then over that token; where it starts.
+    Place next_token() {
+        skip_to_token();
+        const Place place{line_, cursor_ - line_start_ + 1};
+        const char first = text_[cursor_];
+        if (first == '"') {
+            ++cursor_;
+            escaped_ = false;
+            while (cursor_ < text_.size() && text_[cursor_] != '"') {
+                escaped_ = escaped_ || text_[cursor_] == '\\';
+                cursor_ += text_[cursor_] == '\\' ? 2 : 1;
+            }
+            ++cursor_;
+        } else if (first == '{' || first == '}' || first == '[' || first == ']') {
+            ++cursor_;
+        } else {
+            // A number or a literal: up to what cannot belong to it.
+            constexpr std::string_view ends = " \t\r\n,:]}/";
+            cursor_ = std::min(text_.find_first_of(ends, cursor_), text_.size());
+        }
+        return place;
+    }
+
+    void skip_to_token() {
+        while (cursor_ < text_.size()) {
+            const char c = text_[cursor_];
+            if (c == '/' && cursor_ + 1 < text_.size()) {
+                const bool line_comment = text_[cursor_ + 1] == '/';
+                const std::size_t end = text_.find(line_comment ? "\n" : "*/", cursor_ + 2);
+                const std::size_t stop = std::min(line_comment ? end : end + 2, text_.size());
+                for (; cursor_ < stop; ++cursor_)
+                    count_line();
+            } else if (c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == ',' || c == ':') {
+                count_line();
+                ++cursor_;
+            } else {
+                return;
+            }
+        }
+    }
+
+    void count_line() {
+        if (text_[cursor_] != '\n') return;
+        ++line_;
+        line_start_ = cursor_ + 1;
+    }
+
+    Place place_of(std::size_t offset) const {
+        offset = std::min(offset, text_.size());
+        const std::string_view before = text_.substr(0, offset);
+        const auto lines = static_cast<std::size_t>(std::count(before.begin(), before.end(), '\n'));
+        const std::size_t last = before.rfind('\n');
+        return {lines + 1, last == std::string_view::npos ? offset + 1 : offset - last};
+    }
+
+    struct Level {
+        JsonValue value;
+        std::string key;
+        Place key_place;
+    };
+
+    std::string_view text_;
+    JsonDocument& document_;
+    std::size_t cursor_ = 0;
+    std::size_t line_ = 1;
+    std::size_t line_start_ = 0;
+    bool escaped_ = false;  ///< the last text token
+    std::string key_;
+    Place key_place_;
+    std::vector<Level> levels_;
+};
+
+}  // namespace
+
+std::string_view description(JsonValue::Kind kind) {
+    switch (kind) {
+        case JsonValue::Kind::null:
+            return "null";
+        case JsonValue::Kind::boolean:
+            return "true or false";
+        case JsonValue::Kind::number:
+            return "a number";
+        case JsonValue::Kind::string:
+            return "a text";
+        case JsonValue::Kind::array:
+            return "a list";
+        case JsonValue::Kind::object:
+            return "an object";
+    }
+    return "";
+}
+
+std::string message(const Problem& problem, std::string_view file) {
+    // What is wrong with the file as a whole has no place in it.
+    if (problem.place.line == 0) return fmt::format("{}: {}", file, problem.rule);
+    return fmt::format("{}:{}:{}: {}{}{}", file, problem.place.line, problem.place.column, problem.pointer,
+                       problem.pointer.empty() ? "" : ": ", problem.rule);
+}
+
+std::string child_pointer(std::string_view pointer, std::string_view key) {
+    std::string result(pointer);
+    result += '/';
+    for (const char c : key) {
+        if (c == '~') {
+            result += "~0";
+        } else if (c == '/') {
+            result += "~1";
+        } else {
+            result += c;
+        }
+    }
+    return result;
+}
+
+JsonDocument parse_json(std::string_view text) {
+    JsonDocument document;
+    if (text.find_first_not_of(" \t\r\n") == std::string_view::npos) {
+        document.problems.push_back({{}, "", "the file is empty; it must hold an object { ... }"});
+        return document;
+    }
+    Builder builder(text, document);
+    const bool strict = true;
+    const bool ignore_comments = true;
+    if (!nlohmann::json::sax_parse(text.begin(), text.end(), &builder, nlohmann::json::input_format_t::json, strict,
+                                   ignore_comments)) {
+        document.root.reset();
+    }
+    return document;
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,133 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "apps/documents/description.hpp"
+#include "apps/documents/json_document.hpp"
+
+namespace orbid::apps {
+
+/// `; did you mean "x"?`, else `; known: "a", "b"`; nothing when no name is known.
+[[nodiscard]] std::string suggestion(std::string_view word, const std::vector<std::string>& known);
+
+/// What a job says where a method is reserved but not built.
+inline constexpr std::string_view not_in_this_version = "not in this version";
+
+/// A value as a message shows it, cut so that the message stays one line.
+[[nodiscard]] std::string shown_value(const JsonValue& value);
+
+class ObjectReader;
+
+/// A value of the document, its pointer, and the list that everything wrong with it goes to.
+/// Every reading function returns nothing after it has reported why.
+///
+/// A value with a description has been compared with it before (check_described): what it refused reads as nothing and
+/// is not reported again. Reading what the description does not know is our own bug, and throws std::logic_error.
+class ValueReader {
+public:
+    ValueReader(const JsonValue& value, std::string pointer, std::vector<Problem>& problems,
+                const ValueDescription* description = nullptr)
+        : value_(&value), pointer_(std::move(pointer)), problems_(&problems), description_(description) {}
+
+    [[nodiscard]] const JsonValue& value() const { return *value_; }
+    [[nodiscard]] const std::string& pointer() const { return pointer_; }
+    [[nodiscard]] bool is(JsonValue::Kind kind) const { return value_->kind == kind && !refused(); }
+    /// The description has refused it.
+    [[nodiscard]] bool refused() const { return value_->flaw == JsonValue::Flaw::itself; }
+    /// Neither it nor anything within it has been refused by the description.
+    [[nodiscard]] bool sound() const { return value_->flaw == JsonValue::Flaw::none; }
+
+    [[nodiscard]] std::optional<double> number() const;
+    /// A number for which `accept` holds; `rule` says in words what it must be ("> 0").
+    template <class Accept>
+    [[nodiscard]] std::optional<double> number(Accept accept, std::string_view rule) const {
+        const auto read = number();
+        if (!read || accept(*read)) return read;
+        report(fmt::format("must be {}, not {}", rule, *read));
+        return std::nullopt;
+    }
+    [[nodiscard]] std::optional<double> positive() const;
+    [[nodiscard]] std::optional<double> nonnegative() const;
+    /// A whole number in [lowest, highest], highest at most 2^53 (what a JSON number holds exactly).
+    [[nodiscard]] std::optional<std::uint64_t> whole(std::uint64_t lowest, std::uint64_t highest) const;
+    /// The same of a described value, whose range is that of its description.
+    [[nodiscard]] std::optional<std::uint64_t> whole() const;
+    [[nodiscard]] std::optional<bool> boolean() const;
+    [[nodiscard]] std::optional<std::string> text() const;
+    /// A text that is one of these; the index of it. A described value has the same choices in its description.
+    [[nodiscard]] std::optional<std::size_t> choice(const std::vector<std::string>& now) const;
+    /// The items of a list; empty after another kind has been reported.
+    [[nodiscard]] std::vector<ValueReader> items() const;
+    /// The members of an object whose keys are names; empty after another kind has been reported.
+    [[nodiscard]] std::vector<std::pair<std::string, ValueReader>> members() const;
+
+    /// Another value read in the place of this one (what a short form stands for), by the description of what it stands
+    /// for; it must live as long as the reader.
+    [[nodiscard]] ValueReader standing_for(const JsonValue& value, const ValueDescription* description) const {
+        return {value, pointer_, *problems_, description};
+    }
+
+    /// Problems found so far in the whole document.
+    [[nodiscard]] std::size_t problem_count() const { return problems_->size(); }
+
+    /// Reports what is wrong with this value, unless it has been refused already.
+    void report(std::string rule) const;
+    /// The same of one character of this text, counted from 0.
+    void report_character(std::size_t position, std::string rule) const;
+    /// Reports that the data this value names cannot be read.
+    void report_data(std::string rule) const;
+    void report_later(std::string_view what = {}) const;
+
+    /// Reports that a value of another kind was expected ("a number or \"estimate\"").
+    void report_kind(std::string_view expected) const;
+
+private:
+    friend class ObjectReader;
+    const JsonValue* value_;
+    std::string pointer_;
+    std::vector<Problem>* problems_;
+    const ValueDescription* description_;
+};
+
+/// An object with known keys. Notes each key asked for; `finish` refuses the rest.
+///
+/// With a description unknown and missing keys have been reported before. There `find` of a key that is not described,
+/// and `finish` of a sound document with a described key that nobody asked for, throw std::logic_error: a key must
+/// neither be read in secret nor be accepted and ignored.
+class ObjectReader {
+public:
+    /// A value that is no object is reported; all keys then count as absent, and required ones are not reported again.
+    explicit ObjectReader(const ValueReader& value);
+
+    [[nodiscard]] bool valid() const { return valid_; }
+    [[nodiscard]] const ValueReader& self() const { return self_; }
+
+    /// The value of a key; nothing when absent.
+    [[nodiscard]] std::optional<ValueReader> find(std::string_view key);
+    /// The same; an absent key is reported, with what it should hold.
+    [[nodiscard]] std::optional<ValueReader> require(std::string_view key, std::string_view meaning);
+    /// Keys that are refused until their method is built.
+    void reserve(const std::vector<std::string>& keys);
+    /// What the description says of a key's value; null without one.
+    [[nodiscard]] const ValueDescription* description_of(std::string_view key) const;
+    /// Reports every key never asked for.
+    void finish() const;
+
+    /// Reports a problem at a key (its name, not its value).
+    void report(std::string_view key, std::string rule) const;
+
+private:
+    ValueReader self_;
+    bool valid_;
+    std::vector<std::string> known_;
+    std::vector<std::string> later_;
+};
+
+}  // namespace orbid::apps

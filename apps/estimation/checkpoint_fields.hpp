@@ -1,0 +1,198 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include "apps/estimation/cycle_start.hpp"
+#include "apps/estimation/recorded_residual.hpp"
+#include "apps/results/checkpoint_archive.hpp"
+#include "apps/results/posterior_results.hpp"
+#include "apps/results/strategy_results.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "orbits/cycles/cycle.hpp"
+
+/// What an archive takes of every struct in a checkpoint: all of it. Members are taken apart by structured bindings,
+/// so that a new one does not compile until it stands here too; `format` in checkpoint.cpp then counts on.
+
+namespace orbid::estimator {
+
+inline void fields(apps::Archive& archive, BlockValue& value) {
+    auto& [status, e, e_theta, e_z, e_next, c, c_theta, c_z, c_next] = value;
+    archive(status, e, e_theta, e_z, e_next, c, c_theta, c_z, c_next);
+}
+
+inline void fields(apps::Archive& archive, Estimated& value) {
+    auto& [name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share] = value;
+    archive(name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share);
+}
+
+inline void fields(apps::Archive& archive, EstimatedScale& value) {
+    auto& [group, unit, factor, estimated, at, uncertainty, lower95, upper95, method, count, rms, lag1, records,
+           effective, distribution, shape] = value;
+    archive(group, unit, factor, estimated, at, uncertainty, lower95, upper95, method, count, rms, lag1, records,
+            effective, distribution, shape);
+}
+
+inline void fields(apps::Archive& archive, EstimatedCovariance& value) {
+    auto& [groups, at, uncertainty] = value;
+    archive(groups, at, uncertainty);
+}
+
+inline void fields(apps::Archive& archive, ResidualCount& value) {
+    auto& [type, used, lost, rejected, added] = value;
+    archive(type, used, lost, rejected, added);
+}
+
+/// Words of the history are literals of the minimiser; those read back live here.
+inline void transfer_word(apps::Archive& archive, std::string_view& word) {
+    static constexpr std::array<std::string_view, 6> known{"",     "theta", "scales", "no decrease", "block failed",
+                                                           "bound"};
+    std::string text(word);
+    archive(text);
+    if (!archive.reading()) return;
+    for (const std::string_view one : known) {
+        if (one == text) {
+            word = one;
+            return;
+        }
+    }
+    throw apps::DamagedCheckpoint("a checkpoint holds an unknown word");
+}
+
+inline void fields(apps::Archive& archive, StepRecord& value) {
+    auto& [round, block, accepted, before, after, damping, reason, provisional] = value;
+    archive(round, accepted, before, after, damping, provisional);
+    transfer_word(archive, block);
+    transfer_word(archive, reason);
+}
+
+inline void fields(apps::Archive& archive, NullDirection& value) {
+    auto& [components] = value;
+    archive(components);
+}
+
+inline void fields(apps::Archive& archive, SloppyDirection& value) {
+    auto& [components, sd] = value;
+    archive(components, sd);
+}
+
+inline void fields(apps::Archive& archive, Estimate& value) {
+    auto& [status, message, parameters, derived, scales, covariances, latents, latent_sds, residuals, covariance,
+           correlation, singular_values, null_directions, sloppy_directions, trust_normal, distrust, hessian_ratio,
+           effective_count, counts, objective, log_likelihood, log_integral, degrees_of_freedom, iterations,
+           evaluations, rounds, remaining, history] = value;
+    archive(status, message, parameters, derived, scales, covariances, latents, latent_sds, residuals, covariance,
+            correlation, singular_values, null_directions, sloppy_directions, trust_normal, distrust, hessian_ratio,
+            effective_count, counts, objective, log_likelihood, log_integral, degrees_of_freedom, iterations,
+            evaluations, rounds, remaining, history);
+}
+
+inline void fields(apps::Archive& archive, StartedRun& value) {
+    auto& [start, from, theta, status, message, objective, records, evaluations, optimum, screened] = value;
+    archive(start, from, theta, status, message, objective, records, evaluations, optimum, screened);
+}
+
+inline void fields(apps::Archive& archive, Optimum& value) {
+    auto& [objective, theta, starts] = value;
+    archive(objective, theta, starts);
+}
+
+inline void fields(apps::Archive& archive, ProfilePoint& value) {
+    auto& [u, at, objective, signed_root, theta] = value;
+    archive(u, at, objective, signed_root, theta);
+}
+
+inline void fields(apps::Archive& archive, Profile& value) {
+    auto& [name, unit, known, message, at, lower, upper, lower_end, upper_end, threshold, method, points, failed,
+           improvement, evaluations] = value;
+    archive(name, unit, known, message, at, lower, upper, lower_end, upper_end, threshold, method, points, failed,
+            improvement, evaluations);
+}
+
+inline void fields(apps::Archive& archive, MarginalPoint& value) {
+    auto& [u, at, log_density, theta, covariance, dof] = value;
+    archive(u, at, log_density, theta, covariance, dof);
+}
+
+inline void fields(apps::Archive& archive, Marginal& value) {
+    auto& [name, unit, known, message, mean, sd, median, lower95, upper95, lower_end, upper_end, full_hessian, points,
+           failed, evaluations] = value;
+    archive(name, unit, known, message, mean, sd, median, lower95, upper95, lower_end, upper_end, full_hessian, points,
+            failed, evaluations);
+}
+
+inline void fields(apps::Archive& archive, SampledQuantity& value) {
+    auto& [name, unit, mean, sd, quantiles, mean_error, sd_error, quantile_errors, rhat, bulk, tail] = value;
+    archive(name, unit, mean, sd, quantiles, mean_error, sd_error, quantile_errors, rhat, bulk, tail);
+}
+
+inline void fields(apps::Archive& archive, SampledChain& value) {
+    auto& [step, acceptance, divergences, saturated, energy_mixing, warm_up, evaluations] = value;
+    archive(step, acceptance, divergences, saturated, energy_mixing, warm_up, evaluations);
+}
+
+inline void fields(apps::Archive& archive, PosteriorSample& value) {
+    auto& [status, message, trusted, distrust, parameters, derived, errors, names, draws, potential, latents,
+           latent_sds, chains, worst_rhat, least_size] = value;
+    archive(status, message, trusted, distrust, parameters, derived, errors, names, draws, potential, latents,
+            latent_sds, chains, worst_rhat, least_size);
+}
+
+}  // namespace orbid::estimator
+
+namespace orbid::orbits {
+
+inline void fields(apps::Archive& archive, Cycle& value) {
+    auto& [period, rotation, points, covariance, multipliers, ln_multiplier, ln_multiplier_covariance, time, time_sd,
+           code, recurrences, mirror, quality] = value;
+    archive(period, rotation, points, covariance, multipliers, ln_multiplier, ln_multiplier_covariance, time, time_sd,
+            code, recurrences, mirror, quality);
+}
+
+inline void fields(apps::Archive& archive, CycleSearch& value) {
+    auto& [cycles, missing, candidates, rejected, patch_map, reading_covariance, remarks] = value;
+    archive(cycles, missing, candidates, rejected, patch_map, reading_covariance, remarks);
+}
+
+}  // namespace orbid::orbits
+
+namespace orbid::apps {
+
+inline void fields(Archive& archive, ResidualChange& value) {
+    auto& [refreshed, block, theta, latents, scales] = value;
+    archive(refreshed, block, theta, latents, scales);
+}
+
+inline void fields(Archive& archive, CycleStart& value) {
+    auto& [theta, nodes, iterations, evaluations] = value;
+    archive(theta, nodes, iterations, evaluations);
+}
+
+inline void fields(Archive& archive, MatchingResult::Coordinate& value) {
+    auto& [name, unit, sd, rms, typical] = value;
+    archive(name, unit, sd, rms, typical);
+}
+
+inline void fields(Archive& archive, MatchingResult& value) {
+    auto& [experiment, interval, intervals, large, expected, coordinates, shift, warnings] = value;
+    archive(experiment, interval, intervals, large, expected, coordinates, shift, warnings);
+}
+
+inline void fields(Archive& archive, LogEvidence& value) {
+    auto& [at, reason] = value;
+    archive(at, reason);
+}
+
+inline void fields(Archive& archive, AlternativeResult& value) {
+    auto& [name, status, message, parameters, factor, uncertainty, difference, score, score_error, large_defects,
+           used] = value;
+    archive(name, status, message, parameters, factor, uncertainty, difference, score, score_error, large_defects,
+            used);
+}
+
+inline void fields(Archive& archive, CriticismResult& value) {
+    auto& [model, stage, large_defects, intervals, score, score_error, alternatives] = value;
+    archive(model, stage, large_defects, intervals, score, score_error, alternatives);
+}
+
+}  // namespace orbid::apps

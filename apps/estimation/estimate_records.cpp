@@ -1,0 +1,211 @@
+#include "apps/estimation/estimate_records.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include "apps/job/segment_choice.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+/// Scale of a group; null when the estimate has none.
+const estimator::EstimatedScale* scale_of(const estimator::Estimate& estimate, const std::string& group) {
+    for (const auto& scale : estimate.scales) {
+        if (scale.group == group) return &scale;
+    }
+    return nullptr;
+}
+
+Eigen::VectorXd values(const estimator::Estimate& estimate) {
+    Eigen::VectorXd theta(static_cast<Eigen::Index>(estimate.parameters.size()));
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
+        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
+    return theta;
+}
+
+/// Relative part of a group's errors; 0 where there is none.
+double relative_of(const estimator::EstimatedScale& scale) {
+    for (const estimator::Estimated& parameter : scale.shape) {
+        if (parameter.name == "relative") return parameter.value;
+    }
+    return 0.0;
+}
+
+/// Phase [rad] of the k-th point of a cycle; of a map the number of the iteration.
+double at_section(const Workspace& work, Eigen::Index k) {
+    const auto count = static_cast<double>(k);
+    if (work.system().kind() == models::Kind::map) return count;
+    return work.job.section_phase + 2.0 * std::numbers::pi * count;
+}
+
+double nearest_prediction(double observed, double e, bool angle) {
+    const double predicted = observed - e;
+    return angle ? models::wrapped(predicted) : predicted;
+}
+
+}  // namespace
+
+void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual, const orbits::CycleSearch& search,
+                    const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                    std::vector<ResidualRow>& rows) {
+    const auto coordinates = work.system().coordinates();
+    const auto n = static_cast<Eigen::Index>(coordinates.size());
+    const std::string experiment = work.job.orbits->file ? std::string() : work.job.data[work.job.orbits->data].name;
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (values[b].e.size() == 0) continue;
+        const orbits::Cycle& cycle = search.cycles[residual.cycle_of(b)];
+        const auto& layout = residual.layout()[b];
+        Eigen::Index position = 0;  // points come first, coordinate fastest
+        for (Eigen::Index i = 0; i < values[b].e.size(); ++i) {
+            const auto& group = residual.groups()[static_cast<std::size_t>(layout.group[static_cast<std::size_t>(i)])];
+            const auto* scale = scale_of(estimate, group.name);
+            const double shape = layout.shape.size() > 0 ? std::sqrt(layout.shape(i, i)) : 1.0;
+            const double sd = scale != nullptr ? scale->value * shape : nan;
+            const std::string label = fmt::format("cycle {}", residual.cycle_of(b));
+            if (group.name == "cycles.ln_multiplier") {
+                const double ln_multiplier = residual.target(b).ln_multiplier[i - position];
+                rows.push_back({experiment, label, "ln_multiplier", at_section(work, 0), ln_multiplier,
+                                ln_multiplier - values[b].e[i], sd});
+                continue;
+            }
+            const auto& coordinate = coordinates[static_cast<std::size_t>(position % n)];
+            const double observed = cycle.points(position % n, position / n);
+            rows.push_back({experiment, label, std::string(coordinate.name), at_section(work, position / n), observed,
+                            nearest_prediction(observed, values[b].e[i], coordinate.angle), sd});
+            ++position;
+        }
+    }
+}
+
+void add_series_rows(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                     const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                     std::vector<ResidualRow>& rows) {
+    const auto& series = residual.series();
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (values[b].e.size() == 0) continue;
+        const auto& segment = series.segments[residual.segment(b)];
+        const auto& records = residual.records(b);
+        for (Eigen::Index i = 0; i < values[b].e.size(); ++i) {
+            const auto& record = records[static_cast<std::size_t>(i)];
+            if (record.sample < 0) continue;
+            const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(record.coordinate)];
+            Eigen::Index row = 0;
+            while (series.coordinates[static_cast<std::size_t>(row)].name != coordinate.name)
+                ++row;
+            const auto& group =
+                residual.groups()[static_cast<std::size_t>(residual.layout()[b].group[static_cast<std::size_t>(i)])];
+            const auto* scale = scale_of(estimate, group.name);
+            const double observed = segment.values(row, record.sample);
+            rows.push_back(
+                {job.data[experiment].name, segment.label, std::string(coordinate.name), segment.times[record.sample],
+                 observed, observed - values[b].e[i],
+                 scale != nullptr ? residual.error_sd(b, i, values[b].e[i], scale->value, relative_of(*scale)) : nan});
+        }
+    }
+}
+
+void add_shooting_rows(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
+                       const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                       std::vector<ResidualRow>& rows) {
+    const orbits::Series& series = residual.series();
+    const orbits::ShootingPlan& plan = residual.plan();
+    const bool forced = job.model.system->kind() == models::Kind::forced;
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (values[b].e.size() == 0) continue;
+        const orbits::PlannedNode& node = plan.nodes[b];
+        const orbits::Segment& segment = series.segments[node.segment];
+        const auto readings = plan.of(b);
+        for (std::size_t r = 0; r < readings.size(); ++r) {
+            const orbits::PlannedReading& reading = readings[r];
+            const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(reading.coordinate)];
+            const auto count = static_cast<double>(reading.sample);
+            double at = forced ? series.phase + 2.0 * std::numbers::pi * count : count;
+            if (segment.times.size() > 0) at = segment.times[reading.sample];
+            const auto* scale = scale_of(estimate, residual.groups()[static_cast<std::size_t>(reading.group)].name);
+            rows.push_back({job.data[experiment].name, segment.label, std::string(coordinate.name), at, reading.value,
+                            reading.value - values[b].e[static_cast<Eigen::Index>(r)],
+                            scale != nullptr ? scale->value * reading.deviation : nan});
+        }
+    }
+}
+
+void add_first_nodes(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
+                     const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
+                     ResultContext& context) {
+    const auto coordinates = job.model.system->coordinates();
+    const auto& nodes = residual.plan().nodes;
+    for (std::size_t b = 0; b < latents.size() && b < nodes.size(); ++b) {
+        if (b > 0 && nodes[b - 1].segment == nodes[b].segment) continue;
+        InitialState initial{job.data[experiment].name, residual.series().segments[nodes[b].segment].label, {}};
+        for (Eigen::Index i = 0; i < latents[b].size(); ++i) {
+            const auto& coordinate = coordinates[static_cast<std::size_t>(i)];
+            const bool known = b < sds.size() && sds[b].size() == latents[b].size();
+            initial.values.push_back({std::string(coordinate.name), std::string(coordinate.unit), latents[b][i],
+                                      known ? sds[b][i] : nan, true});
+        }
+        context.initial_states.push_back(std::move(initial));
+    }
+}
+
+void add_initial_states(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                        const estimator::Estimate& estimate, const std::vector<std::vector<Eigen::Index>>& parameters,
+                        const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
+                        ResultContext& context) {
+    const auto coordinates = job.model.system->coordinates();
+    for (std::size_t b = 0; b < latents.size(); ++b) {
+        InitialState initial{job.data[experiment].name, residual.series().segments[residual.segment(b)].label, {}};
+        const Eigen::VectorXd state = residual.state(b, values(estimate), latents[b]);
+        for (Eigen::Index i = 0; i < state.size(); ++i) {
+            const auto& free = residual.free_coordinates();
+            const auto at = std::find(free.begin(), free.end(), i);
+            const bool known = b < sds.size() && sds[b].size() == static_cast<Eigen::Index>(free.size());
+            double sd = at != free.end() && known ? sds[b][at - free.begin()] : nan;
+            const auto& own = parameters[static_cast<std::size_t>(i)];
+            if (!own.empty()) sd = estimate.parameters[static_cast<std::size_t>(own[b])].sd;
+            const auto& coordinate = coordinates[static_cast<std::size_t>(i)];
+            initial.values.push_back({std::string(coordinate.name), std::string(coordinate.unit), state[i], sd,
+                                      at != free.end() || !own.empty()});
+        }
+        context.initial_states.push_back(std::move(initial));
+    }
+}
+
+void add_predictions(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, bool with_fitted,
+                     ResultContext& context) {
+    const DataJob& data = job.data[experiment];
+    std::vector<std::size_t> segments;
+    if (with_fitted) segments = fitted_segments(residual.series(), data);
+    const auto fitted = segments.size();
+    const auto predicted = segments_with(residual.series(), data, data.predict);
+    segments.insert(segments.end(), predicted.begin(), predicted.end());
+    Eigen::VectorXd scales(static_cast<Eigen::Index>(residual.groups().size()));
+    Eigen::VectorXd relative = Eigen::VectorXd::Zero(scales.size());
+    for (Eigen::Index g = 0; g < scales.size(); ++g) {
+        const auto* scale = scale_of(estimate, residual.groups()[static_cast<std::size_t>(g)].name);
+        scales[g] = scale != nullptr && scale->value > 0.0 ? scale->value : 1.0;
+        if (scale != nullptr) relative[g] = relative_of(*scale);
+    }
+    const auto predictions = residual.predict(theta, scales, segments, relative);
+    for (std::size_t i = 0; i < predictions.size(); ++i) {
+        Prediction prediction;
+        prediction.experiment = data.name;
+        prediction.segment = residual.series().segments[predictions[i].segment].label;
+        prediction.normalised_rms = predictions[i].normalised_rms;
+        prediction.fitted = i < fitted;
+        for (Eigen::Index c = 0; c < predictions[i].rms.size(); ++c) {
+            const auto coordinate = static_cast<std::size_t>(data.observe[static_cast<std::size_t>(c)]);
+            prediction.rms.emplace_back(job.model.system->coordinates()[coordinate].name, predictions[i].rms[c]);
+        }
+        context.predictions.push_back(std::move(prediction));
+    }
+}
+
+}  // namespace orbid::apps

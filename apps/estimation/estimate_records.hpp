@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "apps/results/result_file.hpp"
+#include "apps/stages/workspace.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "orbits/cycle_residuals/cycle_residual.hpp"
+#include "orbits/cycles/cycle_search.hpp"
+#include "orbits/series_residuals/series_residual.hpp"
+#include "orbits/series_residuals/shooting_residual.hpp"
+
+namespace orbid::apps {
+
+/// What an estimate says record by record, segment by segment: read back from the residuals it was made with.
+
+/// One row per coordinate of every point of the cycles used; times as phase of the forcing [rad].
+/// @param values  of the estimate, one per block of `residual`; lost cycles (empty) are left out.
+void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual, const orbits::CycleSearch& search,
+                    const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                    std::vector<ResidualRow>& rows);
+
+/// One row per reading of the fitted segments, in time order.
+/// @param experiment  index into Job::data.
+void add_series_rows(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                     const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                     std::vector<ResidualRow>& rows);
+
+/// Initial state of every fitted segment; what is held at a value has no sd.
+/// @param parameters    by coordinate: indices of parameters that are its value in each block, or empty.
+/// @param latents, sds  of the estimate, one per block; `sds` may be empty.
+void add_initial_states(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                        const estimator::Estimate& estimate, const std::vector<std::vector<Eigen::Index>>& parameters,
+                        const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
+                        ResultContext& context);
+
+/// One row per reading of the fitted segments, in time order; of a difference sensor both readings of the angle. Times
+/// of sections as phase of the forcing [rad] where the record has no times.
+void add_shooting_rows(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
+                       const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                       std::vector<ResidualRow>& rows);
+
+/// The first node of every fitted segment.
+void add_first_nodes(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
+                     const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
+                     ResultContext& context);
+
+/// How well the fitted segments, then those only predicted, are predicted from one initial state each.
+/// @param theta        the estimate, as the estimator's vector.
+/// @param with_fitted  false: those only predicted alone.
+void add_predictions(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, bool with_fitted,
+                     ResultContext& context);
+
+}  // namespace orbid::apps

@@ -1,0 +1,129 @@
+#include "apps/estimation/estimate_setup.hpp"
+
+#include <algorithm>
+#include <functional>
+#include <limits>
+
+#include <fmt/format.h>
+
+namespace orbid::apps {
+
+namespace {
+
+bool has_own(const DataJob& data, Eigen::Index parameter) {
+    return std::find(data.free.begin(), data.free.end(), parameter) != data.free.end();
+}
+
+/// What the parameter that another one follows is called in an experiment.
+std::string name_in(const Job& job, const DataJob& data, const std::string& name) {
+    for (const FreeParameterJob& free : job.estimate->parameters) {
+        if (free.value.name == name && has_own(data, free.parameter)) return fmt::format("{}@{}", name, data.name);
+    }
+    return name;
+}
+
+/// All experiments have it for themselves: nothing is left to share.
+bool is_shared(const Job& job, Eigen::Index parameter) {
+    return job.data.empty() || !std::all_of(job.data.begin(), job.data.end(),
+                                            [&](const DataJob& data) { return has_own(data, parameter); });
+}
+
+void bind(models::ParameterBinding& binding, Eigen::Index parameter, std::size_t estimated) {
+    binding.parameter.push_back(parameter);
+    binding.estimated.push_back(static_cast<Eigen::Index>(estimated));
+}
+
+void add_initial_values(const Job& job, std::size_t experiment, const std::vector<std::string>& segments,
+                        EstimateSetup& setup) {
+    const DataJob& data = job.data[experiment];
+    auto& indices = setup.initial[experiment];
+    indices.resize(data.initial_state.size());
+    for (std::size_t i = 0; i < data.initial_state.size(); ++i) {
+        const InitialValueJob& initial = data.initial_state[i];
+        if (!initial.is_parameter()) continue;
+        const models::Coordinate& coordinate = job.model.system->coordinates()[i];
+        for (const std::string& segment : segments) {
+            estimator::FreeParameter parameter;
+            parameter.name = initial_parameter_name(std::string(coordinate.name), data.name);
+            if (segments.size() > 1) parameter.name += "." + segment;
+            parameter.unit = coordinate.unit;
+            parameter.start = initial.value.value_or(std::numeric_limits<double>::quiet_NaN());
+            parameter.scale = initial.scale;
+            parameter.lower = initial.lower;
+            parameter.upper = initial.upper;
+            parameter.prior = initial.prior;
+            indices[i].push_back(static_cast<Eigen::Index>(setup.parameters.size()));
+            setup.parameters.push_back(std::move(parameter));
+        }
+    }
+}
+
+estimator::DerivedQuantity derived_quantity(const DerivedJob& derived, const models::ParameterBinding& binding) {
+    const models::Expression expression = derived.expression;
+    return {derived.name,
+            [expression, binding](const Eigen::VectorXd& theta) { return expression.value(binding.values(theta)); },
+            [expression, binding](const Eigen::VectorXd& theta) {
+                const Eigen::VectorXd gradient = expression.gradient(binding.values(theta));
+                Eigen::MatrixXd columns(1, static_cast<Eigen::Index>(binding.parameter.size()));
+                for (std::size_t i = 0; i < binding.parameter.size(); ++i) {
+                    columns(0, static_cast<Eigen::Index>(i)) = gradient[binding.parameter[i]];
+                }
+                return Eigen::VectorXd(binding.spread(columns).transpose());
+            }};
+}
+
+}  // namespace
+
+Eigen::VectorXd EstimateSetup::start() const {
+    Eigen::VectorXd theta(static_cast<Eigen::Index>(parameters.size()));
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        theta[static_cast<Eigen::Index>(i)] = parameters[i].start;
+    return theta;
+}
+
+EstimateSetup estimate_setup(const Job& job, const std::vector<std::vector<std::string>>& segments) {
+    EstimateSetup setup;
+    setup.model.base = job.model.values;
+    setup.experiments.resize(job.data.size());
+    for (std::size_t e = 0; e < job.data.size(); ++e) {
+        setup.experiments[e].base = job.model.values;
+        // A simulated experiment's own values made its data; what is estimated there starts elsewhere.
+        for (const ParameterValue& own : job.data[e].parameters)
+            setup.experiments[e].base[own.parameter] = own.value;
+    }
+    for (const FreeParameterJob& free : job.estimate->parameters) {
+        if (!is_shared(job, free.parameter)) continue;
+        bind(setup.model, free.parameter, setup.parameters.size());
+        for (std::size_t e = 0; e < job.data.size(); ++e) {
+            if (!has_own(job.data[e], free.parameter)) {
+                bind(setup.experiments[e], free.parameter, setup.parameters.size());
+            }
+        }
+        setup.parameters.push_back(free.value);
+    }
+    for (std::size_t e = 0; e < job.data.size(); ++e) {
+        for (const FreeParameterJob& free : job.estimate->parameters) {
+            if (!has_own(job.data[e], free.parameter)) continue;
+            bind(setup.experiments[e], free.parameter, setup.parameters.size());
+            if (e == 0 && !is_shared(job, free.parameter)) bind(setup.model, free.parameter, setup.parameters.size());
+            setup.parameters.push_back(free.value);
+            setup.parameters.back().name = fmt::format("{}@{}", free.value.name, job.data[e].name);
+            setup.parameters.back().tied_to = name_in(job, job.data[e], free.value.tied_to);
+        }
+    }
+    setup.initial.resize(job.data.size());
+    if (job.estimate->series) {
+        for (const std::size_t experiment : job.estimate->series->data)
+            add_initial_values(job, experiment, segments[experiment], setup);
+    }
+    const auto count = static_cast<Eigen::Index>(setup.parameters.size());
+    setup.model.estimated_count = count;
+    for (models::ParameterBinding& binding : setup.experiments)
+        binding.estimated_count = count;
+    for (const DerivedJob& derived : job.estimate->derived) {
+        setup.derived.push_back(derived_quantity(derived, setup.model));
+    }
+    return setup;
+}
+
+}  // namespace orbid::apps

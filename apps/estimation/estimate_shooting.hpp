@@ -1,0 +1,41 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "apps/estimation/estimate_residuals.hpp"
+#include "apps/estimation/estimate_setup.hpp"
+#include "apps/stages/data_stage.hpp"
+#include "estimator/estimate/estimate.hpp"
+
+namespace orbid::apps {
+
+/// Adds a residual by multiple shooting per experiment of the series, its nodes guessed at `start`.
+/// @param nodes  known ones by experiment of the series and fitted segment; empty: guessed.
+/// @throws orbits::DataError when the data cannot serve it, naming the experiment.
+void add_shooting(const Job& job, const std::vector<Experiment>& data, const EstimateSetup& setup,
+                  const Eigen::VectorXd& start, const std::vector<std::vector<Eigen::MatrixXd>>& nodes,
+                  JobResiduals& residuals);
+
+/// A start by prediction over one interval, and the residuals for the estimate that follows.
+struct PredictionStart {
+    Eigen::VectorXd theta;
+    JobResiduals residuals;
+};
+
+/// Adds a residual of predictions over one interval per experiment: those of the series residual, or the one that was
+/// searched for cycles. With "scan" the start is the best of a coarse ladder around the parameters' starts.
+/// @param parameters  with the starts.
+/// @param known       the start that was found here before; nullptr: none was.
+/// @throws orbits::DataError as add_shooting; also when a record has no interval that can be predicted.
+[[nodiscard]] PredictionStart prediction_start(const Job& job, const std::vector<Experiment>& data,
+                                               const EstimateSetup& setup,
+                                               const models::ParameterBinding& cycle_binding,
+                                               const std::vector<estimator::FreeParameter>& parameters,
+                                               const Eigen::VectorXd* known = nullptr);
+
+/// What an estimate by predictions needs: it only has to come near.
+[[nodiscard]] estimator::EstimateOptions prediction_options(const estimator::EstimateOptions& options);
+
+}  // namespace orbid::apps

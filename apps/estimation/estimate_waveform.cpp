@@ -1,0 +1,224 @@
+#include "apps/estimation/estimate_waveform.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "apps/drawing/waveform_plot.hpp"
+#include "apps/job/segment_choice.hpp"
+#include "models/definition/parameter.hpp"
+#include "orbits/records/data_error.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using Eigen::Index;
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+std::string block_label(const Job& job, const orbits::Series& series, std::size_t experiment, std::size_t segment) {
+    const std::string& name = job.data[experiment].name;
+    return series.segments.size() > 1 ? fmt::format("{}, segment {}", name, series.segments[segment].label) : name;
+}
+
+/// Values and known sds of the observed coordinates; a coordinate that is not observed there is missing.
+void take_readings(const Job& job, const DataJob& data, const orbits::Series& series, std::size_t segment,
+                   periodic::WaveformRecord& record) {
+    const auto& errors = job.estimate->waveform->errors;
+    const orbits::Segment& from = series.segments[segment];
+    const Index count = from.values.cols();
+    record.times = from.times;
+    record.values = Eigen::MatrixXd::Constant(std::ssize(errors), count, nan);
+    const bool sds = std::any_of(errors.begin(), errors.end(), [](const auto& e) { return !e.sd_column.empty(); });
+    if (sds) record.deviations = record.values;
+    for (std::size_t c = 0; c < errors.size(); ++c) {
+        if (std::count(data.observe.begin(), data.observe.end(), errors[c].coordinate) == 0) continue;
+        const auto name = job.model.system->coordinates()[static_cast<std::size_t>(errors[c].coordinate)].name;
+        const auto at = std::find_if(series.coordinates.begin(), series.coordinates.end(),
+                                     [&](const orbits::SeriesCoordinate& one) { return one.name == name; });
+        if (at == series.coordinates.end())
+            throw orbits::DataError(fmt::format("{}: the series has no coordinate {}", data.name, name));
+        const auto row = at - series.coordinates.begin();
+        record.values.row(static_cast<Index>(c)) = from.values.row(row);
+        if (!errors[c].sd_column.empty() && from.deviations.size() > 0)
+            record.deviations.row(static_cast<Index>(c)) = from.deviations.row(row);
+    }
+}
+
+double sd_of(const estimator::EstimatedScale& scale, const periodic::WaveformChannel& channel, double deviation,
+             double predicted) {
+    const double s = scale.value * deviation;
+    if (std::holds_alternative<estimator::LogNormalErrors>(channel.distribution)) return s * std::abs(predicted);
+    for (const estimator::Estimated& parameter : scale.shape)
+        if (parameter.name == "relative") return std::hypot(s, parameter.value * predicted);
+    return s;
+}
+
+}  // namespace
+
+std::vector<std::string> add_waveform(const Job& job, const std::vector<Experiment>& data, const EstimateSetup& setup,
+                                      const Eigen::VectorXd& start, JobWaveform& waveform) {
+    if (!job.estimate->waveform) return {};
+    const WaveformResidualJob& asked = *job.estimate->waveform;
+    periodic::WaveformOptions options;
+    for (const ErrorJob& error : asked.errors)
+        options.channels.push_back(
+            {error.coordinate, error.scale, error.distribution, error.floor, !error.sd_column.empty()});
+    for (const CovarianceJob& one : asked.covariances) {
+        estimator::JointCovariance covariance{{}, one.dof, one.psi};
+        for (const Index coordinate : one.coordinates) {
+            const auto at = std::find_if(asked.errors.begin(), asked.errors.end(),
+                                         [&](const ErrorJob& error) { return error.coordinate == coordinate; });
+            covariance.groups.push_back(static_cast<int>(at - asked.errors.begin()));
+        }
+        options.covariances.push_back(std::move(covariance));
+    }
+    options.start = start;
+    waveform.places.clear();
+    std::vector<periodic::WaveformRecord> records;
+    for (std::size_t i = 0; i < asked.data.size(); ++i) {
+        const std::size_t experiment = asked.data[i];
+        const WaveformResidualJob::Experiment& own = asked.experiments[i];
+        const orbits::Series& series = data[experiment].series;
+        for (const std::size_t segment : fitted_segments(series, job.data[experiment])) {
+            periodic::WaveformRecord record;
+            record.label = block_label(job, series, experiment, segment);
+            record.binding = setup.experiments[experiment];
+            record.sensor = job.data[experiment].sensor;
+            take_readings(job, job.data[experiment], series, segment, record);
+            record.period = own.period;
+            record.time = own.time;
+            record.phase = own.phase;
+            record.offsets = own.offsets;
+            if (own.start.size() > 0) {
+                record.start.emplace();
+                record.start->points = own.start;
+                record.start->time = own.time;
+            }
+            records.push_back(std::move(record));
+            waveform.places.push_back({experiment, segment});
+        }
+    }
+    try {
+        waveform.residual =
+            std::make_unique<periodic::WaveformResidual>(job.model.system, std::move(records), std::move(options));
+    } catch (const std::invalid_argument& error) {
+        throw orbits::DataError(error.what());
+    }
+    std::vector<std::string> lost;
+    for (std::size_t b = 0; b < waveform.places.size(); ++b) {
+        const periodic::OrbitStatus status = waveform.residual->start_status(b);
+        if (status == periodic::OrbitStatus::converged) continue;
+        lost.push_back(fmt::format("{}: no periodic solution at the start: {}", waveform.residual->records()[b].label,
+                                   periodic::name(status)));
+    }
+    if (lost.size() == waveform.places.size())
+        throw orbits::DataError(
+            fmt::format("{}; start the parameters nearer, or give \"start\": states at phase 0 near the orbit",
+                        fmt::join(lost, "; ")));
+    return lost;
+}
+
+void add_waveform_rows(const Job& job, const JobWaveform& waveform, const estimator::Estimate& estimate,
+                       const std::vector<estimator::BlockValue>& values, std::vector<ResidualRow>& rows) {
+    const periodic::WaveformResidual& residual = *waveform.residual;
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (values[b].e.size() == 0) continue;
+        const periodic::WaveformRecord& record = residual.records()[b];
+        const DataJob& data = job.data[waveform.places[b].experiment];
+        for (Index i = 0; i < values[b].e.size(); ++i) {
+            const auto& source = residual.sources(b)[static_cast<std::size_t>(i)];
+            const auto& channel = residual.channels()[static_cast<std::size_t>(source.channel)];
+            const auto& group = residual.groups()[static_cast<std::size_t>(source.channel)];
+            const auto scale = std::find_if(estimate.scales.begin(), estimate.scales.end(),
+                                            [&](const auto& one) { return one.group == group.name; });
+            const double observed = record.values(source.channel, source.sample);
+            const double predicted = observed - values[b].e[i];
+            const double deviation = channel.known_sds ? record.deviations(source.channel, source.sample) : 1.0;
+            rows.push_back(
+                {data.name, waveform.residual->records()[b].label,
+                 std::string(job.model.system->coordinates()[static_cast<std::size_t>(channel.coordinate)].name),
+                 record.times[source.sample], observed, predicted,
+                 scale != estimate.scales.end() ? sd_of(*scale, channel, deviation, predicted) : nan});
+        }
+    }
+}
+
+void add_steady_states(const Job& job, const JobWaveform& waveform, const Eigen::VectorXd& theta,
+                       const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
+                       ResultContext& context) {
+    const periodic::WaveformResidual& residual = *waveform.residual;
+    const auto orbits = residual.solutions(theta);
+    for (std::size_t b = 0; b < orbits.size(); ++b) {
+        SteadyState state;
+        state.experiment = job.data[waveform.places[b].experiment].name;
+        state.segment = residual.records()[b].label;
+        state.used = residual.layout()[b].active;
+        state.orbit = orbits[b];
+        const auto& unknowns = residual.unknowns(b);
+        const auto sd_at = [&](Index unknown) {
+            const auto at = std::find(unknowns.begin(), unknowns.end(), unknown);
+            const bool known = b < sds.size() && sds[b].size() == std::ssize(unknowns);
+            return at != unknowns.end() && known ? sds[b][at - unknowns.begin()] : nan;
+        };
+        const auto is_estimated = [&](Index unknown) {
+            return std::count(unknowns.begin(), unknowns.end(), unknown) > 0;
+        };
+        const auto place = residual.alignment(b, latents[b]);
+        state.phase = {"phase", "rad", models::wrapped(place.phase), sd_at(-1), is_estimated(-1)};
+        // Several periods of the forcing: the phase says in which of them the record begins.
+        if (residual.records()[b].period > 1) state.phase.value = place.phase;
+        for (Index c = 0; c < place.offsets.size(); ++c) {
+            const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(
+                residual.channels()[static_cast<std::size_t>(c)].coordinate)];
+            state.offsets.push_back({std::string(coordinate.name), std::string(coordinate.unit), place.offsets[c],
+                                     sd_at(c), is_estimated(c)});
+        }
+        context.steady_states.push_back(std::move(state));
+    }
+}
+
+std::vector<std::pair<std::string, std::string>> waveform_plots(const Job& job, const JobWaveform& waveform,
+                                                                const Eigen::VectorXd& theta,
+                                                                const std::vector<Eigen::VectorXd>& latents) {
+    constexpr std::size_t places = 401;
+    const periodic::WaveformResidual& residual = *waveform.residual;
+    const auto orbits = residual.solutions(theta);
+    std::vector<std::vector<PlottedWaveform>> plots(residual.channels().size());
+    for (std::size_t b = 0; b < orbits.size(); ++b) {
+        if (orbits[b].status != periodic::OrbitStatus::converged) continue;
+        const periodic::WaveformRecord& record = residual.records()[b];
+        const double time = orbits[b].time;
+        const double share = residual.alignment(b, latents[b]).phase / (2.0 * std::numbers::pi * record.period);
+        std::vector<double> times(places);
+        for (std::size_t k = 0; k < places; ++k)
+            times[k] = (static_cast<double>(k) / static_cast<double>(places - 1) - share) * time;
+        const Eigen::MatrixXd computed = residual.readings(b, theta, orbits[b], latents[b], times);
+        if (computed.size() == 0) continue;
+        Eigen::VectorXd at = record.times.array() / time + share;
+        at = at.array() - at.array().floor();
+        for (std::size_t c = 0; c < plots.size(); ++c)
+            plots[c].push_back(
+                {record.label, at, record.values.row(static_cast<Index>(c)), computed.row(static_cast<Index>(c))});
+    }
+    std::vector<std::pair<std::string, std::string>> files;
+    for (std::size_t c = 0; c < plots.size(); ++c) {
+        if (plots[c].empty()) continue;
+        const auto index = static_cast<std::size_t>(residual.channels()[c].coordinate);
+        const auto& entry = job.model.system->coordinates()[index];
+        const orbits::SeriesCoordinate coordinate{
+            std::string(entry.name), std::string(entry.unit),
+            models::reads_angle(residual.records().front().sensor, job.model.system->coordinates(), index)};
+        files.emplace_back(
+            plots.size() == 1 ? std::string("waveform.svg") : fmt::format("waveform_{}.svg", coordinate.name),
+            waveform_svg(coordinate, plots[c], job.title));
+    }
+    return files;
+}
+
+}  // namespace orbid::apps

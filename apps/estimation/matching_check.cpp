@@ -1,0 +1,150 @@
+#include "apps/estimation/matching_check.hpp"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "apps/estimation/model_fit.hpp"
+#include "orbits/series_residuals/matching_report.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+const estimator::EstimatedScale* scale_of(const estimator::Estimate& estimate, const std::string& group) {
+    for (const auto& scale : estimate.scales) {
+        if (scale.group == group) return &scale;
+    }
+    return nullptr;
+}
+
+/// Sds of matching at the estimate, shape (n): as set, or as estimated.
+Eigen::VectorXd matching_sds(const orbits::ShootingResidual& residual, const estimator::Estimate& estimate) {
+    Eigen::VectorXd sds = residual.matching_sd();
+    const auto& groups = residual.groups();
+    const std::size_t first = groups.size() - static_cast<std::size_t>(sds.size());
+    for (Eigen::Index i = 0; i < sds.size(); ++i) {
+        const auto* scale = scale_of(estimate, groups[first + static_cast<std::size_t>(i)].name);
+        if (scale != nullptr) sds[i] = scale->value;
+    }
+    return sds;
+}
+
+/// Index of the first residual by multiple shooting in the order of JobResiduals::all().
+std::size_t first_shooting(const JobResiduals& residuals) {
+    return (residuals.cycles ? 1 : 0) + residuals.series.size();
+}
+
+Eigen::VectorXd laplace_sds(const estimator::Estimate& estimate) {
+    Eigen::VectorXd sds(static_cast<Eigen::Index>(estimate.parameters.size()));
+    for (Eigen::Index i = 0; i < sds.size(); ++i)
+        sds[i] = estimate.parameters[static_cast<std::size_t>(i)].laplace_sd;
+    return sds;
+}
+
+/// The same estimate with looser matching, from its own nodes.
+void compare_looser(const StageInput& input, const StageRun& run, std::vector<orbits::MatchingReport>& reports) {
+    const auto& shooting = run.residuals.shooting;
+    std::vector<orbits::ShootingResidual> looser;
+    looser.reserve(shooting.size());
+    for (std::size_t i = 0; i < shooting.size(); ++i)
+        looser.push_back(shooting[i]->with(orbits::looser(*shooting[i]), run.estimate.latents[i]));
+    std::vector<estimator::Residual*> residuals;
+    for (orbits::ShootingResidual& residual : looser)
+        residuals.push_back(&residual);
+    std::vector<estimator::FreeParameter> parameters = run.parameters;
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        parameters[i].start = run.estimate.parameters[i].value;
+        names.push_back(parameters[i].name);
+    }
+    estimator::EstimateOptions options = input.options;
+    options.verdict = false;
+    options.progress = {};
+    const auto other = estimator::estimate(parameters, residuals, {}, options);
+    input.work.progress.log(fmt::format("ten times looser matching: {}, {} iterations; {}",
+                                        estimator::name(other.status), other.iterations, other.message));
+    if (other.status != estimator::EstimateStatus::converged) return;
+    for (std::size_t i = 0; i < shooting.size(); ++i)
+        orbits::compare(reports[i], *shooting[i], names, estimated_theta(run.estimate), laplace_sds(run.estimate),
+                        estimated_theta(other), laplace_sds(other));
+}
+
+}  // namespace
+
+Eigen::VectorXd estimated_theta(const estimator::Estimate& estimate) {
+    Eigen::VectorXd theta(static_cast<Eigen::Index>(estimate.parameters.size()));
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
+        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
+    return theta;
+}
+
+std::vector<MatchingResult> matching_results(const StageInput& input, const StageRun& run, bool compared) {
+    const Job& job = input.work.job;
+    const auto& shooting = run.residuals.shooting;
+    const std::size_t first = first_shooting(run.residuals);
+    if (shooting.empty() || run.estimate.latents.size() != run.residuals.all().size()) return {};
+    std::vector<orbits::MatchingReport> reports;
+    for (std::size_t i = 0; i < shooting.size(); ++i)
+        reports.push_back(
+            orbits::matching_report(*shooting[i], estimated_theta(run.estimate), run.estimate.latents[first + i]));
+    const bool alone = run.residuals.all().size() == shooting.size();
+    if (compared && alone && run.estimate.status == estimator::EstimateStatus::converged)
+        compare_looser(input, run, reports);
+    std::vector<MatchingResult> results;
+    const auto coordinates = job.model.system->coordinates();
+    for (std::size_t i = 0; i < shooting.size(); ++i) {
+        const orbits::MatchingReport& report = reports[i];
+        MatchingResult& result = results.emplace_back();
+        result.experiment = job.data[run.residuals.shooting_experiments[i]].name;
+        result.interval = static_cast<std::size_t>(shooting[i]->interval());
+        result.intervals = report.defect.count;
+        result.large = report.defect.large;
+        result.expected = report.expected;
+        result.warnings = report.warnings;
+        const Eigen::VectorXd sds = matching_sds(*shooting[i], run.estimate);
+        for (Eigen::Index c = 0; c < sds.size(); ++c) {
+            const auto& coordinate = coordinates[static_cast<std::size_t>(c)];
+            result.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), sds[c],
+                                          report.defect.rms[c], report.defect.typical[c]});
+        }
+        for (Eigen::Index p = 0; p < report.shift.size(); ++p)
+            result.shift.emplace_back(run.estimate.parameters[static_cast<std::size_t>(p)].name, report.shift[p]);
+    }
+    return results;
+}
+
+std::optional<double> matching_share(const StageRun& run) {
+    double sum = 0.0;
+    double count = 0.0;
+    for (const auto& residual : run.residuals.shooting) {
+        const Eigen::VectorXd share = matching_sds(*residual, run.estimate).cwiseQuotient(residual->range());
+        sum += share.array().log().sum();
+        count += static_cast<double>(share.size());
+    }
+    if (count == 0.0 || !std::isfinite(sum)) return std::nullopt;
+    return std::exp(sum / count);
+}
+
+std::vector<std::vector<Eigen::MatrixXd>> estimated_nodes(const StageRun& run) {
+    std::vector<std::vector<Eigen::MatrixXd>> all;
+    const std::size_t first = first_shooting(run.residuals);
+    for (std::size_t i = 0; i < run.residuals.shooting.size(); ++i) {
+        const auto& latents = run.estimate.latents.at(first + i);
+        const auto& nodes = run.residuals.shooting[i]->plan().nodes;
+        std::vector<Eigen::MatrixXd>& segments = all.emplace_back();
+        for (std::size_t begin = 0; begin < nodes.size();) {
+            std::size_t end = begin;
+            while (end < nodes.size() && nodes[end].segment == nodes[begin].segment)
+                ++end;
+            Eigen::MatrixXd states(latents[begin].size(), static_cast<Eigen::Index>(end - begin));
+            for (std::size_t b = begin; b < end; ++b)
+                states.col(static_cast<Eigen::Index>(b - begin)) = latents[b];
+            segments.push_back(std::move(states));
+            begin = end;
+        }
+    }
+    return all;
+}
+
+}  // namespace orbid::apps

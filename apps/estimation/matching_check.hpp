@@ -1,0 +1,24 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "apps/estimation/estimate_strategy.hpp"
+#include "apps/results/strategy_results.hpp"
+
+namespace orbid::apps {
+
+/// How well the nodes of every series of a stage meet at its estimate; empty without nodes.
+/// @param compared  estimate once more with ten times looser matching, and say how far that moves the parameters, see
+///                  orbits::MatchingReport; not done with other residuals in the stage, or unless it has converged.
+[[nodiscard]] std::vector<MatchingResult> matching_results(const StageInput& input, const StageRun& run, bool compared);
+
+/// Sd of matching as a share of the ranges, one for all coordinates and series (geometric mean); empty without nodes.
+[[nodiscard]] std::optional<double> matching_share(const StageRun& run);
+
+/// Nodes at the estimate: by experiment of the stage, by fitted segment, shape (n, nodes).
+[[nodiscard]] std::vector<std::vector<Eigen::MatrixXd>> estimated_nodes(const StageRun& run);
+
+}  // namespace orbid::apps

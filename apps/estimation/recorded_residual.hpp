@@ -1,0 +1,51 @@
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "estimator/interface/residual.hpp"
+
+namespace orbid::apps {
+
+/// One thing that an estimate has done to a residual.
+struct ResidualChange {
+    bool refreshed = true;  ///< false: a block was suspended
+    std::size_t block = 0;  ///< suspended one
+    Eigen::VectorXd theta;  ///< of refresh()
+    std::vector<Eigen::VectorXd> latents;
+    Eigen::VectorXd scales;
+};
+
+/// A residual that notes what changes it. Nothing but refresh() and suspend() does: another one of the same data that
+/// goes through the same changes is in the same state, to the bit, without the estimate between them.
+class RecordedResidual final : public estimator::Residual {
+public:
+    explicit RecordedResidual(estimator::Residual& inner) : inner_(inner) {}
+
+    [[nodiscard]] const std::vector<ResidualChange>& changes() const { return changes_; }
+
+    [[nodiscard]] std::string_view type() const override { return inner_.type(); }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return inner_.groups(); }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return inner_.layout(); }
+    [[nodiscard]] estimator::LatentStructure structure() const override { return inner_.structure(); }
+    [[nodiscard]] std::vector<estimator::JointCovariance> covariances() const override { return inner_.covariances(); }
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return inner_.initial_latents(); }
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+                                                              const std::vector<Eigen::VectorXd>& latents,
+                                                              bool derivatives) const override {
+        return inner_.evaluate(theta, latents, derivatives);
+    }
+    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                                     const Eigen::VectorXd& scales) override;
+    void suspend(std::size_t block) override;
+    [[nodiscard]] bool provisional() const override { return inner_.provisional(); }
+
+private:
+    estimator::Residual& inner_;
+    std::vector<ResidualChange> changes_;
+};
+
+/// Takes a residual through changes that another one went through.
+void repeat_changes(const std::vector<ResidualChange>& changes, estimator::Residual& residual);
+
+}  // namespace orbid::apps

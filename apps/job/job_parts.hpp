@@ -1,0 +1,128 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "apps/documents/json_reader.hpp"
+#include "apps/job/job.hpp"
+
+namespace orbid::apps {
+
+/// The blocks of a job, each read into its part of `job`. Order: model, data, orbits, periodic, estimate, reference;
+/// each block uses what stands before it. Where the model is unknown, names and domains are not checked.
+void read_model(ObjectReader& root, Job& job);
+void read_section(ObjectReader& root, Job& job);
+/// The block "model" of a job that writes its equations, which have been found there.
+void read_equations(ObjectReader& model, Job& job);
+void read_data(ObjectReader& root, Job& job);
+void read_orbits(ObjectReader& root, Job& job);
+void read_periodic(ObjectReader& root, Job& job);
+void read_estimate(ObjectReader& root, Job& job);
+void read_reference(ObjectReader& root, Job& job);
+
+/// Parts of data.
+void read_simulation(const ValueReader& value, const Job& job, SimulationJob& simulation);
+void read_file(ObjectReader& data, const ValueReader& path, const Job& job, FileJob& file);
+
+/// "theta", or { "column": "theta", "unit": "deg", "sign": -1, "offset": 3.14 }.
+[[nodiscard]] ColumnJob read_column(const ValueReader& value, Eigen::Index index, const models::Coordinate& entry);
+/// "t", or { "column": "t", "unit": "ms" }.
+void read_time(const ValueReader& value, std::string& column, std::string& time_unit);
+/// "inputs" and "interpolation", after the source of the data.
+void read_inputs(ObjectReader& object, const Job& job, DataJob& data);
+[[nodiscard]] models::Sensor read_sensor(const ValueReader& value, const Job& job);
+
+/// Some of these experiments (indices into Job::data) read an angle in the place of the coordinate; of none: the
+/// coordinate is an angle.
+[[nodiscard]] bool reads_angle(const Job& job, const std::vector<std::size_t>& data, Eigen::Index coordinate);
+
+/// Parts of periodic: "search" and "continuation"; the latter after the starts.
+void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& periodic);
+void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& periodic);
+
+/// Parts of estimate.
+[[nodiscard]] std::optional<estimator::Prior> read_prior(const ValueReader& value);
+/// "linear", "log", "log10" or "logit".
+[[nodiscard]] std::optional<estimator::Scale> read_scale(const ValueReader& value);
+/// "tied" of a parameter; resolve_tie() follows when all parameters are read.
+void read_tie(const ValueReader& tie, FreeParameterJob& free);
+/// Checks a tie against all parameters and takes start and scale from the one it follows.
+void resolve_tie(const ValueReader& at, const Job& job, const EstimateJob& estimate, FreeParameterJob& free);
+/// "joint_priors", after the parameters.
+void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& estimate);
+/// Names of the model's estimated parameters in the result: k2, or k2@run1 where one is free per experiment.
+[[nodiscard]] std::vector<std::string> estimated_parameter_names(const Job& job, const EstimateJob& estimate);
+void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate);
+/// "matching" and "interval" of a series residual, after its data. `staged`: the strategy chooses where it is silent.
+void read_shooting(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series);
+/// What "auto" uses where no residuals are named: cycles where they are searched or given, and the data as series.
+/// What is wrong with them is reported at `at`; `residuals` is the description of a list of residuals.
+void add_usual_residuals(const ValueReader& at, const ValueDescription* residuals, const Job& job,
+                         EstimateJob& estimate);
+/// "strategy" and "scan", after the residuals.
+void read_strategy(ObjectReader& object, const Job& job, EstimateJob& estimate);
+/// "criticism", after the parameters and residuals.
+void read_criticism(ObjectReader& object, const Job& job, EstimateJob& estimate);
+/// A residual of type "waveform", without its type.
+void read_waveform(ObjectReader& object, const Job& job, EstimateJob& estimate);
+/// "multi_start", "posterior", "profile", "marginals"; after the parameters and residuals.
+void read_posterior(ObjectReader& object, const Job& job, EstimateJob& estimate);
+
+/// Whose errors are read: what their records allow.
+struct ErrorUse {
+    enum class Records { cycles, cycles_with_covariance, series };
+    Records records = Records::series;
+    std::vector<Eigen::Index> coordinates;         ///< that have errors
+    std::vector<std::size_t> data;                 ///< series: indices into Job::data
+    estimator::ErrorScale* multipliers = nullptr;  ///< where those of "ln_multiplier" go; none: they are no data
+};
+
+/// Errors of ln|multiplier|: a sd, or with weights "covariance" a factor on the analysis' covariance.
+[[nodiscard]] estimator::ErrorScale read_multiplier_error(const ValueReader& value);
+
+/// "errors" and "covariance" of a residual: one entry per coordinate of `use`; those not named are normal with an
+/// estimated sd.
+void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, std::vector<ErrorJob>& errors,
+                 std::vector<CovarianceJob>& covariances);
+
+/// Names of the model's parameters or coordinates; empty without a model.
+[[nodiscard]] std::vector<std::string> parameter_names(const Job& job);
+[[nodiscard]] std::vector<std::string> coordinate_names(const Job& job);
+
+/// Index of a parameter or coordinate; an unknown name is reported at `at` with the nearest known one.
+[[nodiscard]] std::optional<Eigen::Index> parameter_named(const std::string& name, const ValueReader& at,
+                                                          const Job& job);
+[[nodiscard]] std::optional<Eigen::Index> coordinate_named(const std::string& name, const ValueReader& at,
+                                                           const Job& job);
+/// A list of names, each with its place.
+[[nodiscard]] std::vector<std::pair<std::string, ValueReader>> read_names(const ValueReader& value);
+
+/// A value of a parameter, checked against its domain.
+[[nodiscard]] std::optional<double> read_parameter_value(const ValueReader& value, Eigen::Index parameter,
+                                                         const Job& job);
+/// "parameter": number, ...
+[[nodiscard]] std::vector<ParameterValue> read_parameter_values(const ValueReader& value, const Job& job);
+
+/// A list of different periods, each in [1, 64].
+[[nodiscard]] std::optional<std::vector<int>> read_periods(const ValueReader& value);
+
+/// A state of the model: one number per coordinate.
+[[nodiscard]] std::optional<Eigen::VectorXd> read_state(const ValueReader& value, const Job& job);
+
+/// A square matrix of `size` rows [[...], ...].
+[[nodiscard]] std::optional<Eigen::MatrixXd> read_matrix(const ValueReader& value, Eigen::Index size);
+
+/// Names given by the user: [A-Za-z_][A-Za-z0-9_]*; reported otherwise.
+[[nodiscard]] bool is_name(const std::string& name, const ValueReader& at);
+
+/// An existing file, made absolute; a missing one is reported as unreadable data.
+[[nodiscard]] std::optional<std::filesystem::path> read_path(const ValueReader& value, const Job& job);
+
+/// The key "sha256" beside a file: 64 hexadecimal digits.
+[[nodiscard]] std::string read_sha256(ObjectReader& object);
+
+}  // namespace orbid::apps

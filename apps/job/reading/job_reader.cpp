@@ -1,0 +1,115 @@
+#include "apps/job/reading/job_reader.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "apps/documents/atomic_file.hpp"
+#include "apps/documents/description_check.hpp"
+#include "apps/job/job_parts.hpp"
+#include "apps/job/schema/job_description.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+void read_output(ObjectReader& root, Job& job) {
+    const auto value = root.find("output");
+    if (!value) return;
+    ObjectReader output(*value);
+    if (const auto series = output.find("series")) {
+        const auto choice = series->choice({"h5", "csv", "none"});
+        if (choice) job.series_output = static_cast<SeriesOutput>(*choice);
+    }
+    output.finish();
+}
+
+/// Keys that job.json carries beside the job: what wrote it, nothing that a run depends on.
+void read_origin(ObjectReader& root) {
+    (void)root.find("$schema");
+    if (const auto format = root.find("format")) (void)format->choice({"orbid-job/1"});
+    if (const auto versions = root.find("versions")) {
+        for (const auto& [name, value] : versions->members())
+            (void)value.text();
+    }
+}
+
+void read_root(const ValueReader& value, Job& job) {
+    ObjectReader root(value);
+    read_origin(root);
+    if (const auto title = root.find("title")) job.title = title->text().value_or("");
+    read_model(root, job);
+    if (const auto seed = root.find("seed")) job.seed = seed->whole().value_or(job.seed);
+    read_section(root, job);
+    read_data(root, job);
+    read_orbits(root, job);
+    read_periodic(root, job);
+    read_estimate(root, job);
+    read_reference(root, job);
+    read_output(root, job);
+    root.finish();
+    const bool simulates =
+        std::any_of(job.data.begin(), job.data.end(), [](const DataJob& data) { return data.simulation.has_value(); });
+    const bool named = root.find("orbits") || root.find("periodic") || root.find("estimate");
+    if (value.sound() && !named && !simulates) {
+        root.self().report(
+            "names nothing to do: add \"data\" with \"simulate\", \"orbits\", \"periodic\" or \"estimate\"");
+    }
+}
+
+JobReading read_job_with(std::string_view text, const std::filesystem::path& source,
+                         void (*read)(const ValueReader& value, Job& job)) {
+    JsonDocument document = parse_json(text);
+    JobReading reading;
+    reading.problems = std::move(document.problems);
+    Job job;
+    job.source = std::filesystem::absolute(source).lexically_normal();
+    if (document.root) {
+        check_described(*document.root, job_description(), reading.problems);
+        read(ValueReader(*document.root, "", reading.problems, &job_description()), job);
+    }
+    std::stable_sort(reading.problems.begin(), reading.problems.end(), [](const Problem& a, const Problem& b) {
+        return a.place.line != b.place.line ? a.place.line < b.place.line : a.place.column < b.place.column;
+    });
+    if (reading.problems.empty()) reading.job = std::move(job);
+    return reading;
+}
+
+}  // namespace
+
+int JobReading::exit_code() const {
+    if (problems.empty()) return 0;
+    const bool only_data =
+        std::all_of(problems.begin(), problems.end(), [](const Problem& p) { return p.kind == Problem::Kind::data; });
+    return only_data ? 3 : 2;
+}
+
+JobReading read_job(std::string_view text, const std::filesystem::path& source) {
+    return read_job_with(text, source, read_root);
+}
+
+JobReading read_job_model(std::string_view text, const std::filesystem::path& source) {
+    return read_job_with(text, source, [](const ValueReader& value, Job& job) {
+        ObjectReader root(value);
+        read_model(root, job);
+        read_section(root, job);
+    });
+}
+
+JobReading read_job_file(const std::filesystem::path& file) {
+    const auto refuse = [](std::string rule) {
+        JobReading reading;
+        reading.problems.push_back({{0, 0}, "", std::move(rule), Problem::Kind::job});
+        return reading;
+    };
+    if (!std::filesystem::exists(file)) return refuse("the job file does not exist");
+    if (std::filesystem::is_directory(file)) return refuse("is a folder, not a job file");
+    std::string text;
+    try {
+        text = read_whole_file(file);
+    } catch (const std::runtime_error& error) {
+        return refuse(error.what());
+    }
+    return read_job(text, file);
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/job/job.hpp"
+#include "apps/job/version.hpp"
+
+namespace orbid::apps {
+
+/// The complete job with every default filled in, as job.json holds it: reading it gives an equal job.
+///
+/// Keys stand in a fixed order, numbers read back to the same double, infinite bounds are null.
+/// @param folder  where job.json will stand: paths are written relative to it.
+[[nodiscard]] nlohmann::ordered_json job_document(const Job& job, const std::filesystem::path& folder,
+                                                  const Versions& versions = {});
+
+/// The document as text.
+[[nodiscard]] std::string job_text(const Job& job, const std::filesystem::path& folder, const Versions& versions = {});
+
+namespace detail {
+
+// Blocks of the document, one per file of the writer.
+[[nodiscard]] nlohmann::ordered_json data_document(const Job& job, const DataJob& data,
+                                                   const std::filesystem::path& folder);
+/// "model" of a job that writes its equations.
+[[nodiscard]] nlohmann::ordered_json equations_document(const Job& job);
+[[nodiscard]] nlohmann::ordered_json periodic_document(const Job& job);
+[[nodiscard]] nlohmann::ordered_json estimate_document(const Job& job);
+/// "errors" and "covariance" of a residual.
+void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::vector<CovarianceJob>& covariances,
+                nlohmann::ordered_json& residual);
+/// A sd as errors have it: a number, or { "estimate": { "start", "prior" } }.
+[[nodiscard]] nlohmann::ordered_json scale_document(const estimator::ErrorScale& scale);
+[[nodiscard]] nlohmann::ordered_json prior_document(const estimator::Prior& prior);
+[[nodiscard]] nlohmann::ordered_json joint_priors_document(const std::vector<estimator::JointNormalPrior>& priors);
+/// A tied parameter has nothing but its tie.
+[[nodiscard]] nlohmann::ordered_json tie_document(const estimator::FreeParameter& parameter);
+[[nodiscard]] std::string_view scale_name(estimator::Scale scale);
+/// [lower, upper], null where infinite.
+[[nodiscard]] nlohmann::ordered_json bounds_document(double lower, double upper);
+[[nodiscard]] std::string path_text(const std::filesystem::path& path, const std::filesystem::path& folder);
+[[nodiscard]] std::string parameter_name(const Job& job, Eigen::Index index);
+[[nodiscard]] std::string coordinate_name(const Job& job, Eigen::Index index);
+[[nodiscard]] nlohmann::ordered_json state_document(const Eigen::VectorXd& state);
+
+}  // namespace detail
+
+}  // namespace orbid::apps

@@ -1,0 +1,134 @@
+#include "apps/job/writing/job_writer.hpp"
+
+namespace orbid::apps::detail {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Sampling = orbits::Series::Sampling;
+
+Json simulation_document(const Job& job, const SimulationJob& simulation) {
+    Json object = Json::object();
+    if (simulation.sampling == Sampling::section) {
+        object["sections"] = simulation.sections;
+    } else {
+        object["samples"] = {{"step", simulation.step}, {"count", simulation.count}};
+    }
+    object["trajectories"] = simulation.trajectories;
+    object["transient"] = simulation.transient;
+    if (simulation.initial.empty()) {
+        object["initial"] = "random";
+    } else {
+        object["initial"] = Json::array();
+        for (const Eigen::VectorXd& state : simulation.initial)
+            object["initial"].push_back(state_document(state));
+    }
+    object["restart"] = simulation.restart ? "when_captured_or_at_rest" : "never";
+    object["noise"] = Json::object();
+    for (Eigen::Index i = 0; i < simulation.noise.size(); ++i) {
+        const Json sd = simulation.noise[i];
+        const double correlation = simulation.noise_correlation[i];
+        object["noise"][coordinate_name(job, i)] =
+            correlation == 0.0 ? sd : Json{{"sd", sd}, {"correlation", correlation}};
+    }
+    return object;
+}
+
+Json column_document(const ColumnJob& column) {
+    return {{"column", column.column}, {"unit", column.unit}, {"sign", column.sign}, {"offset", column.offset}};
+}
+
+void add_file(const Job& job, const FileJob& file, const std::filesystem::path& folder, Json& object) {
+    object["file"] = path_text(file.path, folder);
+    if (!file.sha256.empty()) object["sha256"] = file.sha256;
+    object["kind"] = file.sampling == Sampling::section ? "section" : "samples";
+    if (file.table) {
+        Json columns = Json::object();
+        if (!file.segment_column.empty()) columns["segment"] = file.segment_column;
+        if (!file.time_column.empty()) columns["time"] = {{"column", file.time_column}, {"unit", file.time_unit}};
+        for (const ColumnJob& column : file.columns) {
+            columns[coordinate_name(job, column.coordinate)] = column_document(column);
+        }
+        object["columns"] = std::move(columns);
+    }
+    object["missing"] = file.nan_is_missing ? "nan" : "empty";
+}
+
+void add_inputs(const Job& job, const InputJob& input, const std::filesystem::path& folder, Json& object) {
+    Json inputs = Json::object();
+    if (input.file) {
+        inputs["file"] = path_text(*input.file, folder);
+        if (!input.sha256.empty()) inputs["sha256"] = input.sha256;
+        inputs["time"] = {{"column", input.time_column}, {"unit", input.time_unit}};
+    }
+    for (const ColumnJob& column : input.columns) {
+        const auto& entry = job.model.system->inputs()[static_cast<std::size_t>(column.coordinate)];
+        inputs[std::string(entry.name)] = column_document(column);
+    }
+    object["inputs"] = std::move(inputs);
+    const bool cubic = input.interpolation == models::InputSignal::Interpolation::cubic;
+    object["interpolation"] = cubic ? "cubic" : "linear";
+}
+
+Json sensor_document(const Job& job, const models::Sensor& sensor) {
+    using Type = models::Sensor::Type;
+    Json object{{"type", sensor.type == Type::state      ? "state"
+                         : sensor.type == Type::function ? "function"
+                                                         : "angle_difference"}};
+    for (const models::FunctionReading& reading : sensor.functions) {
+        object["readings"][coordinate_name(job, static_cast<Eigen::Index>(reading.coordinate))] =
+            reading.expression.text();
+    }
+    const bool difference = sensor.type == Type::angle_difference;
+    if (!difference && sensor.step == 0.0) return object;
+    object["angle"] = coordinate_name(job, static_cast<Eigen::Index>(sensor.angle));
+    if (difference) {
+        object["rate"] = coordinate_name(job, static_cast<Eigen::Index>(sensor.rate));
+        object["delay"] = sensor.delay;
+    }
+    object["step"] = sensor.step;
+    object["rounding"] = sensor.rounding == models::Sensor::Rounding::nearest ? "nearest" : "none";
+    return object;
+}
+
+Json initial_value_document(const InitialValueJob& initial) {
+    if (!initial.estimate) return {{"value", initial.value.value()}};
+    Json object = Json::object();
+    if (initial.value) object["start"] = *initial.value;
+    object["prior"] = prior_document(initial.prior);
+    if (!initial.is_parameter()) return object;
+    object["scale"] = scale_name(initial.scale);
+    object["bounds"] = bounds_document(initial.lower, initial.upper);
+    return object;
+}
+
+}  // namespace
+
+Json data_document(const Job& job, const DataJob& data, const std::filesystem::path& folder) {
+    Json object{{"name", data.name}};
+    if (data.simulation) object["simulate"] = simulation_document(job, *data.simulation);
+    if (data.file) add_file(job, *data.file, folder, object);
+    if (data.inputs) add_inputs(job, *data.inputs, folder, object);
+    object["sensor"] = sensor_document(job, data.sensor);
+    object["observe"] = Json::array();
+    for (const Eigen::Index i : data.observe)
+        object["observe"].push_back(coordinate_name(job, i));
+    object["parameters"] = Json::object();
+    for (const ParameterValue& entry : data.parameters) {
+        object["parameters"][parameter_name(job, entry.parameter)] = entry.value;
+    }
+    object["free"] = Json::array();
+    for (const Eigen::Index i : data.free)
+        object["free"].push_back(parameter_name(job, i));
+    object["segments"]["fit"] = data.fit ? Json(*data.fit) : Json("all");
+    object["segments"]["predict"] = data.predict;
+    if (data.sampling() == Sampling::samples) {
+        for (std::size_t i = 0; i < data.initial_state.size(); ++i) {
+            object["initial_state"][coordinate_name(job, static_cast<Eigen::Index>(i))] =
+                initial_value_document(data.initial_state[i]);
+        }
+    }
+    return object;
+}
+
+}  // namespace orbid::apps::detail

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "apps/program/console.hpp"
+
+namespace orbid::apps {
+
+/// The command line cannot be understood; the message says why and names the word. Exit code 2.
+class CommandLineError : public std::invalid_argument {
+    using std::invalid_argument::invalid_argument;
+};
+
+/// What a word of the command line names: shell completion offers what fits.
+enum class WordKind { text, number, job_file, file, folder, choice };
+
+/// A positional word of a command, as its usage shows it: "JOB.json", "[TASK]".
+struct CommandWord {
+    std::string name;                                 ///< in capitals: "MODEL"
+    WordKind kind = WordKind::text;                   ///< what it names
+    bool optional = false;                            ///< may be left out, with all words after it
+    std::vector<std::string> (*choices)() = nullptr;  ///< WordKind::choice: what it may be
+};
+
+/// An option of a command: --name, or --name VALUE.
+struct CommandOption {
+    std::string name;                                 ///< without dashes: "threads"
+    std::string value;                                ///< what its value is called: "N"; empty: a switch
+    std::string meaning;                              ///< for the help, with the default
+    WordKind kind = WordKind::text;                   ///< what the value names
+    std::vector<std::string> (*choices)() = nullptr;  ///< WordKind::choice: what it may be
+};
+
+/// The words and options that stand on the command line, checked against the command's table row.
+struct CommandCall {
+    Console console;
+    std::string command = {};
+    std::vector<std::string> words = {};
+    std::map<std::string, std::string> options = {};  ///< given ones by name; switches hold ""
+
+    [[nodiscard]] bool has(const std::string& option) const { return options.count(option) > 0; }
+    /// The value of an option, or what holds without it.
+    [[nodiscard]] std::string value(const std::string& option, std::string_view without) const {
+        const auto found = options.find(option);
+        return found == options.end() ? std::string(without) : found->second;
+    }
+    /// The value of an option as an integer.
+    /// @throws CommandLineError when it is none, or below `lowest`.
+    [[nodiscard]] int whole_number(const std::string& option, int without, int lowest) const;
+};
+
+/// One line of a command's help, of its man page, of its tests.
+struct CommandExample {
+    std::string line;     ///< "orbid run job.json --out out"
+    std::string meaning;  ///< what it does; may be empty
+};
+
+/// One command of the program: everything that help, completion, man page and parser know of it.
+struct Command {
+    std::string name;
+    std::string summary;  ///< one line
+    std::vector<CommandWord> words;
+    std::vector<CommandOption> options;  ///< besides those every command has
+    std::vector<CommandExample> examples;
+    std::string details;                            ///< paragraphs for the help below the options; may be empty
+    int (*run)(const CommandCall& call) = nullptr;  ///< returns the exit code; null: a name reserved for later
+};
+
+}  // namespace orbid::apps

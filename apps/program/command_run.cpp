@@ -1,0 +1,86 @@
+#include "apps/program/command_run.hpp"
+
+#include <algorithm>
+#include <filesystem>
+#include <ostream>
+#include <thread>
+
+#include "apps/job/reading/job_reader.hpp"
+#include "apps/program/colour.hpp"
+#include "apps/program/data_check.hpp"
+#include "apps/program/job_summary.hpp"
+#include "apps/program/run.hpp"
+#include "apps/program/work_estimate.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+constexpr int unusable_data = 3;
+
+/// The job, or its problems on standard error.
+JobReading read_and_report(const CommandCall& call) {
+    const std::string& file = call.words[0];
+    const bool coloured = call.console.colours_error(call.value("color", "auto"));
+    JobReading reading = read_job_file(file);
+    for (const Problem& problem : reading.problems)
+        call.console.error << error_text(message(problem, file), coloured) << '\n';
+    return reading;
+}
+
+int run_stage(const CommandCall& call, Stage stage) {
+    RunOptions run;
+    run.stage = stage;
+    run.threads = call.whole_number("threads", 0, 0);
+    run.quiet = call.has("quiet");
+    run.force = call.has("force");
+    const JobReading reading = read_and_report(call);
+    if (!reading.job) return reading.exit_code();
+    std::filesystem::path out = call.words[0];
+    if (out.extension() == ".json")
+        out.replace_extension();
+    else
+        out += ".out";  // a job without .json must not be its own folder
+    run.out = call.value("out", out.string());
+    return run_job(*reading.job, run, call.console, call.value("color", "auto"));
+}
+
+}  // namespace
+
+int run_all_stages(const CommandCall& call) {
+    return run_stage(call, Stage::all);
+}
+
+int run_simulation(const CommandCall& call) {
+    return run_stage(call, Stage::simulate);
+}
+
+int run_orbits(const CommandCall& call) {
+    return run_stage(call, Stage::orbits);
+}
+
+int run_periodic(const CommandCall& call) {
+    return run_stage(call, Stage::periodic);
+}
+
+int run_estimation(const CommandCall& call) {
+    return run_stage(call, Stage::estimate);
+}
+
+int check_job(const CommandCall& call) {
+    const bool coloured = call.console.colours_error(call.value("color", "auto"));
+    const JobReading reading = read_and_report(call);
+    if (!reading.job) return reading.exit_code();
+    const Job& job = *reading.job;
+    const DataCheck data = check_data(job);
+    call.console.out << job_summary(job);
+    for (const std::string& problem : data.problems)
+        call.console.error << error_text(problem, coloured) << '\n';
+    if (!data.problems.empty()) return unusable_data;
+    const int asked = call.whole_number("threads", 0, 0);
+    const int threads = asked > 0 ? asked : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+    call.console.out << work_table(estimated_work(job, data, threads), threads);
+    return 0;
+}
+
+}  // namespace orbid::apps

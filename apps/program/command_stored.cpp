@@ -1,0 +1,114 @@
+#include "apps/program/command_stored.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <functional>
+#include <ostream>
+
+#include <fmt/format.h>
+
+#include "apps/documents/atomic_file.hpp"
+#include "apps/report/plots/picture_file.hpp"
+#include "apps/report/plots/plot_catalog.hpp"
+#include "apps/results/output_folder.hpp"
+#include "apps/results/summary_table.hpp"
+#include "apps/stored_run/stored_run.hpp"
+#include "orbits/records/data_error.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+constexpr int wrong_call = 2;
+constexpr int unusable_data = 3;
+
+/// The value of an option as a number within a range.
+double number_of(const CommandCall& call, const std::string& option, double without, double lowest, double highest) {
+    if (!call.has(option)) return without;
+    const std::string text = call.value(option, "");
+    double number = 0.0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+    if (error != std::errc() || end != text.data() + text.size())
+        throw CommandLineError(fmt::format("--{} must be a number, not \"{}\"", option, text));
+    if (!(number >= lowest && number <= highest))
+        throw CommandLineError(fmt::format("--{} must be in [{}, {}], not {}", option, lowest, highest, number));
+    return number;
+}
+
+std::string plot_list(const StoredRun& run) {
+    SummaryTable table({{"plot", SummaryTable::Align::left}, {"shows", SummaryTable::Align::left}});
+    for (const AvailablePlot& plot : available_plots(run))
+        table.add({plot.name, plot.description});
+    if (table.empty()) return fmt::format("{}: nothing to plot\n", run.folder.string());
+    return table.text();
+}
+
+}  // namespace
+
+int with_stored_files(const CommandCall& call, const std::function<int()>& command) {
+    const auto refused = [&call](const std::exception& error, int code) {
+        call.console.error << error.what() << '\n';
+        return code;
+    };
+    try {
+        return command();
+    } catch (const StoredRunRefused& error) {
+        return refused(error, wrong_call);
+    } catch (const PictureRefused& error) {
+        return refused(error, wrong_call);
+    } catch (const FolderRefused& error) {
+        return refused(error, wrong_call);
+    } catch (const orbits::DataError& error) {
+        return refused(error, unusable_data);
+    }
+}
+
+std::vector<std::string> plot_formats() {
+    return {"svg", "pdf", "png"};
+}
+
+int plot_run(const CommandCall& call) {
+    PlotStyle style;
+    style.width_mm = number_of(call, "width", style.width_mm, 41.0, 1000.0);
+    style.font_pt = number_of(call, "font", style.font_pt, 4.0, 24.0);
+    style.title = call.has("title");
+    const double dots = number_of(call, "dpi", 300.0, 20.0, 2400.0);
+    return with_stored_files(call, [&] {
+        const StoredRun run = read_stored_run(call.words[0]);
+        if (call.words.size() < 2) {
+            call.console.out << plot_list(run);
+            return 0;
+        }
+        const std::string& name = call.words[1];
+        // Without --format the name of the file says it.
+        std::string type = "svg";
+        const auto formats = plot_formats();
+        if (call.has("out")) {
+            std::string ending = std::filesystem::path(call.value("out", "")).extension().string();
+            if (!ending.empty()) ending.erase(0, 1);
+            if (std::find(formats.begin(), formats.end(), ending) != formats.end()) type = ending;
+        }
+        type = call.value("format", type);
+        const auto format =
+            static_cast<PictureFormat>(std::find(formats.begin(), formats.end(), type) - formats.begin());
+        std::string svg;
+        try {
+            svg = plot_svg(run, name, style);
+        } catch (const std::invalid_argument& error) {
+            throw CommandLineError(
+                fmt::format("{}; orbid plot {} lists what there is", error.what(), run.folder.string()));
+        }
+        const std::string out = call.value("out", (run.folder / fmt::format("plot_{}.{}", name, type)).string());
+        const std::string bytes = picture_file(svg, format, dots);
+        if (out == "-") {
+            call.console.out << bytes;
+        } else {
+            write_atomically(out, bytes);
+            call.console.out << out << '\n';
+        }
+        return 0;
+    });
+}
+
+}  // namespace orbid::apps

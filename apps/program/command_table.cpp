@@ -1,0 +1,173 @@
+#include "apps/program/command_table.hpp"
+
+#include "apps/program/colour.hpp"
+#include "apps/program/command_completion.hpp"
+#include "apps/program/command_help.hpp"
+#include "apps/program/command_model.hpp"
+#include "apps/program/command_report.hpp"
+#include "apps/program/command_run.hpp"
+#include "apps/program/command_schema.hpp"
+#include "apps/program/command_stored.hpp"
+#include "apps/program/manual_page.hpp"
+#include "apps/program/model_listing.hpp"
+#include "apps/program/starting_job.hpp"
+#include "apps/report/plots/plot_catalog.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+std::vector<std::string> task_names() {
+    return starting_tasks();
+}
+
+const CommandWord job_word{"JOB.json", WordKind::job_file};
+
+const std::vector<CommandOption>& run_options() {
+    static const std::vector<CommandOption> all{
+        {"out", "DIR", "folder of the results (default: the job's path without .json)", WordKind::folder},
+        {"threads", "N", "threads (default 0: all cores); results do not depend on it", WordKind::number},
+        {"quiet", "", "no progress on standard error"},
+        {"force", "", "overwrite a folder that holds the result of another job"}};
+    return all;
+}
+
+}  // namespace
+
+const std::vector<CommandOption>& common_options() {
+    static const std::vector<CommandOption> all{
+        {"color", "WHEN", "colours on a terminal (default auto)", WordKind::choice, colour_choices},
+        {"help", "", "this text"}};
+    return all;
+}
+
+const std::vector<Command>& command_table() {
+    static const std::vector<Command> all{
+        {"run",
+         "all stages the job names",
+         {job_word},
+         run_options(),
+         {{"orbid run configs/pendulum_table3.json --out out", "results in out/"}},
+         "",
+         run_all_stages},
+        {"simulate",
+         "make the data only",
+         {job_word},
+         run_options(),
+         {{"orbid simulate job.json", ""}},
+         "",
+         run_simulation},
+        {"orbits",
+         "find the periodic orbits in the data",
+         {job_word},
+         run_options(),
+         {{"orbid orbits job.json", ""}},
+         "",
+         run_orbits},
+        {"periodic",
+         "compute, search for and follow periodic orbits of the model",
+         {job_word},
+         run_options(),
+         {{"orbid periodic configs/pendulum_cascade.json --out out", ""}},
+         "",
+         run_periodic},
+        {"estimate",
+         "estimate the parameters",
+         {job_word},
+         run_options(),
+         {{"orbid estimate job.json --threads 2", ""}},
+         "",
+         run_estimation},
+        {"check",
+         "every error of a job and its data, and what it would run and take",
+         {job_word},
+         {{"threads", "N", "threads that the estimate of the work is for (default 0: all cores)", WordKind::number}},
+         {{"orbid check job.json", ""}},
+         "",
+         check_job},
+        {"models",
+         "the models, or one of them",
+         {{"NAME", WordKind::choice, true, model_names}},
+         {},
+         {{"orbid models parametric_pendulum", ""}},
+         "",
+         show_models},
+        {"new",
+         "print a commented starting job",
+         {{"MODEL", WordKind::choice, false, starting_models}, {"TASK", WordKind::choice, true, task_names}},
+         {},
+         {{"orbid new parametric_pendulum cycles > job.json", ""},
+          {"orbid new equations series > job.json", "a model written in the job itself"}},
+         "",
+         show_starting_job},
+        {"report",
+         "write report.html of an output folder anew",
+         {{"DIR", WordKind::folder}},
+         {},
+         {{"orbid report out", "out/report.html, one page that needs no network"}},
+         "",
+         write_report},
+        {"plot",
+         "the plots of a stored run, at the size and in the formats of papers",
+         {{"DIR", WordKind::folder}, {"NAME", WordKind::choice, true, plot_names}},
+         {{"format", "TYPE", "svg, pdf or png (default: as --out ends, else svg)", WordKind::choice, plot_formats},
+          {"out", "FILE", "where to (default DIR/plot_NAME.TYPE; \"-\": standard output)", WordKind::file},
+          {"width", "MM", "width of the page in mm (default 88: one column)", WordKind::number},
+          {"font", "PT", "size of numbers and labels in pt (default 8)", WordKind::number},
+          {"dpi", "N", "dots per inch of png (default 300)", WordKind::number},
+          {"title", "", "with the run's title above"}},
+         {{"orbid plot out", "which plots there are"},
+          {"orbid plot out section --format pdf --width 180", "out/plot_section.pdf, as wide as a page"}},
+         "",
+         plot_run},
+        {"completion",
+         "print a script that teaches a shell commands and options",
+         {{"SHELL", WordKind::choice, false, completion_shells}},
+         {},
+         {{"orbid completion bash > ~/.local/share/bash-completion/completions/orbid", "for every new bash"},
+          {"source <(orbid completion bash)", "for this one"},
+          {"orbid completion zsh > \"${fpath[1]}/_orbid\"", "for every new zsh"}},
+         "",
+         show_completion},
+        {"man",
+         "print the manual page orbid(1)",
+         {},
+         {},
+         {{"orbid man | man -l -", "reads it"}, {"orbid man > ~/.local/share/man/man1/orbid.1", "for `man orbid`"}},
+         "",
+         show_manual_page},
+        {"help",
+         "this overview, or the help of a command",
+         {{"COMMAND", WordKind::choice, true, command_names}},
+         {},
+         {{"orbid help run", ""}},
+         "",
+         show_help},
+        {"schema",
+         "print the JSON Schema of jobs, for editors",
+         {},
+         {{"markdown", "", "all keys as a page instead"}},
+         {{"orbid schema > orbid-job.schema.json", "what a job's \"$schema\" may name"}},
+         "",
+         show_schema},
+        {"predict",
+         "how well the estimate of a stored run predicts a further record",
+         {{"DIR", WordKind::folder}, {"DATA", WordKind::file}},
+         {{"out", "DIR", "folder of the prediction (default DIR/predict_NAME)", WordKind::folder},
+          {"experiment", "NAME", "experiment of the run that the record is like (default: the only one)"},
+          {"threads", "N", "threads (default 0: all cores); results do not depend on it", WordKind::number},
+          {"force", "", "overwrite a folder that holds the result of another job"}},
+         {{"orbid predict out further.csv", "errors over the record, and how far ahead they stay within 2 sds"}},
+         "DATA is a table or HDF5 file in the layout of the run's data, or a JSON\nfile with one \"data\" object.",
+         predict_run},
+        {"compare",
+         "two stored runs beside each other",
+         {{"DIR", WordKind::folder}, {"DIR2", WordKind::folder}},
+         {},
+         {{"orbid compare out other", "parameters in sds of their difference, error scales, jobs, cycles"}},
+         "",
+         compare_runs}};
+    return all;
+}
+
+}  // namespace orbid::apps

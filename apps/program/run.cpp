@@ -1,0 +1,218 @@
+#include "apps/program/run.hpp"
+
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <optional>
+#include <ostream>
+#include <stdexcept>
+#include <thread>
+
+#include <fmt/format.h>
+
+#include "apps/drawing/section_plot.hpp"
+#include "apps/estimation/estimate_stage.hpp"
+#include "apps/estimation/first_use.hpp"
+#include "apps/job/evaluated_model.hpp"
+#include "apps/job/signed_files.hpp"
+#include "apps/job/version.hpp"
+#include "apps/job/writing/job_writer.hpp"
+#include "apps/program/colour.hpp"
+#include "apps/program/command_report.hpp"
+#include "apps/program/summary.hpp"
+#include "apps/program/thread_limit.hpp"
+#include "apps/results/invariants_file.hpp"
+#include "apps/results/output_folder.hpp"
+#include "apps/results/periodic_summary.hpp"
+#include "apps/stages/branch_stage.hpp"
+#include "apps/stages/data_stage.hpp"
+#include "apps/stages/departure.hpp"
+#include "apps/stages/interruption.hpp"
+#include "apps/stages/orbits_stage.hpp"
+#include "apps/stages/periodic_stage.hpp"
+#include "apps/stages/progress.hpp"
+#include "apps/stages/searched_section.hpp"
+#include "apps/stages/workspace.hpp"
+#include "orbits/records/data_error.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+constexpr int success = 0;
+constexpr int no_valid_answer = 1;
+constexpr int wrong_call = 2;
+constexpr int unusable_data = 3;
+constexpr int not_stored = 4;
+constexpr int interrupted = 130;
+
+/// A run that its caller may stop.
+class AskedCaller final : public Interruption {
+public:
+    explicit AskedCaller(const std::function<bool()>& stopped) : stopped_(stopped) {}
+    [[nodiscard]] bool asked() const override { return stopped_ && stopped_(); }
+
+private:
+    const std::function<bool()>& stopped_;
+};
+
+bool wants(const RunOptions& options, Stage stage) {
+    return options.stage == Stage::all || options.stage == stage;
+}
+
+bool is_section_search(const Job& job) {
+    return job.orbits && !job.orbits->file;
+}
+
+int exit_code(estimator::EstimateStatus status) {
+    switch (status) {
+        case estimator::EstimateStatus::converged:
+            return success;
+        case estimator::EstimateStatus::interrupted:
+            return interrupted;
+        default:
+            return no_valid_answer;
+    }
+}
+
+/// result.json of a run that is left before its estimate.
+std::string result_without_estimate() {
+    estimator::Estimate estimate;
+    estimate.status = estimator::EstimateStatus::interrupted;
+    estimate.message = "interrupted before the estimate";
+    return result_text(estimate, {});
+}
+
+/// Runs the stages that the command and the job name; the exit code is the worst of theirs.
+int run_stages(const Workspace& work, const Console& console, bool coloured) {
+    const Job& job = work.job;
+    const bool estimating = wants(work.options, Stage::estimate) && job.estimate;
+    const bool searching = job.orbits && (wants(work.options, Stage::orbits) || (estimating && job.estimate->cycles));
+    const bool loading = wants(work.options, Stage::simulate) || (searching && is_section_search(job)) ||
+                         (estimating && (job.estimate->series || job.estimate->waveform || is_section_search(job)));
+    int code = success;
+    if (estimating) work.departure.shows(result_without_estimate());
+
+    std::vector<Experiment> data;
+    if (loading) data = load_data(work);
+
+    orbits::CycleSearch search;
+    std::optional<SearchedSection> section;
+    if (searching && !work.interruption.asked()) {
+        if (is_section_search(job)) section = searched_section(job, data[job.orbits->data].series);
+        search = load_cycles(work, section);
+        if (wants(work.options, Stage::orbits)) console.out << cycles_summary(search);
+        if (search.cycles.empty()) code = no_valid_answer;
+        if (section && job.orbits->invariants && !work.interruption.asked())
+            console.out << invariants_summary(compute_invariants(work, *section, search));
+        if (section && section->series().dimension() >= 2) {
+            SectionPlotOptions plot;
+            plot.title = job.title;
+            work.folder.store("section.svg", section_svg(section->series(), plotted(search.cycles), plot));
+        }
+    }
+    if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {
+        const ComputedOrbits orbits = compute_orbits(work);
+        console.out << orbits_summary(orbits);
+        if (orbits.converged() == 0) code = no_valid_answer;
+        if (job.periodic->continuation && !work.interruption.asked()) {
+            const FollowedBranches followed = follow_job_branches(work, orbits);
+            console.out << branches_summary(
+                followed, job.model.system
+                              ->parameters()[static_cast<std::size_t>(job.periodic->continuation->options.parameter)]);
+            if (followed.branches.empty()) code = no_valid_answer;
+        }
+    }
+    if (estimating) {
+        const EstimateOutcome outcome = run_estimate(work, data, section ? &*section : nullptr, search);
+        console.out << with_status_colours(estimate_summary(outcome.estimate, outcome.context, job.title), coloured);
+        code = std::max(code, exit_code(outcome.estimate.status));
+        // What was asked for and could not be done.
+        for (const auto& [block, reason] : outcome.context.posterior.refused) {
+            console.error << fmt::format("{}: {}\n", block, reason);
+            code = std::max(code, no_valid_answer);
+        }
+        const auto& sample = outcome.context.posterior.sample;
+        if (sample && sample->status == estimator::SampleStatus::failed) code = std::max(code, no_valid_answer);
+    } else if (work.interruption.asked()) {
+        code = interrupted;
+    }
+    return code;
+}
+
+/// The stage a single-stage command names must stand in the job.
+std::optional<std::string> missing_block(const Job& job, Stage stage) {
+    if (stage == Stage::simulate && job.data.empty()) return "simulate needs a \"data\" block in the job";
+    if (stage == Stage::orbits && !job.orbits) return "orbits needs an \"orbits\" block in the job";
+    if (stage == Stage::periodic && !job.periodic) return "periodic needs a \"periodic\" block in the job";
+    if (stage == Stage::estimate && !job.estimate) return "estimate needs an \"estimate\" block in the job";
+    const bool nothing = job.data.empty() && !job.orbits && !job.periodic && !job.estimate;
+    if (stage == Stage::all && nothing) return "the job names no stage: nothing to run";
+    return std::nullopt;
+}
+
+}  // namespace
+
+int run_job(const Job& asked, const RunOptions& options, const Console& console, std::string_view color) {
+    if (const auto missing = missing_block(asked, options.stage)) {
+        console.error << fmt::format("{}: {}\n", asked.source.string(), *missing);
+        return wrong_call;
+    }
+    Progress progress(options.quiet, console.error, console.error_terminal);
+    const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::thread::hardware_concurrency());
+    std::optional<InterruptionGuard> signals;
+    if (console.signals) signals.emplace();
+    const AskedCaller caller(console.stopped);
+    const Interruption& interruption = signals ? static_cast<const Interruption&>(*signals) : caller;
+    try {
+        Job job = asked;
+        sign_files(job);
+        const std::string evaluation = settle_evaluation(job);
+        if (!evaluation.empty()) progress.say(evaluation);
+        const nlohmann::ordered_json ordered = job_document(job, options.out, versions());
+        const nlohmann::json document = nlohmann::json::parse(ordered.dump());
+        OutputFolder folder(options.out, document, job_text(job, options.out, versions()), options.force);
+        const auto store_times = [&] {
+            folder.store("timing.json", timing_text(progress.times(), threads, versions()));
+            folder.store("log.txt", progress.log_text());
+        };
+        const auto leave = [&](const std::string& result) {
+            int code = interrupted;
+            try {
+                if (!result.empty()) folder.store("result.json", result);
+                progress.end("interrupted");
+                store_times();
+            } catch (const std::runtime_error& error) {
+                // Nobody is above this thread: a full disk is told here.
+                fmt::print(stderr, "orbid: {}\n", error.what());
+                code = not_stored;
+            }
+            std::fflush(nullptr);
+            // No destructors: threads still compute with what they would destroy.
+            std::_Exit(code);
+        };
+        Departure departure(signals ? &*signals : nullptr, signals && console.own_process
+                                                               ? std::function<void(const std::string&)>(leave)
+                                                               : std::function<void(const std::string&)>());
+        const Workspace work{job, options, document, progress, interruption, folder, departure};
+        const int code = with_thread_limit(options.threads, console,
+                                           [&] { return run_stages(work, console, console.colours_out(color)); });
+        store_times();
+        store_report(folder, console.error);
+        return code;
+    } catch (const FolderRefused& error) {
+        console.error << error.what() << '\n';
+        return wrong_call;
+    } catch (const StaleFile& error) {
+        console.error << error.what() << '\n';
+        return wrong_call;
+    } catch (const WrongModel& error) {
+        console.error << error.what() << '\n';
+        return wrong_call;
+    } catch (const orbits::DataError& error) {
+        console.error << error.what() << '\n';
+        return unusable_data;
+    }
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,291 @@
+#include "apps/program/summary.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include <fmt/format.h>
+
+#include "apps/results/posterior_results.hpp"
+#include "apps/results/summary_table.hpp"
+#include "apps/stored_run/prediction_results.hpp"
+
+namespace orbid::apps {
+namespace {
+
+using Align = SummaryTable::Align;
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+std::string interval(const estimator::Estimated& x) {
+    if (!std::isfinite(x.lower95) || !std::isfinite(x.upper95)) {
+        return "undefined";
+    }
+    return fmt::format("[{}, {}]", with_digits_of(x.lower95, x.sd), with_digits_of(x.upper95, x.sd));
+}
+
+std::string estimated_table(const std::vector<estimator::Estimated>& list) {
+    SummaryTable table({{"name", Align::left},
+                        {"unit", Align::left},
+                        {"start"},
+                        {"value"},
+                        {"± sd"},
+                        {"95 % interval", Align::left},
+                        {"method", Align::left},
+                        {"bound", Align::left}});
+    for (const auto& x : list) {
+        table.add({x.name, x.unit, significant(x.start, 4), with_digits_of(x.value, x.sd),
+                   std::isfinite(x.sd) ? significant(x.sd, 2) : "undefined", interval(x), x.interval_method,
+                   x.at_bound.empty() ? "" : "at " + x.at_bound});
+    }
+    return table.text();
+}
+
+/// How far start and value are from known values, in percent as the literature gives it, and in standard deviations.
+std::string reference_table(const estimator::Estimate& estimate, const ResultContext& context) {
+    SummaryTable table(
+        {{"name", Align::left}, {"reference"}, {"value"}, {"start deviates"}, {"value deviates"}, {"in sds"}});
+    for (const auto* list : {&estimate.parameters, &estimate.derived}) {
+        for (const auto& x : *list) {
+            const auto known = context.reference.find(x.name);
+            if (known == context.reference.end()) {
+                continue;
+            }
+            const double reference = known->second;
+            const double in_sds = x.sd > 0.0 ? (x.value - reference) / x.sd : nan;
+            table.add({x.name, significant(reference, 8), with_digits_of(x.value, x.sd),
+                       percent(relative_deviation(x.start, reference)), percent(relative_deviation(x.value, reference)),
+                       std::isfinite(in_sds) ? fmt::format("{:+.2f}", in_sds) : ""});
+        }
+    }
+    return table.text();
+}
+
+/// "student_t, dof 3.1 ± 0.4"; nothing for the usual normal errors.
+std::string errors_text(const estimator::EstimatedScale& scale) {
+    if (scale.distribution == "normal" && scale.shape.empty()) return {};
+    std::string out = scale.distribution;
+    for (const estimator::Estimated& parameter : scale.shape) {
+        out += fmt::format(", {} {}", parameter.name, with_digits_of(parameter.value, parameter.sd));
+        if (parameter.sd > 0.0) out += fmt::format(" ± {}", significant(parameter.sd, 2));
+    }
+    return out;
+}
+
+std::string scale_table(const std::vector<estimator::EstimatedScale>& scales) {
+    SummaryTable table({{"group", Align::left},
+                        {"records"},
+                        {"rms"},
+                        {"unit", Align::left},
+                        {"errors", Align::left},
+                        {"sd"},
+                        {"factor"},
+                        {"±"},
+                        {"lag-1"},
+                        {"worth about"}});
+    for (const auto& scale : scales) {
+        const bool ordered = std::isfinite(scale.lag1);
+        table.add({scale.group, fmt::format("{}", scale.count), significant(scale.rms, 4), scale.unit,
+                   errors_text(scale), scale.factor ? "" : significant(scale.value, 4),
+                   scale.factor ? significant(scale.value, 4) : "",
+                   scale.estimated ? significant(scale.uncertainty, 2) : "fixed",
+                   ordered ? fmt::format("{:.3f}", scale.lag1) : "",
+                   ordered ? fmt::format("{:.0f} values", scale.effective_count) : ""});
+    }
+    return table.text();
+}
+
+std::string covariance_table(const std::vector<estimator::EstimatedCovariance>& covariances) {
+    SummaryTable table({{"groups", Align::left}, {"covariance"}, {"±"}, {"correlation"}});
+    for (const auto& covariance : covariances) {
+        const Eigen::MatrixXd& v = covariance.value;
+        for (Eigen::Index j = 0; j < v.cols(); ++j) {
+            for (Eigen::Index i = j; i < v.rows(); ++i) {
+                const auto& row = covariance.groups[static_cast<std::size_t>(i)];
+                const auto& column = covariance.groups[static_cast<std::size_t>(j)];
+                table.add({i == j ? row : fmt::format("{}, {}", column, row), significant(v(i, j), 5),
+                           significant(covariance.uncertainty(i, j), 2),
+                           i == j ? "" : fmt::format("{:+.3f}", v(i, j) / std::sqrt(v(i, i) * v(j, j)))});
+            }
+        }
+    }
+    return table.text();
+}
+
+/// What a reader must know before trusting a number above.
+std::string remarks(const estimator::Estimate& estimate) {
+    std::string out;
+    for (const auto& x : estimate.parameters) {
+        if (!x.at_bound.empty()) {
+            out += fmt::format("  {} lies at its {} bound; the other uncertainties hold for {} held there.\n", x.name,
+                               x.at_bound, x.name);
+        }
+    }
+    for (const auto& x : estimate.parameters) {
+        // Half: below it the prior says more than the data. One thousandth: what shows in no digit of the value.
+        if (x.data_share < 1e-3) {
+            // Where no prior decides either, the section on what the data do not determine says it.
+            if (std::isfinite(x.sd)) out += fmt::format("  {} is decided by the prior alone.\n", x.name);
+        } else if (x.data_share < 0.5) {
+            out += fmt::format("  {}: the data bring {:.2g} % of its information, the prior the rest.\n", x.name,
+                               100.0 * x.data_share);
+        }
+    }
+    for (const auto& scale : estimate.scales) {
+        if (std::isfinite(scale.lag1) && scale.effective_count < 0.5 * static_cast<double>(scale.count)) {
+            out += fmt::format("  {}: {} autocorrelated records are worth about {:.0f} independent values.\n",
+                               scale.group, scale.count, scale.effective_count);
+        }
+    }
+    const auto sandwich = [](const auto& x) { return x.interval_method == "sandwich"; };
+    if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), sandwich)) {
+        out += "  Intervals are from a sandwich over blocks longer than the correlation time.\n";
+    }
+    const auto widened = [](const auto& x) { return x.interval_method == "effective_count"; };
+    if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), widened)) {
+        out +=
+            "  The residuals repeat each other over most of a record: intervals are widened to what the independent\n"
+            "  records among them are worth, and only as good as that guess. The model misses something.\n";
+    }
+    if (!estimate.trust_normal) {
+        out += fmt::format(
+            "  The normal approximation of the posterior is doubtful{}{}:\n"
+            "  take sds and intervals as orders of size; \"profile\", \"marginals\" or \"posterior\" say more.\n",
+            estimate.distrust.empty() ? "" : ": ", estimate.distrust);
+    }
+    return out;
+}
+
+std::string null_directions(const estimator::Estimate& estimate) {
+    std::string out;
+    for (const auto& direction : estimate.null_directions) {
+        const auto components = named_components(direction, estimate.parameters);
+        if (components.empty()) {
+            continue;
+        }
+        std::string names;
+        std::string sizes;
+        for (const auto& [name, component] : components) {
+            names += (names.empty() ? "" : ", ") + name;
+            sizes += fmt::format("{}{:+.3g}", sizes.empty() ? "" : " : ", component);
+        }
+        out += components.size() == 1 ? fmt::format("  {} has no effect on the data.\n", names)
+                                      : fmt::format(
+                                            "  {} cannot be told apart: changing them together by {} (relative)\n"
+                                            "  leaves every residual as it is. Hold one of them, or give it a prior.\n",
+                                            names, sizes);
+    }
+    return out;
+}
+
+std::string counts_table(const std::vector<estimator::ResidualCount>& counts) {
+    SummaryTable table({{"residuals", Align::left}, {"used"}, {"lost"}, {"rejected"}, {"added"}});
+    for (const auto& count : counts) {
+        table.add({count.type, std::to_string(count.used), std::to_string(count.lost), std::to_string(count.rejected),
+                   std::to_string(count.added)});
+    }
+    return table.text();
+}
+
+std::string orbits_line(const ResultContext& context) {
+    if (context.orbits_found.empty() && context.orbits_missing.empty()) {
+        return "";
+    }
+    std::string out;
+    for (const auto& [period, count] : context.orbits_found) {
+        out += fmt::format("{}period {}: {}", out.empty() ? "  " : ", ", period, count);
+    }
+    for (const int period : context.orbits_missing) {
+        out += fmt::format("{}period {}: none found", out.empty() ? "  " : ", ", period);
+    }
+    return out + '\n';
+}
+
+std::string prediction_table(const std::vector<Prediction>& predictions) {
+    SummaryTable table({{"experiment", Align::left},
+                        {"segment", Align::left},
+                        {"", Align::left},
+                        {"rms", Align::left},
+                        {"rms / error sd"}});
+    for (const auto& prediction : predictions) {
+        std::string rms;
+        for (const auto& [coordinate, value] : prediction.rms) {
+            rms += fmt::format("{}{} {:.4g}", rms.empty() ? "" : ", ", coordinate, value);
+        }
+        table.add({prediction.experiment, prediction.segment, prediction.fitted ? "fitted" : "predicted", rms,
+                   significant(prediction.normalised_rms, 3)});
+    }
+    std::string out = table.text();
+    for (const auto& prediction : predictions) {
+        if (prediction.fitted) continue;
+        const std::string said = judgement(prediction.normalised_rms);
+        if (!said.empty())
+            out += fmt::format("  {}, segment {}: {}\n", prediction.experiment, prediction.segment, said);
+    }
+    return out;
+}
+
+}  // namespace
+
+std::string estimate_summary(const estimator::Estimate& estimate, const ResultContext& context,
+                             std::string_view title) {
+    std::string out = title.empty() ? "" : fmt::format("{}\n", title);
+    out +=
+        fmt::format("{}{}{} ({} iterations, {} evaluations)\n", estimator::name(estimate.status),
+                    estimate.message.empty() ? "" : ": ", estimate.message, estimate.iterations, estimate.evaluations);
+    out += stages_summary(context.strategy);
+    out += titled("Parameters", estimated_table(estimate.parameters));
+    out += titled("Derived", estimated_table(estimate.derived));
+    out += titled("Against known values", reference_table(estimate, context));
+    out += titled("Errors", scale_table(estimate.scales));
+    out += titled("Covariances of errors", covariance_table(estimate.covariances));
+    out += matching_summary(context.strategy);
+    out += titled("Not determined by the data", null_directions(estimate));
+    out += titled("Remarks", remarks(estimate));
+    out += titled("Cycles in the data", orbits_line(context));
+    out += titled("Used", counts_table(estimate.counts));
+    out += titled("Prediction", prediction_table(context.predictions));
+    out += criticism_summary(context.strategy);
+    return out + posterior_summary(context.posterior);
+}
+
+std::string cycles_summary(const orbits::CycleSearch& search) {
+    struct Row {
+        std::size_t cycles = 0;
+        std::size_t fewest = std::numeric_limits<std::size_t>::max();
+        std::size_t most = 0;
+        double worst_sd = 0.0;
+        double least = std::numeric_limits<double>::infinity();  ///< unstable |multiplier|
+        double largest = 0.0;
+    };
+    std::map<int, Row> rows;
+    for (const auto& cycle : search.cycles) {
+        Row& row = rows[cycle.period];
+        ++row.cycles;
+        row.fewest = std::min(row.fewest, cycle.recurrences);
+        row.most = std::max(row.most, cycle.recurrences);
+        if (cycle.covariance.size() > 0) {
+            row.worst_sd = std::max(row.worst_sd, std::sqrt(cycle.covariance.diagonal().maxCoeff()));
+        }
+        if (!cycle.multipliers.empty()) {
+            row.least = std::min(row.least, std::abs(cycle.multipliers.front()));
+            row.largest = std::max(row.largest, std::abs(cycle.multipliers.front()));
+        }
+    }
+    SummaryTable table(
+        {{"period"}, {"cycles"}, {"points"}, {"recurrences"}, {"largest |multiplier|"}, {"worst sd of a point"}});
+    for (const auto& [period, row] : rows) {
+        table.add({std::to_string(period), std::to_string(row.cycles),
+                   std::to_string(row.cycles * static_cast<std::size_t>(period)),
+                   fmt::format("{} ... {}", row.fewest, row.most),
+                   row.largest > 0.0 ? fmt::format("{:.3g} ... {:.3g}", row.least, row.largest) : "",
+                   row.worst_sd > 0.0 ? significant(row.worst_sd, 2) : ""});
+    }
+    std::string out = titled("Unstable periodic orbits in the series", table.text());
+    for (const int period : search.missing) {
+        out += fmt::format("  period {}: none found\n", period);
+    }
+    return out;
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,148 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "apps/drawing/markup_text.hpp"
+#include "apps/report/html_text.hpp"
+#include "apps/report/report_chapter.hpp"
+#include "apps/results/summary_table.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using detail::filled;
+using detail::Json;
+using detail::number_at;
+
+/// More parameters than this make a table that nobody reads; the strongest pairs are listed instead.
+constexpr std::size_t readable = 24;
+
+/// Shade of a cell: five steps of |correlation| in both signs; the number beside it says the same.
+std::string shade(double value) {
+    const double size = std::abs(value);
+    const int step = size < 0.2 ? 0 : size < 0.5 ? 1 : size < 0.8 ? 2 : size < 0.95 ? 3 : 4;
+    return step == 0 ? "" : fmt::format("{}{}", value > 0.0 ? "p" : "m", step);
+}
+
+std::string correlation_table(const Json& names, const Json& matrix) {
+    std::vector<HtmlTable::Column> columns{{"estimate", false}};
+    for (const Json& name : names)
+        columns.push_back({name.get<std::string>()});
+    HtmlTable table("Correlations of the estimates", std::move(columns));
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        std::vector<HtmlTable::Cell> cells{names[i].get<std::string>()};
+        for (std::size_t j = 0; j < names.size(); ++j) {
+            if (!matrix[i][j].is_number())
+                cells.emplace_back("undefined");
+            else if (i == j)
+                cells.emplace_back("1", 1.0);
+            else {
+                const double value = matrix[i][j].get<double>();
+                cells.emplace_back(fmt::format("{:+.2f}", value), value, shade(value));
+            }
+        }
+        table.add(std::move(cells));
+    }
+    return table.html();
+}
+
+std::string strongest_table(const Json& names, const Json& matrix) {
+    struct Pair {
+        std::size_t i, j;
+        double value;
+    };
+    std::vector<Pair> pairs;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        for (std::size_t j = 0; j < i; ++j) {
+            if (matrix[i][j].is_number()) pairs.push_back({j, i, matrix[i][j].get<double>()});
+        }
+    }
+    std::stable_sort(pairs.begin(), pairs.end(),
+                     [](const Pair& a, const Pair& b) { return std::abs(a.value) > std::abs(b.value); });
+    HtmlTable table("Strongest correlations of the estimates", {{"first", false}, {"second", false}, {"correlation"}});
+    for (std::size_t k = 0; k < std::min(readable, pairs.size()); ++k)
+        table.add({names[pairs[k].i].get<std::string>(),
+                   names[pairs[k].j].get<std::string>(),
+                   {fmt::format("{:+.3f}", pairs[k].value), pairs[k].value, shade(pairs[k].value)}});
+    return table.html();
+}
+
+std::string correlations(const Json& result) {
+    const Json* correlation = filled(result, "correlation");
+    if (correlation == nullptr) return "";
+    const Json* names = filled(*correlation, "names");
+    const Json* matrix = filled(*correlation, "matrix");
+    if (names == nullptr || matrix == nullptr || names->size() < 2 || matrix->size() != names->size()) return "";
+    return html_paragraph(
+               "Two estimates with a correlation near 1 or −1 are known as a combination far better than each for "
+               "itself.") +
+           (names->size() <= readable ? correlation_table(*names, *matrix) : strongest_table(*names, *matrix));
+}
+
+Chart singular_value_chart(const Json& values) {
+    Chart chart{"singular_values", "Singular values of the scaled sensitivities", "", {}};
+    ChartLayer points{"points", "", 2, ""};
+    ChartRange range;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        if (!values[i].is_number() || !(values[i].get<double>() > 0.0)) continue;
+        points.x.push_back(static_cast<double>(i + 1));
+        points.y.push_back(values[i].get<double>());
+        points.labels.push_back(fmt::format("direction {}", i + 1));
+        range.add(points.y.back());
+    }
+    if (points.x.size() < 2) return chart;
+    ChartView view;
+    view.x = {"direction", "", 0.4, static_cast<double>(values.size()) + 0.6};
+    view.x.whole = true;
+    view.y = range.axis("singular value", "", true);
+    view.height = 0.4;
+    view.layers = {std::move(points)};
+    chart.views.push_back(std::move(view));
+    return chart;
+}
+
+std::string null_directions(const Json& directions) {
+    std::string out = "<ul>\n";
+    for (const Json& direction : directions) {
+        std::string names;
+        std::string sizes;
+        for (const auto& [name, component] : direction.items()) {
+            names += (names.empty() ? "" : ", ") + name;
+            sizes += fmt::format("{}{:+.3g}", sizes.empty() ? "" : " : ", component.get<double>());
+        }
+        const std::string words =
+            direction.size() == 1
+                ? fmt::format("{} has no effect on the data.", names)
+                : fmt::format(
+                      "{} cannot be told apart: changing them together by {} (relative) leaves every residual "
+                      "as it is. Hold one of them, or give it a prior.",
+                      names, sizes);
+        out += fmt::format("<li>{}</li>\n", markup_text(words));
+    }
+    return out + "</ul>\n";
+}
+
+}  // namespace
+
+ReportChapter identifiability_chapter(const ReportSource& source) {
+    ReportChapter chapter{"identifiability", "What the data determine", ""};
+    if (!source.run.result) return chapter;
+    const Json& result = *source.run.result;
+    const Json* identifiability = filled(result, "identifiability");
+    if (identifiability == nullptr || filled(result, "parameters") == nullptr) return chapter;
+    if (const Json* directions = filled(*identifiability, "null_directions"))
+        chapter.html += html_headed(3, "Not determined", null_directions(*directions));
+    chapter.html += html_headed(3, "Correlations", correlations(result));
+    if (const Json* values = filled(*identifiability, "singular_values"))
+        chapter.html += html_headed(
+            3, "Stiff and sloppy directions",
+            figure_html(source, singular_value_chart(*values),
+                        "How strongly the residuals answer to relative changes of the parameters, by direction. "
+                        "Those far to the lower right are sloppy: the data say little about them; a value of zero is a "
+                        "direction that they do not determine at all."));
+    return chapter;
+}
+
+}  // namespace orbid::apps

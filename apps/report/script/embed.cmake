@@ -1,0 +1,17 @@
+# Style sheet, script and licences (the latter two may be absent) as arrays of bytes in a source file.
+string(REPLACE "|" ";" parts "${PARTS}")
+set(out "// Made by apps/report/script/embed.cmake.\n#include \"apps/report/report_assets.hpp\"\n\nnamespace orbid::apps {\n\nnamespace {\n\n")
+set(functions "")
+foreach(name style script licences)
+  set(hex "")
+  if(parts)
+    list(POP_FRONT parts file)
+    file(READ ${file} hex HEX)
+  endif()
+  string(REGEX REPLACE "([0-9a-f][0-9a-f])" "'\\\\x\\1'," bytes "${hex}")
+  string(REGEX REPLACE "(............................................................................................................................................)" "\\1\n" bytes "${bytes}")
+  # One zero more: an array may not be empty.
+  string(APPEND out "constexpr char ${name}[] = {\n${bytes}'\\0'};\n\n")
+  string(APPEND functions "std::string_view report_${name}() {\n    return {${name}, sizeof(${name}) - 1};\n}\n\n")
+endforeach()
+file(WRITE ${TO} "${out}}  // namespace\n\n${functions}}  // namespace orbid::apps\n")

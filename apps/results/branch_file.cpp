@@ -1,0 +1,180 @@
+#include "apps/results/branch_file.hpp"
+
+#include <array>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "apps/documents/json_text.hpp"
+#include "apps/results/orbit_file.hpp"
+#include "periodic/branches/continuation.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using periodic::Bifurcation;
+using periodic::Branch;
+using periodic::BranchEnd;
+using periodic::BranchPoint;
+
+constexpr std::array bifurcations{Bifurcation::none, Bifurcation::fold, Bifurcation::period_doubling,
+                                  Bifurcation::neimark_sacker, Bifurcation::branch_point};
+constexpr std::array ends{BranchEnd::bound,        BranchEnd::closed,        BranchEnd::domain,
+                          BranchEnd::point_limit,  BranchEnd::smallest_step, BranchEnd::equilibrium,
+                          BranchEnd::period_limit, BranchEnd::other_branch,  BranchEnd::not_simulated,
+                          BranchEnd::start,        BranchEnd::interrupted};
+
+/// A text that is no name of this version.
+class UnknownName : public std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+/// The value whose name a text is.
+/// @throws UnknownName when it is the name of none.
+template <class Values>
+typename Values::value_type named(const Values& values, const nlohmann::json& text) {
+    for (const auto value : values)
+        if (periodic::name(value) == text.get<std::string>()) return value;
+    throw UnknownName(text.get<std::string>());
+}
+
+Json place_json(const BranchPlace& place) {
+    return Json::array({place.branch, place.point});
+}
+
+Json point_json(const BranchPoint& point) {
+    const bool located = point.bifurcation != Bifurcation::none;
+    return {{"parameter", point.parameter},
+            {"arclength", point.arclength},
+            {"period", point.orbit.period},
+            {"rotation", point.orbit.rotation},
+            {"time", point.orbit.time},
+            {"points", detail::rows_or_null(point.orbit.points.transpose())},
+            {"multipliers", detail::complex_pairs(point.orbit.multipliers)},
+            {"unstable", point.unstable},
+            {"bifurcation", located ? Json(periodic::name(point.bifurcation)) : Json(nullptr)},
+            {"parameter_error", located ? Json(point.parameter_error) : Json(nullptr)}};
+}
+
+Json cascades_json(const std::vector<Branch>& branches) {
+    Json list = Json::array();
+    for (const auto& cascade : doubling_cascades(branches)) {
+        Json places = Json::array();
+        Json errors = Json::array();
+        std::vector<double> values;
+        for (const BranchPlace& place : cascade) {
+            const BranchPoint& point = branches[place.branch].points[place.point];
+            places.push_back(place_json(place));
+            values.push_back(point.parameter);
+            errors.push_back(point.parameter_error);
+        }
+        list.push_back({{"doublings", places},
+                        {"parameter", values},
+                        {"parameter_error", errors},
+                        {"ratios", periodic::doubling_ratios(values)}});
+    }
+    return list;
+}
+
+BranchPoint point_of(const nlohmann::json& json) {
+    BranchPoint point;
+    point.parameter = json.at("parameter").get<double>();
+    point.arclength = json.at("arclength").get<double>();
+    point.orbit.status = periodic::OrbitStatus::converged;
+    point.orbit.period = json.at("period").get<int>();
+    point.orbit.rotation = json.at("rotation").get<std::vector<int>>();
+    point.orbit.time = detail::number_of(json.at("time"));
+    point.orbit.points = detail::columns_of(json.at("points"));
+    point.orbit.multipliers = detail::complex_of(json.at("multipliers"));
+    point.unstable = json.at("unstable").get<int>();
+    if (!json.at("bifurcation").is_null()) {
+        point.bifurcation = named(bifurcations, json["bifurcation"]);
+        point.parameter_error = detail::number_of(json.at("parameter_error"));
+    }
+    return point;
+}
+
+Branch branch_of(const nlohmann::json& json) {
+    Branch branch;
+    if (!json.at("origin").is_null())
+        branch.origin =
+            Branch::Origin{json["origin"].at(0).get<std::size_t>(), json["origin"].at(1).get<std::size_t>()};
+    branch.first = named(ends, json.at("ends").at(0));
+    branch.last = named(ends, json.at("ends").at(1));
+    for (const auto& point : json.at("points"))
+        branch.points.push_back(point_of(point));
+    return branch;
+}
+
+}  // namespace
+
+std::string branches_text(const CycleFileHead& head, const models::Parameter& parameter, double lower, double upper,
+                          const FollowedBranches& followed) {
+    Json out = detail::head_document(head);
+    out["format"] = "orbid-branches/1";
+    out["parameter"] = {{"name", parameter.name}, {"unit", parameter.unit}, {"range", {lower, upper}}};
+    out["message"] = followed.message.empty() ? Json(nullptr) : Json(followed.message);
+    out["cascades"] = cascades_json(followed.branches);
+    out["branches"] = Json::array();
+    for (const Branch& branch : followed.branches) {
+        Json points = Json::array();
+        for (const BranchPoint& point : branch.points)
+            points.push_back(point_json(point));
+        out["branches"].push_back(
+            {{"origin", branch.origin ? place_json({branch.origin->branch, branch.origin->point}) : Json(nullptr)},
+             {"ends", {periodic::name(branch.first), periodic::name(branch.last)}},
+             {"points", std::move(points)}});
+    }
+    return json_text(out);
+}
+
+std::string branches_csv(const CycleFileHead& head, const models::Parameter& parameter,
+                         const FollowedBranches& followed) {
+    std::string text = fmt::format(
+        "branch,point,{},arclength,period,time,unstable,bifurcation,multiplier_re,"
+        "multiplier_im,section",
+        parameter.name);
+    for (const auto& coordinate : head.coordinates)
+        text += "," + coordinate.name;
+    text += '\n';
+    for (std::size_t b = 0; b < followed.branches.size(); ++b) {
+        const auto& points = followed.branches[b].points;
+        for (std::size_t k = 0; k < points.size(); ++k) {
+            const BranchPoint& point = points[k];
+            const periodic::PeriodicOrbit& orbit = point.orbit;
+            const auto multiplier = orbit.multipliers.empty() ? std::string(",")
+                                                              : fmt::format("{},{}", orbit.multipliers[0].real(),
+                                                                            orbit.multipliers[0].imag());
+            const std::string_view bifurcation =
+                point.bifurcation == Bifurcation::none ? std::string_view() : periodic::name(point.bifurcation);
+            for (Eigen::Index j = 0; j < orbit.points.cols(); ++j) {
+                text += fmt::format("{},{},{},{},{},{},{},{},{},{}", b, k, point.parameter, point.arclength,
+                                    orbit.period, orbit.time, point.unstable, bifurcation, multiplier, j);
+                for (Eigen::Index i = 0; i < orbit.points.rows(); ++i)
+                    text += fmt::format(",{}", orbit.points(i, j));
+                text += '\n';
+            }
+        }
+    }
+    return text;
+}
+
+std::optional<StoredBranches> stored_branches(std::string_view text) {
+    const auto json = nlohmann::json::parse(text, nullptr, false);
+    try {
+        StoredBranches stored;
+        if (json.contains("fingerprint")) stored.fingerprint = json["fingerprint"].dump();
+        if (json.at("message").is_string()) stored.followed.message = json["message"].get<std::string>();
+        for (const auto& branch : json.at("branches"))
+            stored.followed.branches.push_back(branch_of(branch));
+        return stored;
+    } catch (const UnknownName&) {
+        return std::nullopt;
+    } catch (const nlohmann::json::exception&) {
+        return std::nullopt;  // another layout: not ours, or of an older version
+    }
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/documents/fingerprint.hpp"
+#include "apps/results/checkpoint_archive.hpp"
+#include "apps/results/output_folder.hpp"
+
+namespace orbid::apps {
+
+/// What a run has finished within its estimate, in `checkpoint.bin` of the folder: a run that was killed or interrupted
+/// takes it from there, and ends with the same bytes as one that was not. It disappears when the estimate is complete.
+///
+/// A file with another fingerprint, of another program or one that cannot be read counts as absent.
+class Checkpoint {
+public:
+    /// @param fingerprint  of what the estimate depends on.
+    Checkpoint(OutputFolder& folder, const Fingerprint& fingerprint);
+
+    /// Reads what was kept under a name into `value`.
+    /// @return whether there was something.
+    template <class T>
+    [[nodiscard]] bool recall(const std::string& name, T& value) const {
+        const std::string* bytes = find(name);
+        if (bytes == nullptr) return false;
+        try {
+            Archive archive{std::string_view(*bytes)};
+            archive(value);
+            if (archive.at_end()) return true;
+        } catch (const DamagedCheckpoint&) {
+            // Kept by a build whose values look otherwise: computed anew.
+        }
+        value = T{};
+        return false;
+    }
+
+    /// Keeps a value under a name, which stands in the folder when this returns, whole.
+    template <class T>
+    void keep(const std::string& name, T& value) {
+        std::string bytes;
+        Archive archive(bytes);
+        archive(value);
+        keep_bytes(name, std::move(bytes));
+    }
+
+    /// All is done: the file is removed.
+    void remove();
+
+private:
+    [[nodiscard]] const std::string* find(const std::string& name) const;
+    void keep_bytes(const std::string& name, std::string bytes);
+
+    OutputFolder& folder_;
+    std::string fingerprint_;
+    std::vector<std::pair<std::string, std::string>> kept_;
+};
+
+}  // namespace orbid::apps

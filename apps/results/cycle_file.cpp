@@ -1,0 +1,126 @@
+#include "apps/results/cycle_file.hpp"
+
+#include <cmath>
+#include <complex>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "apps/documents/json_text.hpp"
+
+namespace orbid::apps {
+
+using Json = nlohmann::ordered_json;
+
+namespace detail {
+
+Json rows_or_null(const Eigen::MatrixXd& matrix) {
+    return matrix.size() == 0 ? Json(nullptr) : json_rows(matrix);
+}
+
+Json complex_pairs(const std::vector<std::complex<double>>& values) {
+    Json out = Json::array();
+    for (const auto& value : values) {
+        out.push_back(Json::array({value.real(), value.imag()}));
+    }
+    return out;
+}
+
+void require_points(const Eigen::MatrixXd& points, int period, std::size_t dimension, std::size_t index) {
+    const auto n = static_cast<Eigen::Index>(dimension);
+    if (period < 1 || points.rows() != n || points.cols() != period) {
+        throw std::invalid_argument(
+            fmt::format("cycle {}: points have shape ({}, {}), must be (coordinates, period) = "
+                        "({}, {}) with period >= 1",
+                        index, points.rows(), points.cols(), n, period));
+    }
+}
+
+void require_shape(const Eigen::MatrixXd& matrix, Eigen::Index height, Eigen::Index width, std::string_view what,
+                   std::size_t index) {
+    if (matrix.size() != 0 && (matrix.rows() != height || matrix.cols() != width)) {
+        throw std::invalid_argument(fmt::format("cycle {}: {} has shape ({}, {}), must be ({}, {})", index, what,
+                                                matrix.rows(), matrix.cols(), height, width));
+    }
+}
+
+Json head_document(const CycleFileHead& head) {
+    Json out;
+    out["format"] = "orbid-cycles/1";
+    out["model"] = head.model;
+    out["coordinates"] = Json::array();
+    out["units"] = Json::array();
+    for (const auto& coordinate : head.coordinates) {
+        out["coordinates"].push_back(coordinate.name);
+        out["units"].push_back(coordinate.unit);
+    }
+    out["section"] = Json::object();
+    if (head.phase) {
+        out["section"]["phase"] = *head.phase;
+    }
+    if (head.plane) {
+        out["section"] = {
+            {"coordinate", head.plane->coordinate}, {"value", head.plane->value}, {"direction", head.plane->direction}};
+    }
+    if (!head.fingerprint.sha256.empty()) {
+        out["fingerprint"] = Json::parse(to_text(head.fingerprint));
+    }
+    return out;
+}
+
+Json time_of(const CycleFileHead& head, int period) {
+    return head.forcing_period_s ? Json(period * *head.forcing_period_s) : Json(nullptr);
+}
+
+}  // namespace detail
+
+namespace {
+
+using detail::complex_pairs;
+using detail::require_points;
+using detail::require_shape;
+
+Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size_t index) {
+    const auto n = static_cast<Eigen::Index>(head.coordinates.size());
+    require_points(cycle.points, cycle.period, head.coordinates.size(), index);
+    require_shape(cycle.covariance, n * cycle.period, n * cycle.period, "covariance", index);
+    Json out;
+    out["period"] = cycle.period;
+    // Angles read modulo a turn cannot tell how often the cycle went round.
+    out["rotation"] = cycle.rotation.empty() ? Json(nullptr) : Json(cycle.rotation);
+    out["points"] = detail::rows_or_null(cycle.points.transpose());
+    out["covariance"] = detail::rows_or_null(cycle.covariance);
+    out["multipliers"] = complex_pairs(cycle.multipliers);
+    out["ln_multiplier"] = Json::array();
+    for (const double value : cycle.ln_multiplier) {
+        out["ln_multiplier"].push_back(value);
+    }
+    out["ln_multiplier_covariance"] = detail::rows_or_null(cycle.ln_multiplier_covariance);
+    out["time"] = std::isfinite(cycle.time) ? Json(cycle.time) : detail::time_of(head, cycle.period);
+    out["time_sd"] = cycle.time_sd;
+    out["code"] = cycle.code.empty() ? Json(nullptr) : Json(cycle.code);
+    out["recurrences"] = cycle.recurrences;
+    out["mirror"] = cycle.mirror ? Json(*cycle.mirror) : Json(nullptr);
+    out["quality"] = cycle.quality;
+    return out;
+}
+
+}  // namespace
+
+std::string cycles_text(const CycleFile& file) {
+    Json out = detail::head_document(file.head);
+    out["missing"] = file.search.missing;
+    out["candidates"] = file.search.candidates;
+    out["rejected"] = file.search.rejected;
+    out["patch_map"] = file.search.patch_map;
+    out["reading_covariance"] = detail::rows_or_null(file.search.reading_covariance);
+    out["remarks"] = file.search.remarks;
+    out["cycles"] = Json::array();
+    for (std::size_t i = 0; i < file.search.cycles.size(); ++i) {
+        out["cycles"].push_back(cycle_json(file.head, file.search.cycles[i], i));
+    }
+    return json_text(out);
+}
+
+}  // namespace orbid::apps

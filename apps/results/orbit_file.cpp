@@ -1,0 +1,185 @@
+#include "apps/results/orbit_file.hpp"
+
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "apps/documents/json_text.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using periodic::OrbitStatus;
+
+Json complex_json(std::complex<double> value) {
+    return Json::array({value.real(), value.imag()});
+}
+
+void add_stability(const periodic::Stability& stability, std::size_t parameters, Json& out) {
+    out["unstable"] = stability.unstable;
+    out["bifurcation_near"] = periodic::name(stability.nearest);
+    out["directions"] = Json::array();
+    for (const Eigen::MatrixXcd& at_point : stability.directions) {
+        Json point = Json::array();
+        for (Eigen::Index m = 0; m < at_point.cols(); ++m) {
+            Json direction = Json::array();
+            for (Eigen::Index i = 0; i < at_point.rows(); ++i)
+                direction.push_back(complex_json(at_point(i, m)));
+            point.push_back(std::move(direction));
+        }
+        out["directions"].push_back(std::move(point));
+    }
+    out["ln_multiplier_sensitivities"] =
+        parameters == 0 ? Json(nullptr) : detail::rows_or_null(stability.ln_multiplier_sensitivities);
+}
+
+Json orbit_json(const CycleFileHead& head, const ComputedOrbit& computed, std::size_t parameters, std::size_t index) {
+    const periodic::PeriodicOrbit& orbit = computed.orbit;
+    const auto n = static_cast<Eigen::Index>(head.coordinates.size());
+    detail::require_points(orbit.points, orbit.period, head.coordinates.size(), index);
+    detail::require_shape(orbit.sensitivities, n * orbit.period, static_cast<Eigen::Index>(parameters), "sensitivities",
+                          index);
+    Json out;
+    out["status"] = computed.status();
+    out["message"] = computed.message.empty() ? Json(nullptr) : Json(computed.message);
+    out["period"] = orbit.period;
+    out["rotation"] = orbit.rotation;
+    out["points"] = detail::rows_or_null(orbit.points.transpose());
+    out["covariance"] = nullptr;  // computed, not measured
+    out["multipliers"] = detail::complex_pairs(orbit.multipliers);
+    out["ln_multiplier"] = Json::array();
+    for (const auto& multiplier : orbit.multipliers)
+        out["ln_multiplier"].push_back(std::log(std::abs(multiplier)));  // -infinity (sticking) becomes null
+    out["ln_multiplier_covariance"] = nullptr;
+    out["time"] = head.own_time ? Json(orbit.time) : detail::time_of(head, orbit.period);
+    if (head.own_time) {
+        out["times"] = Json::array();
+        for (const double time : orbit.times)
+            out["times"].push_back(time);
+        out["time_sensitivities"] = Json::array();
+        for (const double derivative : orbit.time_sensitivities)
+            out["time_sensitivities"].push_back(derivative);
+        if (orbit.time_sensitivities.size() > 0) out["trivial_multiplier"] = complex_json(orbit.trivial_multiplier);
+    }
+    out["recurrences"] = nullptr;
+    out["mirror"] = computed.mirror ? Json(*computed.mirror) : Json(nullptr);
+    out["quality"] = orbit.sticking ? Json::array({"sticking"}) : Json::array();
+    out["origin"] = computed.origin;
+    if (computed.searched()) out["hits"] = computed.hits;
+    out["residual"] = orbit.residual;
+    out["discretisation_error"] = orbit.discretisation_error;
+    out["iterations"] = orbit.iterations;
+    out["distance"] = orbit.distance;
+    if (computed.stability) add_stability(*computed.stability, parameters, out);
+    out["sensitivities"] = detail::rows_or_null(orbit.sensitivities);
+    return out;
+}
+
+periodic::Bifurcation bifurcation_named(std::string_view text) {
+    using periodic::Bifurcation;
+    for (const Bifurcation value : {Bifurcation::fold, Bifurcation::period_doubling, Bifurcation::neimark_sacker})
+        if (periodic::name(value) == text) return value;
+    return Bifurcation::none;
+}
+
+ComputedOrbit orbit_of(const nlohmann::json& json) {
+    ComputedOrbit computed;
+    periodic::PeriodicOrbit& orbit = computed.orbit;
+    const auto status = orbit_status_named(json.at("status").get<std::string>());
+    computed.computed = status.has_value();
+    orbit.status = status.value_or(OrbitStatus::no_progress);
+    if (json.at("message").is_string()) computed.message = json["message"].get<std::string>();
+    orbit.period = json.at("period").get<int>();
+    orbit.rotation = json.at("rotation").get<std::vector<int>>();
+    orbit.points = detail::columns_of(json.at("points"));
+    orbit.multipliers = detail::complex_of(json.at("multipliers"));
+    orbit.time = detail::number_of(json.at("time"));
+    if (json.at("mirror").is_number()) computed.mirror = json["mirror"].get<int>();
+    orbit.sticking = !json.at("quality").empty();
+    computed.origin = json.at("origin").get<std::string>();
+    computed.hits = json.value("hits", std::size_t{1});
+    orbit.residual = detail::number_of(json.at("residual"));
+    orbit.iterations = json.at("iterations").get<int>();
+    orbit.distance = detail::number_of(json.at("distance"));
+    if (json.contains("unstable")) {
+        computed.stability.emplace();
+        computed.stability->unstable = json["unstable"].get<int>();
+        computed.stability->nearest = bifurcation_named(json.at("bifurcation_near").get<std::string>());
+    }
+    return computed;
+}
+
+}  // namespace
+
+namespace detail {
+
+double number_of(const nlohmann::json& value) {
+    return value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>();
+}
+
+Eigen::MatrixXd columns_of(const nlohmann::json& rows) {
+    if (rows.empty()) return {};
+    Eigen::MatrixXd columns(static_cast<Eigen::Index>(rows.at(0).size()), static_cast<Eigen::Index>(rows.size()));
+    for (Eigen::Index j = 0; j < columns.cols(); ++j)
+        for (Eigen::Index i = 0; i < columns.rows(); ++i)
+            columns(i, j) = number_of(rows.at(static_cast<std::size_t>(j)).at(static_cast<std::size_t>(i)));
+    return columns;
+}
+
+std::vector<std::complex<double>> complex_of(const nlohmann::json& pairs) {
+    std::vector<std::complex<double>> values;
+    for (const auto& pair : pairs)
+        values.emplace_back(number_of(pair.at(0)), number_of(pair.at(1)));
+    return values;
+}
+
+}  // namespace detail
+
+std::optional<periodic::OrbitStatus> orbit_status_named(std::string_view text) {
+    for (const OrbitStatus status :
+         {OrbitStatus::converged, OrbitStatus::no_progress, OrbitStatus::iteration_limit, OrbitStatus::not_simulated,
+          OrbitStatus::singular, OrbitStatus::other_orbit, OrbitStatus::shorter_period, OrbitStatus::equilibrium,
+          OrbitStatus::period_vanished}) {
+        if (periodic::name(status) == text) return status;
+    }
+    return std::nullopt;
+}
+
+std::string orbits_text(const CycleFileHead& head, const ComputedOrbits& orbits,
+                        const std::vector<std::string>& parameters) {
+    Json out = detail::head_document(head);
+    out["parameters"] = parameters;
+    if (orbits.searched)
+        out["search"] = {{"starts", orbits.starts},
+                         {"captured", orbits.captured},
+                         {"unsettled", orbits.unsettled},
+                         {"index_sums", orbits.index_sums}};
+    out["cycles"] = Json::array();
+    for (std::size_t i = 0; i < orbits.list.size(); ++i)
+        out["cycles"].push_back(orbit_json(head, orbits.list[i], parameters.size(), i));
+    return json_text(out);
+}
+
+std::optional<StoredOrbits> stored_orbits(std::string_view text) {
+    const auto json = nlohmann::json::parse(text, nullptr, false);
+    try {
+        StoredOrbits stored;
+        if (json.contains("fingerprint")) stored.fingerprint = json["fingerprint"].dump();
+        for (const auto& orbit : json.at("cycles"))
+            stored.orbits.list.push_back(orbit_of(orbit));
+        if (json.contains("search")) {
+            stored.orbits.searched = true;
+            stored.orbits.starts = json["search"].at("starts").get<std::size_t>();
+            stored.orbits.captured = json["search"].at("captured").get<std::size_t>();
+            stored.orbits.unsettled = json["search"].at("unsettled").get<std::vector<int>>();
+            stored.orbits.index_sums = json["search"].at("index_sums").get<std::vector<int>>();
+        }
+        return stored;
+    } catch (const nlohmann::json::exception&) {
+        return std::nullopt;  // another layout: not ours, or of an older version
+    }
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,163 @@
+#include "apps/results/output_folder.hpp"
+
+#include <unistd.h>
+
+#include <array>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "apps/documents/atomic_file.hpp"
+
+namespace orbid::apps {
+namespace {
+
+/// The result files of the contract; job.json is looked at separately.
+constexpr std::array<std::string_view, 17> result_names{
+    "estimate_orbits.json", "model_section.svg", "series.h5",    "series.csv",  "cycles.json",    "invariants.json",
+    "orbits.json",          "branch.json",       "branch.csv",   "branch.svg",  "result.json",    "section.svg",
+    "residuals.csv",        "timing.json",       "waveform.svg", "report.html", "prediction.json"};
+
+/// Those that no stage takes up again.
+constexpr std::array<std::string_view, 14> unsigned_names{
+    "estimate_orbits.json", "model_section.svg", "invariants.json", "branch.csv",     "branch.svg",
+    "result.json",          "residuals.csv",     "section.svg",     "timing.json",    "log.txt",
+    "waveform.svg",         "report.html",       "checkpoint.bin",  "prediction.json"};
+
+std::string shortened(const std::string& text) {
+    constexpr std::size_t longest = 100;  // a value can be a whole part of the job
+    return text.size() <= longest ? text : text.substr(0, longest) + "...";
+}
+
+/// First place where two JSON values differ, in the order of sorted keys; empty when they are equal.
+std::string first_difference(const nlohmann::json& stored, const nlohmann::json& wanted, const std::string& pointer) {
+    if (stored == wanted) {
+        return "";
+    }
+    if (stored.is_object() && wanted.is_object()) {
+        nlohmann::json all = stored;
+        all.update(wanted);
+        for (const auto& item : all.items()) {
+            const std::string at = pointer + "/" + item.key();
+            if (!stored.contains(item.key())) {
+                return fmt::format("{} is absent there, {} in this job", at, shortened(wanted[item.key()].dump()));
+            }
+            if (!wanted.contains(item.key())) {
+                return fmt::format("{} is {} there, absent in this job", at, shortened(stored[item.key()].dump()));
+            }
+            std::string inside = first_difference(stored[item.key()], wanted[item.key()], at);
+            if (!inside.empty()) {
+                return inside;
+            }
+        }
+    }
+    if (stored.is_array() && wanted.is_array() && stored.size() == wanted.size()) {
+        for (std::size_t i = 0; i < stored.size(); ++i) {
+            std::string inside = first_difference(stored[i], wanted[i], pointer + "/" + std::to_string(i));
+            if (!inside.empty()) {
+                return inside;
+            }
+        }
+    }
+    return fmt::format("{} is {} there, {} in this job", pointer, shortened(stored.dump()), shortened(wanted.dump()));
+}
+
+}  // namespace
+
+FolderState examine_output_folder(const std::filesystem::path& folder, const nlohmann::json& job) {
+    const auto stored_path = folder / "job.json";
+    if (std::filesystem::exists(stored_path)) {
+        auto stored = nlohmann::json::parse(read_whole_file(stored_path), nullptr, false, true);
+        if (!stored.is_object()) {
+            return {FolderContent::unknown_job, "its job.json cannot be read"};
+        }
+        auto wanted = job;
+        stored.erase("versions");
+        wanted.erase("versions");
+        std::string difference = first_difference(stored, wanted, "");
+        if (difference.empty()) {
+            return {FolderContent::same_job, ""};
+        }
+        return {FolderContent::other_job, std::move(difference)};
+    }
+    for (const std::string_view name : result_names) {
+        if (std::filesystem::exists(folder / name)) {
+            return {FolderContent::unknown_job, fmt::format("it holds {} but no job.json", name)};
+        }
+    }
+    return {};
+}
+
+void prepare_output_folder(const std::filesystem::path& folder, const nlohmann::json& job, bool force) {
+    std::error_code error;
+    if (std::filesystem::exists(folder, error) && !std::filesystem::is_directory(folder, error)) {
+        throw FolderRefused(fmt::format("cannot store results in {}: it is not a folder", folder.string()));
+    }
+    if (!force) {
+        const FolderState state = examine_output_folder(folder, job);
+        if (state.content == FolderContent::other_job) {
+            throw FolderRefused(
+                fmt::format("{} holds the result of another job ({}); choose another --out, or --force "
+                            "to overwrite it",
+                            folder.string(), state.difference));
+        }
+        if (state.content == FolderContent::unknown_job) {
+            throw FolderRefused(
+                fmt::format("{} may hold the result of another job ({}); choose another --out, or "
+                            "--force to overwrite it",
+                            folder.string(), state.difference));
+        }
+    }
+    std::filesystem::create_directories(folder, error);
+    if (error) {
+        throw FolderRefused(fmt::format("cannot create folder {}: {}", folder.string(), error.message()));
+    }
+    // Known now, not after hours of computing.
+    if (::access(folder.c_str(), W_OK | X_OK) != 0) {
+        throw FolderRefused(fmt::format("cannot store results in {}: it is not writable", folder.string()));
+    }
+    remove_leftover_temporaries(folder);
+}
+
+OutputFolder::OutputFolder(std::filesystem::path folder, const nlohmann::json& job, std::string job_text, bool force)
+    : folder_(std::move(folder)), job_text_(std::move(job_text)), created_(!std::filesystem::exists(folder_)) {
+    prepare_output_folder(folder_, job, force);
+    const FolderContent content = examine_output_folder(folder_, job).content;
+    of_another_job_ = content == FolderContent::other_job || content == FolderContent::unknown_job;
+}
+
+OutputFolder::~OutputFolder() {
+    if (created_ && !claimed_) {
+        std::error_code not_empty;  // somebody else's file came in between: the folder stays
+        std::filesystem::remove(folder_, not_empty);
+    }
+}
+
+void OutputFolder::claim() {
+    if (claimed_) return;
+    if (of_another_job_) {
+        for (const std::string_view name : unsigned_names) {
+            std::error_code absent;
+            std::filesystem::remove(folder_ / name, absent);
+        }
+    }
+    write_atomically(folder_ / "job.json", job_text_);
+    claimed_ = true;
+}
+
+void OutputFolder::store(const std::string& name, std::string_view bytes) {
+    const std::lock_guard lock(mutex_);
+    claim();
+    write_atomically(file(name), bytes);
+}
+
+void OutputFolder::store(const std::string& name,
+                         const std::function<void(const std::filesystem::path& temporary)>& writer) {
+    const std::lock_guard lock(mutex_);
+    claim();
+    write_atomically(file(name), writer);
+}
+
+}  // namespace orbid::apps

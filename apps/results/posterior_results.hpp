@@ -1,0 +1,66 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "estimator/estimate/estimate.hpp"
+#include "estimator/exploration/marginal.hpp"
+#include "estimator/exploration/multi_start.hpp"
+#include "estimator/exploration/profile.hpp"
+#include "estimator/sampling/posterior_sample.hpp"
+#include "estimator/uncertainty/residual_diagnostic.hpp"
+
+namespace orbid::apps {
+
+/// A record that stands out, by its place.
+struct OutlierRecord {
+    std::string block;    ///< as the residual labels it
+    Eigen::Index record;  ///< of the group within the block, from 0
+    double studentised;
+    double p;
+};
+
+/// What the residuals of one group say about its errors.
+struct GroupDiagnostic {
+    std::string group;
+    estimator::ResidualDiagnostic diagnostic;
+    std::vector<OutlierRecord> outliers;
+};
+
+/// The logarithm of the evidence, or why there is none.
+struct LogEvidence {
+    std::optional<double> value;
+    std::string reason;  ///< empty with a value
+};
+
+/// What a job asks for beyond the estimate, as far as it was asked for and done.
+struct PosteriorResults {
+    std::vector<std::string> parameters;  ///< names, in the order of theta
+    std::vector<estimator::Optimum> optima;
+    std::vector<estimator::StartedRun> runs;  ///< of the several starts
+    std::optional<estimator::PosteriorSample> sample;
+    std::vector<estimator::Profile> profiles;
+    std::vector<estimator::Marginal> marginals;
+    std::vector<GroupDiagnostic> diagnostics;
+    std::vector<std::pair<std::string, std::string>> refused;  ///< "posterior", "profile", ...: why it was not done
+};
+
+/// "complete", "interrupted", "failed".
+[[nodiscard]] std::string_view name(estimator::SampleStatus status);
+
+/// Blocks of result.json: "posterior", "profile", "marginals", "optima", "diagnostics"; null where not asked for.
+void add_posterior(const PosteriorResults& results, nlohmann::ordered_json& result);
+
+/// Content of posterior.csv: chain, draw, one column per sampled quantity, minus_log_density of the sampled
+/// coordinates; numbers read back to the bit. Chains and draws count from 1.
+[[nodiscard]] std::string draws_text(const estimator::PosteriorSample& sample);
+
+/// Tables for standard output; empty when nothing was asked for.
+[[nodiscard]] std::string posterior_summary(const PosteriorResults& results);
+
+}  // namespace orbid::apps

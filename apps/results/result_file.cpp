@@ -1,0 +1,328 @@
+#include "apps/results/result_file.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <string_view>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "apps/documents/json_text.hpp"
+
+namespace orbid::apps {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::optional<double> find(const std::map<std::string, double>& values, const std::string& name) {
+    const auto found = values.find(name);
+    return found == values.end() ? std::nullopt : std::optional<double>(found->second);
+}
+
+Json interval_json(double lower, double upper) {
+    return std::isfinite(lower) && std::isfinite(upper) ? Json::array({lower, upper}) : Json(nullptr);
+}
+
+Json estimated_json(const estimator::Estimated& x, const std::map<std::string, double>& references) {
+    const auto reference = find(references, x.name);
+    Json out;
+    out["value"] = x.value;
+    out["sd"] = x.sd;
+    out["interval95"] = interval_json(x.lower95, x.upper95);
+    out["interval_method"] = x.interval_method;
+    out["start"] = x.start;
+    out["reference"] = reference ? Json(*reference) : Json(nullptr);
+    out["relative_deviation"] = relative_deviation(x.value, reference);
+    out["unit"] = x.unit;
+    out["at_bound"] = x.at_bound.empty() ? Json(nullptr) : Json(x.at_bound);
+    out["laplace_sd"] = x.laplace_sd;
+    out["data_share"] = x.data_share;
+    return out;
+}
+
+Json parameters_json(const estimator::Estimate& estimate, const std::map<std::string, double>& references) {
+    Json out = estimated_list(estimate.parameters, references);
+    for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
+        const auto index = static_cast<Eigen::Index>(i);
+        const bool known = index < estimate.hessian_ratio.size();
+        // Not a number where unknown: null.
+        out[estimate.parameters[i].name]["hessian_ratio"] = known ? Json(estimate.hessian_ratio[index]) : Json(nullptr);
+    }
+    return out;
+}
+
+Json covariance_json(const estimator::EstimatedCovariance& covariance) {
+    return {{"groups", covariance.groups},
+            {"matrix", json_rows(covariance.value)},
+            {"uncertainty", json_rows(covariance.uncertainty)}};
+}
+
+Json evidence_json(const LogEvidence& evidence) {
+    return {{"value", evidence.value ? Json(*evidence.value) : Json(nullptr)},
+            {"reason", evidence.value ? Json(nullptr) : Json(evidence.reason)}};
+}
+
+/// `sd` is always a standard deviation in the data's unit: of a factor group it is the rms of the raw residuals.
+/// `interval95` belongs to what was estimated: the factor of such a group, the sd of the others.
+Json scale_json(const estimator::EstimatedScale& scale) {
+    Json out;
+    out["sd"] = scale.factor ? scale.rms : scale.value;
+    out["factor"] = scale.factor ? Json(scale.value) : Json(nullptr);
+    out["uncertainty"] = scale.uncertainty;
+    out["unit"] = scale.unit;
+    out["count"] = scale.count;
+    out["estimated"] = scale.estimated;
+    out["rms"] = scale.rms;
+    out["distribution"] = scale.distribution;
+    out["interval95"] = interval_json(scale.lower95, scale.upper95);
+    for (const estimator::Estimated& parameter : scale.shape) {
+        out[parameter.name] = {{"value", parameter.value},
+                               {"uncertainty", parameter.sd},
+                               {"interval95", interval_json(parameter.lower95, parameter.upper95)},
+                               {"start", parameter.start}};
+    }
+    out["lag1"] = scale.lag1;
+    out["correlation_records"] = scale.correlation_records;
+    out["effective_count"] = scale.effective_count;
+    return out;
+}
+
+Json initial_state_json(const InitialState& state) {
+    Json out;
+    out["experiment"] = state.experiment;
+    out["segment"] = state.segment;
+    for (const auto& value : state.values) {
+        out["state"][value.coordinate] = {
+            {"value", value.value}, {"sd", value.sd}, {"unit", value.unit}, {"estimated", value.estimated}};
+    }
+    return out;
+}
+
+Json aligned_json(const InitialState::Value& value) {
+    return {{"value", value.value}, {"sd", value.sd}, {"unit", value.unit}, {"estimated", value.estimated}};
+}
+
+Json steady_state_json(const SteadyState& state) {
+    Json out;
+    out["experiment"] = state.experiment;
+    out["segment"] = state.segment;
+    out["used"] = state.used;
+    out["phase"] = aligned_json(state.phase);
+    out["offset"] = Json::object();
+    for (const auto& offset : state.offsets)
+        out["offset"][offset.coordinate] = aligned_json(offset);
+    out["status"] = periodic::name(state.orbit.status);
+    const bool solved = state.orbit.status == periodic::OrbitStatus::converged;
+    out["time"] = solved ? Json(state.orbit.time) : Json(nullptr);
+    out["points"] = Json::array();
+    out["multipliers"] = Json::array();
+    if (!solved) return out;
+    for (Eigen::Index j = 0; j < state.orbit.points.cols(); ++j) {
+        Json point = Json::array();
+        for (Eigen::Index i = 0; i < state.orbit.points.rows(); ++i)
+            point.push_back(state.orbit.points(i, j));
+        out["points"].push_back(std::move(point));
+    }
+    for (const auto& multiplier : state.orbit.multipliers)
+        out["multipliers"].push_back({multiplier.real(), multiplier.imag()});
+    return out;
+}
+
+Json prediction_json(const Prediction& prediction) {
+    Json out;
+    out["experiment"] = prediction.experiment;
+    out["segment"] = prediction.segment;
+    out["rms"] = Json::object();
+    for (const auto& [coordinate, rms] : prediction.rms) {
+        out["rms"][coordinate] = rms;
+    }
+    out["normalised_rms"] = prediction.normalised_rms;
+    out["fitted"] = prediction.fitted;
+    return out;
+}
+
+Json identifiability_json(const estimator::Estimate& estimate) {
+    Json out;
+    out["singular_values"] = Json::array();
+    for (const double value : estimate.singular_values) {
+        out["singular_values"].push_back(value);
+    }
+    out["null_directions"] = Json::array();
+    for (const auto& direction : estimate.null_directions) {
+        Json named = Json::object();
+        for (const auto& [name, component] : named_components(direction, estimate.parameters)) {
+            named[name] = component;
+        }
+        out["null_directions"].push_back(std::move(named));
+    }
+    out["trust_normal"] = estimate.trust_normal;
+    out["distrust"] = estimate.distrust.empty() ? Json(nullptr) : Json(estimate.distrust);
+    out["effective_count"] = estimate.effective_count;
+    return out;
+}
+
+Json history_json(const std::vector<estimator::StepRecord>& history) {
+    Json out = Json::array();
+    for (const auto& step : history) {
+        out.push_back({{"round", step.round},
+                       {"block", step.block},
+                       {"accepted", step.accepted},
+                       {"before", step.before},
+                       {"after", step.after},
+                       {"damping", step.damping},
+                       {"reason", step.reason}});
+    }
+    return out;
+}
+
+Json orbits_json(const ResultContext& context) {
+    Json out;
+    out["found"] = Json::object();
+    for (const auto& [period, count] : context.orbits_found) {
+        out["found"][std::to_string(period)] = count;
+    }
+    out["missing"] = context.orbits_missing;
+    return out;
+}
+
+Json data_json(const ResultContext& context) {
+    Json out;
+    out["points"] = context.data_points;
+    out["segments"] = context.data_segments;
+    out["captured"] = Json::array();
+    for (const auto& capture : context.captured) {
+        out["captured"].push_back({{"experiment", capture.experiment},
+                                   {"trajectory", capture.trajectory},
+                                   {"section", capture.section},
+                                   {"what", capture.what}});
+    }
+    return out;
+}
+
+}  // namespace
+
+Json estimated_list(const std::vector<estimator::Estimated>& list, const std::map<std::string, double>& references) {
+    Json out = Json::object();
+    for (const auto& x : list) {
+        out[x.name] = estimated_json(x, references);
+    }
+    return out;
+}
+
+std::string csv_cell(const std::string& text) {
+    if (text.find_first_of(",\"\r\n") == std::string::npos) {
+        return text;
+    }
+    std::string out = "\"";
+    for (const char c : text) {
+        out += c == '"' ? "\"\"" : std::string(1, c);
+    }
+    return out + '"';
+}
+
+double relative_deviation(double value, const std::optional<double>& reference) {
+    return reference && *reference != 0.0 ? (value - *reference) / *reference
+                                          : std::numeric_limits<double>::quiet_NaN();
+}
+
+std::vector<std::pair<std::string, double>> named_components(const estimator::NullDirection& direction,
+                                                             const std::vector<estimator::Estimated>& parameters) {
+    constexpr double rounding = 1e-6;
+    std::vector<std::pair<std::string, double>> out;
+    if (direction.components.size() == 0) {
+        return out;
+    }
+    const double largest = direction.components.cwiseAbs().maxCoeff();
+    for (Eigen::Index i = 0; i < direction.components.size(); ++i) {
+        if (std::abs(direction.components[i]) > rounding * largest) {
+            out.emplace_back(parameters.at(static_cast<std::size_t>(i)).name, direction.components[i]);
+        }
+    }
+    // Compared in steps of the rounding: equal sizes keep the parameters' order, so that the bytes are stable.
+    const auto size = [largest](const std::pair<std::string, double>& named) {
+        return std::llround(std::abs(named.second) / (rounding * largest));
+    };
+    std::stable_sort(out.begin(), out.end(), [size](const auto& a, const auto& b) { return size(a) > size(b); });
+    return out;
+}
+
+std::string result_text(const estimator::Estimate& estimate, const ResultContext& context) {
+    Json out;
+    out["format"] = "orbid-result/1";
+    out["status"] = estimator::name(estimate.status);
+    out["message"] = estimate.message;
+    if (!context.evaluated.empty()) out["model"]["evaluated"] = context.evaluated;
+    out["parameters"] = parameters_json(estimate, context.reference);
+    out["derived"] = estimated_list(estimate.derived, context.reference);
+    out["errors"] = Json::object();
+    for (const auto& scale : estimate.scales) {
+        out["errors"][scale.group] = scale_json(scale);
+    }
+    out["covariances"] = Json::array();
+    for (const auto& covariance : estimate.covariances) {
+        out["covariances"].push_back(covariance_json(covariance));
+    }
+    out["initial_states"] = Json::array();
+    for (const auto& state : context.initial_states) {
+        out["initial_states"].push_back(initial_state_json(state));
+    }
+    if (!context.steady_states.empty()) {
+        out["steady_states"] = Json::array();
+        for (const auto& state : context.steady_states)
+            out["steady_states"].push_back(steady_state_json(state));
+    }
+    out["prediction"] = Json::array();
+    for (const auto& prediction : context.predictions) {
+        out["prediction"].push_back(prediction_json(prediction));
+    }
+    Json names = Json::array();
+    for (const auto& parameter : estimate.parameters) {
+        names.push_back(parameter.name);
+    }
+    out["correlation"] = {{"names", names}, {"matrix", json_rows(estimate.correlation)}};
+    out["covariance"] = {{"names", names}, {"matrix", json_rows(estimate.covariance)}};
+    out["identifiability"] = identifiability_json(estimate);
+    out["residuals"] = counts_json(estimate.counts);
+    add_strategy(context.strategy, context.reference, out);
+    out["objective"] = estimate.objective;
+    out["log_likelihood"] = estimate.log_likelihood;
+    out["log_evidence"] = evidence_json(context.evidence);
+    out["degrees_of_freedom"] = estimate.degrees_of_freedom;
+    out["iterations"] = estimate.iterations;
+    out["evaluations"] = estimate.evaluations;
+    out["rounds"] = estimate.rounds;
+    add_posterior(context.posterior, out);
+    out["orbits"] = orbits_json(context);
+    out["data"] = data_json(context);
+    out["history"] = history_json(estimate.history);
+    if (!context.fingerprint.sha256.empty()) {
+        out["fingerprint"] = Json::parse(to_text(context.fingerprint));
+    }
+    return json_text(out);
+}
+
+std::string residuals_text(const std::vector<ResidualRow>& rows) {
+    fmt::memory_buffer out;
+    const auto number = [&out](double value, char end) {
+        if (std::isfinite(value)) {
+            fmt::format_to(std::back_inserter(out), "{}{}", value, end);
+        } else {
+            out.push_back(end);
+        }
+    };
+    fmt::format_to(std::back_inserter(out),
+                   "experiment,segment_or_cycle,coordinate,time_or_phase,observed,predicted,sd\n");
+    for (const ResidualRow& row : rows) {
+        fmt::format_to(std::back_inserter(out), "{},{},{},", csv_cell(row.experiment), csv_cell(row.block),
+                       csv_cell(row.coordinate));
+        number(row.at, ',');
+        number(row.observed, ',');
+        number(row.predicted, ',');
+        number(row.sd, '\n');
+    }
+    return fmt::to_string(out);
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,105 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "apps/results/strategy_results.hpp"
+#include "apps/results/summary_table.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using Align = SummaryTable::Align;
+
+std::string known(const LogEvidence& evidence) {
+    return evidence.value ? fmt::format("{:+.1f}", *evidence.value) : "";
+}
+
+}  // namespace
+
+/// Every stage with its numbers, so that their progress can be followed.
+std::string stages_summary(const StrategyResults& results) {
+    SummaryTable table({{"stage", Align::left},
+                        {"status", Align::left},
+                        {"name", Align::left},
+                        {"value"},
+                        {"± sd"},
+                        {"", Align::left}});
+    for (const StageResult& stage : results.stages) {
+        std::string name = stage.stage;
+        std::string status = stage.status;
+        std::string chosen = stage.chosen ? "the result" : "";
+        std::vector<estimator::Estimated> list = stage.parameters;
+        list.insert(list.end(), stage.derived.begin(), stage.derived.end());
+        if (list.empty()) table.add({name, status, "", "", "", chosen});
+        for (const auto& x : list) {
+            table.add({name, status, x.name, with_digits_of(x.value, x.sd),
+                       std::isfinite(x.sd) ? significant(x.sd, 2) : "undefined", chosen});
+            name.clear();
+            status.clear();
+            chosen.clear();
+        }
+    }
+    return titled("Stages", table.text());
+}
+
+std::string matching_summary(const StrategyResults& results) {
+    SummaryTable table({{"experiment", Align::left},
+                        {"interval"},
+                        {"intervals"},
+                        {"large defects"},
+                        {"coordinate", Align::left},
+                        {"sd"},
+                        {"rms"},
+                        {"typical"},
+                        {"unit", Align::left}});
+    std::string warnings;
+    for (const MatchingResult& matching : results.matching) {
+        std::vector<std::string> head{matching.experiment, std::to_string(matching.interval),
+                                      std::to_string(matching.intervals), std::to_string(matching.large)};
+        for (const auto& coordinate : matching.coordinates) {
+            std::vector<std::string> cells = head;
+            cells.insert(cells.end(), {coordinate.name, significant(coordinate.sd, 2), significant(coordinate.rms, 2),
+                                       significant(coordinate.typical, 2), coordinate.unit});
+            table.add(std::move(cells));
+            std::fill(head.begin(), head.end(), "");
+        }
+        for (const std::string& warning : matching.warnings)
+            warnings += fmt::format("  {}: {}\n", matching.experiment, warning);
+    }
+    return titled("Matching of nodes", table.text()) + warnings;
+}
+
+std::string criticism_summary(const StrategyResults& results) {
+    if (!results.criticism) return {};
+    const CriticismResult& criticism = *results.criticism;
+    SummaryTable table({{"model", Align::left},
+                        {"status", Align::left},
+                        {"used"},
+                        {"ln evidence for the job's"},
+                        {"objective"},
+                        {"held out"},
+                        {"±"},
+                        {"large defects"},
+                        {"", Align::left}});
+    const auto defects = [](const std::optional<std::size_t>& count) { return count ? std::to_string(*count) : ""; };
+    table.add({criticism.model, "the job's", "", "", "", known(criticism.score), significant(criticism.score_error, 2),
+               defects(criticism.large_defects), ""});
+    std::string reasons;
+    for (const AlternativeResult& one : criticism.alternatives) {
+        table.add({one.name, one.status, std::to_string(one.used), known(one.ln_bayes_factor),
+                   std::isfinite(one.objective_difference) ? fmt::format("{:+.1f}", one.objective_difference) : "",
+                   known(one.score), significant(one.score_error, 2), defects(one.large_defects),
+                   one.ln_bayes_factor.value ? in_words(*one.ln_bayes_factor.value) : ""});
+        if (!one.ln_bayes_factor.value)
+            reasons += fmt::format("  {}: no evidence: {}\n", one.name, one.ln_bayes_factor.reason);
+        if (!one.score.value && !one.score.reason.empty())
+            reasons += fmt::format("  {}: no held-out score: {}\n", one.name, one.score.reason);
+    }
+    if (!criticism.score.value && !criticism.score.reason.empty())
+        reasons += fmt::format("  no held-out score: {}\n", criticism.score.reason);
+    return titled(fmt::format("Against other models, on the stage {}", criticism.stage), table.text()) + reasons;
+}
+
+}  // namespace orbid::apps

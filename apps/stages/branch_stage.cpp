@@ -1,0 +1,107 @@
+#include "apps/stages/branch_stage.hpp"
+
+#include <limits>
+#include <utility>
+#include <variant>
+
+#include <fmt/format.h>
+
+#include "apps/documents/atomic_file.hpp"
+#include "apps/drawing/branch_plot.hpp"
+#include "apps/results/branch_file.hpp"
+#include "apps/results/cycle_reader.hpp"
+#include "apps/stages/orbits_stage.hpp"
+#include "apps/stages/periodic_stage.hpp"
+#include "apps/stages/stage_fingerprint.hpp"
+#include "periodic/branches/continuation.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+std::optional<FollowedBranches> from_folder(const Workspace& work, const Fingerprint& wanted) {
+    const auto file = work.file("branch.json");
+    if (!std::filesystem::exists(file)) return std::nullopt;
+    auto stored = stored_branches(read_whole_file(file));
+    if (!reusable(work, Stage::periodic, file, stored ? stored->fingerprint : std::string(), wanted))
+        return std::nullopt;
+    return std::move(stored->followed);
+}
+
+/// Points as lists hold them: where no section says which points are meant, the first one stands for the orbit.
+/// Jacobians are not stored.
+void thin_out(const Job& job, std::vector<periodic::Branch>& branches) {
+    const bool free_course = job.model.system->kind() == models::Kind::autonomous && !job.section_plane;
+    for (periodic::Branch& branch : branches) {
+        for (periodic::BranchPoint& point : branch.points) {
+            point.orbit.jacobians.clear();
+            if (free_course && point.orbit.points.cols() > 1)
+                point.orbit.points = point.orbit.points.leftCols(1).eval();
+        }
+    }
+}
+
+FollowedBranches followed_from(const Workspace& work, const ComputedOrbits& orbits) {
+    const Job& job = work.job;
+    const ContinuationJob& continuation = *job.periodic->continuation;
+    FollowedBranches followed;
+    if (continuation.orbit >= orbits.list.size()) {
+        followed.message = orbits.list.empty() ? "there is no orbit to start from"
+                                               : fmt::format("there is no orbit {} to start from: the last one is {}",
+                                                             continuation.orbit, orbits.list.size() - 1);
+        return followed;
+    }
+    const ComputedOrbit& start = orbits.list[continuation.orbit];
+    if (!start.converged()) {
+        followed.message = fmt::format("orbit {} is no start: {}{}{}", continuation.orbit, start.status(),
+                                       start.message.empty() ? "" : ", ", start.message);
+        return followed;
+    }
+    periodic::ContinuationOptions options = continuation.options;
+    if (const auto* shooting = std::get_if<periodic::ShootingOptions>(&job.periodic->method))
+        options.solver = *shooting;
+    options.solver.maximum_distance = std::numeric_limits<double>::infinity();
+    options.interrupted = [&work] { return work.interruption.asked(); };
+    auto diagram =
+        periodic::follow_branches(work.system(), job.model.values, starting_solution(job, start.orbit), options);
+    if (diagram.branches.empty()) {
+        followed.message =
+            fmt::format("no branch begins at orbit {}: {}", continuation.orbit, periodic::name(diagram.start_status));
+    }
+    followed.branches = std::move(diagram.branches);
+    thin_out(job, followed.branches);
+    return followed;
+}
+
+}  // namespace
+
+FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits& orbits) {
+    const Job& job = work.job;
+    const ContinuationJob& continuation = *job.periodic->continuation;
+    const Fingerprint wanted = stage_fingerprint(work.document, {"/model", "/section", "/periodic"});
+    if (auto stored = from_folder(work, wanted)) {
+        work.progress.reused("branches", fmt::format("{} branches from branch.json", stored->branches.size()));
+        return std::move(*stored);
+    }
+    work.progress.begin("branches");
+    FollowedBranches followed = followed_from(work, orbits);
+    std::size_t points = 0;
+    for (const periodic::Branch& branch : followed.branches)
+        points += branch.points.size();
+    work.progress.end(fmt::format("{} branch{} of {} orbits", followed.branches.size(),
+                                  followed.branches.size() == 1 ? "" : "es", points));
+    if (!followed.message.empty()) work.progress.say(followed.message);
+
+    const auto& parameter = work.system().parameters()[static_cast<std::size_t>(continuation.options.parameter)];
+    CycleFileHead head = cycle_file_head(job, work.interruption.asked() ? Fingerprint{} : wanted);
+    head.coordinates = series_coordinates(work.system());
+    work.folder.store("branch.json",
+                      branches_text(head, parameter, continuation.options.lower, continuation.options.upper, followed));
+    if (followed.branches.empty()) return followed;
+    work.folder.store("branch.csv", branches_csv(head, parameter, followed));
+    work.folder.store("branch.svg",
+                      branches_svg(followed.branches, parameter, head.coordinates, {job.title, continuation.plotted}));
+    return followed;
+}
+
+}  // namespace orbid::apps

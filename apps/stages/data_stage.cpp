@@ -1,0 +1,289 @@
+#include "apps/stages/data_stage.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <variant>
+
+#include <fmt/format.h>
+
+#include "apps/results/counted_noun.hpp"
+#include "apps/stages/stage_fingerprint.hpp"
+#include "orbits/records/series_file.hpp"
+#include "orbits/sections/mixed_bits.hpp"
+#include "orbits/simulation/virtual_experiment.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+using Kind = orbits::TrajectoryEvent::Kind;
+
+Eigen::VectorXd experiment_values(const Job& job, const DataJob& data) {
+    Eigen::VectorXd values = job.model.values;
+    for (const ParameterValue& own : data.parameters)
+        values[own.parameter] = own.value;
+    return values;
+}
+
+/// Random numbers of an experiment: experiments of one job must not repeat each other's errors.
+std::uint64_t experiment_seed(const Job& job, std::size_t index) {
+    return index == 0 ? job.seed : orbits::mixed_bits(job.seed ^ orbits::mixed_bits(index));
+}
+
+orbits::VirtualExperimentOptions simulation_options(const Job& job, std::size_t index) {
+    const DataJob& data = job.data[index];
+    const SimulationJob& simulation = *data.simulation;
+    orbits::VirtualExperimentOptions options;
+    if (simulation.sampling == orbits::Series::Sampling::section) {
+        orbits::SectionPlan plan;
+        plan.sections = simulation.sections;
+        plan.transient = simulation.transient;
+        if (job.section_plane) {
+            plan.section =
+                models::Section{Eigen::VectorXd::Unit(job.model.system->dimension(), job.section_plane->coordinate),
+                                job.section_plane->value, job.section_plane->direction};
+        }
+        options.plan = plan;
+    } else {
+        options.plan = orbits::SamplePlan{simulation.step, simulation.count, simulation.transient};
+    }
+    options.trajectories = simulation.trajectories;
+    if (!simulation.initial.empty()) {
+        options.initial.resize(job.model.system->dimension(), static_cast<Eigen::Index>(simulation.initial.size()));
+        for (std::size_t i = 0; i < simulation.initial.size(); ++i) {
+            options.initial.col(static_cast<Eigen::Index>(i)) = simulation.initial[i];
+        }
+    }
+    options.restart = simulation.restart ? orbits::Restart::when_captured_or_at_rest : orbits::Restart::never;
+    options.phase = job.section_phase;
+    options.sensor = data.sensor;
+    options.noise = simulation.noise;
+    options.noise_correlation = simulation.noise_correlation;
+    options.seed = experiment_seed(job, index);
+    return options;
+}
+
+std::string words(const orbits::TrajectoryEvent& event) {
+    switch (event.kind) {
+        case Kind::captured:
+            return fmt::format("captured by a stable orbit of period {}", event.period);
+        case Kind::failed:
+            return fmt::format("cannot be continued: {}", models::description(event.status));
+        default:
+            return std::string(orbits::name(event.kind));
+    }
+}
+
+std::vector<Capture> captures(const std::string& experiment, const std::vector<orbits::TrajectoryEvent>& events) {
+    std::vector<Capture> list;
+    for (const auto& event : events) {
+        if (event.kind == Kind::restarted) continue;
+        list.push_back({experiment, static_cast<int>(event.trajectory), event.section, words(event)});
+    }
+    return list;
+}
+
+/// What series files say of their origin: the fingerprint, and what the simulation noticed.
+std::string origin_text(const Fingerprint& fingerprint, const std::vector<Capture>& captured) {
+    nlohmann::json list = nlohmann::json::array();
+    for (const Capture& capture : captured) {
+        list.push_back({{"experiment", capture.experiment},
+                        {"trajectory", capture.trajectory},
+                        {"section", capture.section},
+                        {"what", capture.what}});
+    }
+    return nlohmann::json{{"fingerprint", to_text(fingerprint)}, {"captured", list}}.dump();
+}
+
+struct Origin {
+    std::string fingerprint;
+    std::vector<Capture> captured;
+};
+
+/// A text that is no origin of ours gives an empty one: the file then counts as stale.
+Origin origin_of(const std::string& text) {
+    Origin origin;
+    const auto json = nlohmann::json::parse(text, nullptr, false);
+    if (!json.is_object() || !json.contains("fingerprint") || !json["fingerprint"].is_string()) return origin;
+    origin.fingerprint = json["fingerprint"].get<std::string>();
+    if (!json.contains("captured") || !json["captured"].is_array()) return origin;
+    for (const auto& entry : json["captured"]) {
+        if (!entry.is_object()) continue;
+        origin.captured.push_back({entry.value("experiment", std::string()), entry.value("trajectory", 0),
+                                   entry.value("section", std::size_t{0}), entry.value("what", std::string())});
+    }
+    return origin;
+}
+
+orbits::Series read_stored(const std::filesystem::path& file, SeriesOutput format, const orbits::Series& shape,
+                           bool timed) {
+    if (format != SeriesOutput::csv) return orbits::read_hdf5(file);
+    orbits::TableLayout layout = orbits::table_layout(shape);
+    if (timed) layout.time = std::string("t");
+    return orbits::read_csv(file, layout);
+}
+
+/// A coordinate as the sensor of an experiment reads it.
+orbits::SeriesCoordinate series_coordinate(const Job& job, const DataJob& data, std::size_t index) {
+    const auto coordinates = job.model.system->coordinates();
+    return {std::string(coordinates[index].name), std::string(coordinates[index].unit),
+            models::reads_angle(data.sensor, coordinates, index)};
+}
+
+/// A series without data: what the coordinates of a simulated series are called.
+orbits::Series empty_series(const Job& job, const DataJob& data) {
+    orbits::Series series;
+    series.sampling = data.sampling();
+    series.phase = job.section_phase;
+    for (std::size_t i = 0; i < job.model.system->coordinates().size(); ++i)
+        series.coordinates.push_back(series_coordinate(job, data, i));
+    return series;
+}
+
+/// series.h5 or .csv, series_NAME.h5 with several experiments.
+std::string series_file_name(const Job& job, std::size_t index) {
+    const std::string ending = job.series_output == SeriesOutput::csv ? ".csv" : ".h5";
+    return job.data.size() == 1 ? "series" + ending : fmt::format("series_{}{}", job.data[index].name, ending);
+}
+
+Experiment simulated(const Workspace& work, std::size_t index) {
+    const Job& job = work.job;
+    const DataJob& data = job.data[index];
+    const bool stored = job.series_output != SeriesOutput::none;
+    const auto file = work.file(series_file_name(job, index));
+    const std::string place = work.document["data"].is_array() ? fmt::format("/data/{}", index) : "/data";
+    const Fingerprint wanted =
+        stage_fingerprint(work.document, {"/model", "/seed", "/section", place + "/simulate", place + "/inputs",
+                                          place + "/interpolation", place + "/sensor", place + "/parameters"});
+
+    const Inputs inputs = load_inputs(job, data);
+    if (stored && std::filesystem::exists(file)) {
+        // An unreadable file of ours is one to be replaced, unless a later stage alone was asked for.
+        std::optional<Origin> origin;
+        try {
+            origin = origin_of(orbits::read_origin(file));
+        } catch (const orbits::DataError&) {
+            origin = Origin{};
+        }
+        if (reusable(work, Stage::simulate, file, origin->fingerprint, wanted)) {
+            Experiment experiment{
+                read_stored(file, job.series_output, empty_series(job, data), job.section_plane.has_value()),
+                origin->captured,
+                {}};
+            experiment.inputs = by_segment(inputs, experiment.series.segments.size());
+            work.progress.reused("simulate", fmt::format("{} from {}", counted(experiment.series.size(), "point"),
+                                                         file.filename().string()));
+            return experiment;
+        }
+    }
+
+    work.progress.begin("simulate");
+    const auto run_experiment = [&] {
+        const Departure::Allowed leaving(work.departure);
+        return orbits::simulate(*system_with(job, inputs), experiment_values(job, data),
+                                simulation_options(job, index));
+    };
+    auto run = run_experiment();
+    if (!run.complete) throw orbits::DataError(fmt::format("{}: cannot be simulated: {}", data.name, run.message));
+    Experiment experiment{std::move(run.series), captures(data.name, run.events), {}};
+    experiment.inputs = by_segment(inputs, experiment.series.segments.size());
+    experiment.series.origin = origin_text(wanted, experiment.captured);
+    if (stored) {
+        work.folder.store(file.filename().string(), [&](const std::filesystem::path& temporary) {
+            if (job.series_output == SeriesOutput::csv) {
+                orbits::write_csv(temporary, experiment.series);
+            } else {
+                orbits::write_hdf5(temporary, experiment.series);
+            }
+        });
+    }
+    work.progress.end(fmt::format("{} in {}", counted(experiment.series.size(), "point"),
+                                  counted(experiment.series.segments.size(), "segment")));
+    for (const Capture& capture : experiment.captured) {
+        work.progress.say(fmt::format("{}, trajectory {}, section {}: {}", capture.experiment, capture.trajectory,
+                                      capture.section, capture.what));
+    }
+    return experiment;
+}
+
+/// Header of the column with the sds of a coordinate's readings; empty: none is asked for.
+std::string sd_column(const Job& job, std::size_t experiment, Eigen::Index coordinate) {
+    const auto& observed = job.data[experiment].observe;
+    if (!job.estimate || std::count(observed.begin(), observed.end(), coordinate) == 0) return {};
+    const auto column_of = [&](const auto& residual) -> std::string {
+        if (!residual || std::count(residual->data.begin(), residual->data.end(), experiment) == 0) return {};
+        for (const ErrorJob& error : residual->errors) {
+            if (error.coordinate == coordinate) return error.sd_column;
+        }
+        return {};
+    };
+    const std::string column = column_of(job.estimate->series);
+    return column.empty() ? column_of(job.estimate->waveform) : column;
+}
+
+Experiment measured(const Workspace& work, std::size_t index) {
+    const DataJob& data = work.job.data[index];
+    work.progress.begin("read");
+    const Departure::Allowed leaving(work.departure);
+    Experiment experiment;
+    experiment.series = recorded_series(work.job, index);
+    experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments.size());
+    work.progress.end(fmt::format("{} in {} from {}", counted(experiment.series.size(), "point"),
+                                  counted(experiment.series.segments.size(), "segment"),
+                                  data.file->path.filename().string()));
+    return experiment;
+}
+
+}  // namespace
+
+orbits::Series recorded_series(const Job& job, std::size_t index) {
+    const DataJob& data = job.data[index];
+    const FileJob& file = *data.file;
+    if (file.table) {
+        orbits::TableLayout layout;
+        layout.sampling = file.sampling;
+        layout.segment = file.segment_column;
+        layout.time = file.time_column;
+        layout.time_unit = file.time_unit;
+        layout.nan_is_missing = file.nan_is_missing;
+        layout.phase = job.section_phase;
+        layout.minimum_points = 2;
+        for (const ColumnJob& column : file.columns) {
+            layout.coordinates.push_back({series_coordinate(job, data, static_cast<std::size_t>(column.coordinate)),
+                                          column.column, column.unit, static_cast<double>(column.sign), column.offset,
+                                          sd_column(job, index, column.coordinate)});
+        }
+        return orbits::read_csv(file.path, layout);
+    }
+    orbits::Series series = orbits::read_hdf5(file.path, 2);
+    if (series.sampling != file.sampling) {
+        throw orbits::DataError(
+            fmt::format("{}: holds {}, but the job says \"kind\": \"{}\"", file.path.string(),
+                        file.sampling == orbits::Series::Sampling::section ? "samples" : "sections",
+                        file.sampling == orbits::Series::Sampling::section ? "section" : "samples"));
+    }
+    for (const auto& coordinate : series.coordinates) {
+        if (job.model.system->coordinate_index(coordinate.name) < 0) {
+            throw orbits::DataError(fmt::format("{}: coordinate \"{}\" is none of model {}", file.path.string(),
+                                                coordinate.name, job.model.system->name()));
+        }
+    }
+    return series;
+}
+
+std::optional<orbits::Series> simulated_series(const Job& job, std::size_t index, const std::filesystem::path& folder) {
+    const auto file = folder / series_file_name(job, index);
+    if (job.series_output == SeriesOutput::none || !std::filesystem::exists(file)) return std::nullopt;
+    return read_stored(file, job.series_output, empty_series(job, job.data[index]), job.section_plane.has_value());
+}
+
+std::vector<Experiment> load_data(const Workspace& work) {
+    std::vector<Experiment> experiments;
+    for (std::size_t i = 0; i < work.job.data.size(); ++i) {
+        experiments.push_back(work.job.data[i].simulation ? simulated(work, i) : measured(work, i));
+    }
+    return experiments;
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,66 @@
+#include "apps/stages/model_section_plot.hpp"
+
+#include <fmt/format.h>
+
+#include "apps/drawing/section_plot.hpp"
+#include "apps/results/cycle_reader.hpp"
+#include "apps/stages/periodic_stage.hpp"
+#include "periodic/search/model_section.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+// Enough dots to see the attractor, and less than a second of simulation for every model in the registry.
+constexpr std::size_t dots = 40000;
+constexpr std::size_t trajectories = 16;
+// Of every trajectory this share is the way to the attractor: at least some hundred sections.
+constexpr double transient_share = 0.2;
+
+orbits::Series own_section(const Job& job) {
+    const models::System& system = *job.model.system;
+    models::FlowOptions coarse;  // a dot is a thousandth of the picture
+    coarse.relative_tolerance = coarse.absolute_tolerance = 1e-8;
+    const auto plane = job_section(job);
+    const periodic::ModelSection section{system, job.model.values, job.section_phase, plane,
+                                         periodic::longest_return(system, job.model.values, plane, job.seed, coarse)};
+    periodic::SectionPiecesOptions options;
+    options.points = dots;
+    options.trajectories = trajectories;
+    options.seed = job.seed;
+    options.flow = coarse;
+    orbits::Series series;
+    series.sampling = orbits::Series::Sampling::section;
+    series.coordinates = series_coordinates(system);
+    for (const Eigen::MatrixXd& piece : simulate_pieces(section, options).pieces) {
+        const auto kept = static_cast<Eigen::Index>((1.0 - transient_share) * static_cast<double>(piece.cols()));
+        orbits::Segment segment;
+        segment.values = piece.rightCols(kept);
+        series.segments.push_back(std::move(segment));
+    }
+    return series;
+}
+
+}  // namespace
+
+std::optional<std::string> model_section_svg(const Job& job, const ComputedOrbits& orbits) {
+    const models::System& system = *job.model.system;
+    if (system.kind() == models::Kind::autonomous && !job.section_plane) return std::nullopt;
+    std::vector<Eigen::Index> shown;
+    for (Eigen::Index i = 0; i < system.dimension(); ++i)
+        if (!job.section_plane || i != job.section_plane->coordinate) shown.push_back(i);
+    if (shown.size() < 2) return std::nullopt;
+    std::vector<PlottedOrbit> plotted;
+    for (const ComputedOrbit& computed : orbits.list)
+        if (computed.converged()) plotted.push_back({computed.orbit.period, computed.orbit.points});
+    SectionPlotOptions plot;
+    plot.title = job.title;
+    plot.x = shown[0];
+    plot.y = shown[1];
+    const orbits::Series series = own_section(job);
+    plot.subtitle =
+        fmt::format("{} periodic orbits of the model, over {} points of its section", plotted.size(), series.size());
+    return section_svg(series, plotted, plot);
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,133 @@
+#include "apps/stages/orbits_stage.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "apps/results/cycle_reader.hpp"
+#include "apps/results/invariants_file.hpp"
+#include "apps/stages/stage_fingerprint.hpp"
+#include "orbits/records/data_error.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+Fingerprint cycles_fingerprint(const Workspace& work) {
+    const OrbitsJob& orbits = *work.job.orbits;
+    const std::string data = work.document.contains("data") && work.document["data"].is_array()
+                                 ? fmt::format("/data/{}", orbits.data)
+                                 : "/data";
+    return stage_fingerprint(work.document,
+                             {"/model", "/seed", "/section", data + "/simulate", data + "/file", data + "/sha256",
+                              data + "/columns", data + "/missing", data + "/sensor", data + "/parameters", "/orbits"});
+}
+
+void say_missing(const Workspace& work, const orbits::CycleSearch& search) {
+    for (const int period : search.missing) {
+        work.progress.say(fmt::format("no cycle of period {} was found", period));
+    }
+}
+
+/// Periods asked for of which a list from a file has none.
+orbits::CycleSearch from_file(const Workspace& work) {
+    const OrbitsJob& orbits = *work.job.orbits;
+    orbits::CycleSearch search = read_cycles(*orbits.file, work.job.model.name, section_coordinates(work.job)).search;
+    search.missing.clear();
+    if (work.job.estimate && work.job.estimate->cycles) {
+        for (const int period : work.job.estimate->cycles->periods) {
+            const bool found = std::any_of(search.cycles.begin(), search.cycles.end(),
+                                           [&](const orbits::Cycle& cycle) { return cycle.period == period; });
+            if (!found) search.missing.push_back(period);
+        }
+    }
+    work.progress.reused("orbits",
+                         fmt::format("{} cycles from {}", search.cycles.size(), orbits.file->filename().string()));
+    return search;
+}
+
+}  // namespace
+
+CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint) {
+    CycleFileHead head;
+    head.model = job.model.name;
+    head.coordinates = section_coordinates(job);
+    head.plane = section_plane(job);
+    if (job.model.system->kind() == models::Kind::forced) {
+        head.phase = job.section_phase;
+        head.forcing_period_s = job.model.system->period(job.model.values, models::Clock::time);
+    }
+    head.own_time = job.model.system->kind() == models::Kind::autonomous;
+    head.fingerprint = std::move(fingerprint);
+    return head;
+}
+
+orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<SearchedSection>& section) {
+    const OrbitsJob& orbits = *work.job.orbits;
+    if (orbits.file) {
+        orbits::CycleSearch search = from_file(work);
+        say_missing(work, search);
+        return search;
+    }
+    const auto file = work.file("cycles.json");
+    const Fingerprint wanted = cycles_fingerprint(work);
+    if (std::filesystem::exists(file)) {
+        std::string stored;
+        orbits::CycleSearch search;
+        try {
+            CycleFile read = read_cycles(file, work.job.model.name, section_coordinates(work.job));
+            stored = read.head.fingerprint.sha256.empty() ? std::string() : to_text(read.head.fingerprint);
+            search = std::move(read.search);
+        } catch (const orbits::DataError&) {
+            // A file of ours that cannot be read is stale, and replaced.
+        }
+        if (reusable(work, Stage::orbits, file, stored, wanted)) {
+            work.progress.reused("orbits", fmt::format("{} cycles from cycles.json", search.cycles.size()));
+            say_missing(work, search);
+            return search;
+        }
+    }
+    work.progress.begin("orbits");
+    if (!section->remark.empty()) work.progress.say(section->remark);
+    orbits::CycleSearch search;
+    try {
+        const Departure::Allowed leaving(work.departure);
+        search = orbits::find_cycles(section->series(), section->options);
+    } catch (const std::invalid_argument& error) {
+        // The job was checked: what is refused here is the series (too short, a coordinate without spread).
+        std::string_view reason = error.what();
+        constexpr std::string_view caller = "find_cycles: ";
+        if (reason.starts_with(caller)) reason.remove_prefix(caller.size());
+        throw orbits::DataError(
+            fmt::format("{}: cannot be searched for cycles: {}", work.job.data[orbits.data].name, reason));
+    }
+    work.folder.store("cycles.json", cycles_text({cycle_file_head(work.job, wanted), search}));
+    work.progress.end(fmt::format("{} cycles from {} candidates", search.cycles.size(), search.candidates));
+    say_missing(work, search);
+    for (const std::string& remark : search.remarks)
+        work.progress.say(remark);
+    return search;
+}
+
+orbits::Invariants compute_invariants(const Workspace& work, const SearchedSection& section,
+                                      const orbits::CycleSearch& search) {
+    work.progress.begin("invariants");
+    orbits::InvariantOptions options;
+    options.expansion = work.job.orbits->expansion;
+    options.lyapunov.symmetry_signs = section.options.symmetry_signs;
+    try {
+        const auto find = [&] {
+            const Departure::Allowed leaving(work.departure);
+            return find_invariants(section.series(), search, options);
+        };
+        const orbits::Invariants invariants = find();
+        work.folder.store("invariants.json", invariants_text(invariants));
+        work.progress.end("exponents, dimensions and entropies");
+        return invariants;
+    } catch (const std::invalid_argument& error) {
+        throw orbits::DataError(fmt::format("{}: has no invariants to be told: {}",
+                                            work.job.data[work.job.orbits->data].name, error.what()));
+    }
+}
+
+}  // namespace orbid::apps

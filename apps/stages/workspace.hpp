@@ -1,0 +1,48 @@
+#pragma once
+
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/job/job.hpp"
+#include "apps/results/output_folder.hpp"
+#include "apps/results/result_file.hpp"
+#include "apps/stages/departure.hpp"
+#include "apps/stages/interruption.hpp"
+#include "apps/stages/progress.hpp"
+#include "apps/stages/run_options.hpp"
+#include "orbits/records/series.hpp"
+
+namespace orbid::apps {
+
+/// A single-stage command found a file of an earlier stage that belongs to another job.
+class StaleFile : public std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+/// What the stages of one run share.
+struct Workspace {
+    const Job& job;
+    const RunOptions& options;
+    const nlohmann::json& document;  ///< the complete job, as job.json holds it
+    Progress& progress;
+    const Interruption& interruption;
+    OutputFolder& folder;
+    Departure& departure;
+
+    [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder.file(name); }
+    [[nodiscard]] const models::System& system() const { return *job.model.system; }
+};
+
+/// May the file of an earlier stage be used? Compares the fingerprint in it (as text; empty: none) with what the job
+/// wants.
+///
+/// @return true when they agree; false when the stage has to run anew.
+/// @throws StaleFile naming file and key when they differ and only a later stage was asked for.
+[[nodiscard]] bool reusable(const Workspace& work, Stage stage, const std::filesystem::path& file,
+                            const std::string& stored_fingerprint, const Fingerprint& wanted);
+
+}  // namespace orbid::apps

@@ -1,0 +1,97 @@
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numeric>
+#include <span>
+
+#include <fmt/format.h>
+#include <Eigen/Dense>
+
+#include "apps/stored_run/forecast.hpp"
+#include "orbits/records/data_error.hpp"
+#include "orbits/simulation/transition.hpp"
+
+namespace orbid::apps::detail {
+
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+double rms(double squares, std::size_t count) {
+    return count > 0 ? std::sqrt(squares / static_cast<double>(count)) : nan;
+}
+
+}  // namespace
+
+void forecast_sections(const PredictionJob& job, const Experiment& record, Forecast& out) {
+    const models::System& system = *job.derived.model.system;
+    const DataJob& data = job.derived.data[0];
+    std::vector<std::shared_ptr<const models::System>> systems;
+    for (const auto& input : record.inputs)
+        systems.push_back(system.with_input(input));
+    if (systems.empty()) systems.push_back(job.derived.model.system);
+    Eigen::VectorXd values = job.derived.model.values;
+    for (const ParameterValue& own : data.parameters)
+        values[own.parameter] = own.value;
+    std::vector<std::size_t> segments(record.series.segments.size());
+    std::iota(segments.begin(), segments.end(), std::size_t{0});
+    constexpr std::size_t most = 100000;  // steps: an rms to a quarter of a percent
+    const auto steps =
+        orbits::transitions(systems, values, record.series, data.sensor, segments, 1, most, job.derived.seed);
+    if (steps.empty()) throw orbits::DataError(fmt::format("{}: no reading has a successor", data.name));
+    const models::FlowOptions flow{1e-10, 1e-10, 20000};
+    const auto predicted = orbits::predictions(systems, values, steps, std::span<const Eigen::Index>{},
+                                               orbits::transition_clock(system, record.series), flow);
+    Eigen::MatrixXd states(system.dimension(), static_cast<Eigen::Index>(steps.size()));
+    for (Eigen::Index k = 0; k < states.cols(); ++k)
+        states.col(k) = steps[static_cast<std::size_t>(k)].from;
+    const Eigen::VectorXd sizes =
+        orbits::error_sizes(data.sensor, orbits::coordinate_range(system, record.series, states));
+
+    // Sds of readings as the run knows them; otherwise what these very predictions leave, an upper bound.
+    Eigen::VectorXd sds = Eigen::VectorXd::Constant(system.dimension(), nan);
+    if (job.known_errors && job.derived.estimate && job.derived.estimate->series) {
+        for (const ErrorJob& error : job.derived.estimate->series->errors)
+            sds[error.coordinate] = error.scale.value > 0.0 ? error.scale.value : nan;
+    }
+    if (!sds.allFinite()) {
+        out.known_errors = false;
+        sds = orbits::prediction_noise(predicted, sizes).cwiseProduct(sizes);
+    }
+    StepForecast& all = out.steps;
+    const auto dimension = static_cast<std::size_t>(system.dimension());
+    std::vector<double> squares(dimension, 0.0);
+    std::vector<double> expected(dimension, 0.0);
+    double normalised = 0.0;
+    double growth = 0.0;
+    for (std::size_t k = 0; k < predicted.size(); ++k) {
+        if (!predicted[k].ok) {
+            ++all.failed;
+            continue;
+        }
+        ++all.steps;
+        growth += std::log(predicted[k].by_x.jacobiSvd().singularValues()[0]);
+        for (Eigen::Index i = 0; i < system.dimension(); ++i) {
+            const auto c = static_cast<std::size_t>(i);
+            const double error = predicted[k].error[i];
+            const double variance =
+                sds[i] * sds[i] + predicted[k].by_x.row(i).cwiseProduct(sds.transpose()).squaredNorm();
+            squares[c] += error * error;
+            expected[c] += variance;
+            normalised += error * error / variance;
+            out.rows.push_back({data.name, record.series.segments[steps[k].segment].label,
+                                std::string(system.coordinates()[c].name), static_cast<double>(k), steps[k].to[i],
+                                steps[k].to[i] - error, std::sqrt(variance)});
+        }
+    }
+    for (std::size_t c = 0; c < dimension; ++c) {
+        const auto& coordinate = system.coordinates()[c];
+        all.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit),
+                                   rms(squares[c], all.steps), sds[static_cast<Eigen::Index>(c)]});
+        all.expected.push_back(rms(expected[c], all.steps));
+    }
+    all.normalised = rms(normalised, all.steps * dimension);
+    if (all.steps > 0) all.growth = growth / static_cast<double>(all.steps);
+}
+
+}  // namespace orbid::apps::detail

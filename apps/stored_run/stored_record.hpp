@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "apps/stored_run/stored_run.hpp"
+
+/// What plots ask of the rows of residuals.csv.
+namespace orbid::apps::catalog {
+
+/// A point of a cycle, not a reading of a series.
+[[nodiscard]] bool is_cycle(const ResidualRow& row);
+
+/// The rows of a run that has some.
+/// @throws orbits::DataError when there are none, or they cannot be read.
+[[nodiscard]] std::vector<ResidualRow> rows_of(const StoredRun& run);
+
+/// Unit of the model's time as far as its parameters tell: "s", or nothing when none of them has seconds.
+[[nodiscard]] std::string time_unit(const ModelJob& model);
+
+/// A coordinate of the model as a series has it, without a unit where that is 1; also for names that it does not have.
+[[nodiscard]] orbits::SeriesCoordinate coordinate_of(const ModelJob& model, const std::string& name);
+
+/// Every how many of a list are shown, so that at most `most` are.
+[[nodiscard]] std::size_t stride(std::size_t count, std::size_t most);
+
+/// Whether the records of an experiment have times; sections of forced systems have phases.
+[[nodiscard]] bool is_sampled(const StoredRun& run, const std::string& experiment);
+
+}  // namespace orbid::apps::catalog

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/job/job.hpp"
+#include "apps/results/result_file.hpp"
+#include "orbits/records/series.hpp"
+
+namespace orbid::apps {
+
+/// What was named is no output folder of this program, or lacks what is asked of it. The message names both.
+class StoredRunRefused : public std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+/// The files of an output folder, as far as they are there, each read once; keys in the order of the files.
+///
+/// Only `job` is always there: it is stored before the first result. Large files are read when asked for, by the
+/// functions below.
+struct StoredRun {
+    using Json = nlohmann::ordered_json;
+
+    std::filesystem::path folder;
+    Json job;                             ///< job.json, orbid-job/1
+    std::optional<Json> result;           ///< result.json, orbid-result/1
+    std::optional<Json> cycles;           ///< cycles.json, orbid-cycles/1: measured
+    std::optional<Json> orbits;           ///< orbits.json, orbid-cycles/1: computed
+    std::optional<Json> estimate_orbits;  ///< estimate_orbits.json, as orbits.json: of a job with a "periodic" block
+    std::optional<Json> branch;           ///< branch.json, orbid-branches/1
+    std::optional<Json> invariants;       ///< invariants.json
+    std::optional<Json> timing;           ///< timing.json
+
+    /// "title" of the job; may be empty.
+    [[nodiscard]] std::string title() const;
+    /// Entries of "data" of the job, also where it is one object instead of a list.
+    [[nodiscard]] std::vector<const Json*> experiments() const;
+    /// The orbits that belong to the estimate: estimate_orbits.json, or else orbits.json.
+    [[nodiscard]] const Json* orbits_of_estimate() const;
+};
+
+/// Reads job.json and whatever else of the above the folder holds.
+/// @throws StoredRunRefused when there is no such folder or no job.json in it;
+///         orbits::DataError naming file, line and column of broken JSON, or file, format found and format expected.
+[[nodiscard]] StoredRun read_stored_run(const std::filesystem::path& folder);
+
+/// residuals.csv; empty when the folder has none. Empty cells are nan.
+/// @throws orbits::DataError naming file, line and column of what cannot be read.
+[[nodiscard]] std::vector<ResidualRow> stored_residuals(const StoredRun& run);
+
+/// Draws from the posterior: names of the columns of posterior.csv, and the values.
+struct StoredDraws {
+    std::vector<std::string> names;            ///< sampled quantities, without chain, draw and minus_log_density
+    std::vector<int> chain;                    ///< of every draw, from 1
+    std::vector<std::vector<double>> columns;  ///< one per name, as long as `chain`
+};
+
+/// posterior.csv; nothing when the folder has none.
+/// @throws orbits::DataError as stored_residuals.
+[[nodiscard]] std::optional<StoredDraws> stored_draws(const StoredRun& run);
+
+/// The job of the run, with the files that it names.
+/// @throws orbits::DataError naming place and rule of what is wrong with it: a file that has gone, a newer version.
+[[nodiscard]] Job stored_job(const StoredRun& run);
+
+/// The model of the run, as job.json describes it; data files need not be there any more.
+/// @throws orbits::DataError when this program does not know the model (job of a newer version).
+[[nodiscard]] ModelJob stored_model(const StoredRun& run);
+
+/// The record of an experiment: series.h5 or series.csv of the folder (series_NAME.h5 with several experiments), or the
+/// file that it was read from, with the columns, units and signs of the job.
+/// @param experiment  index into experiments().
+/// @return nothing when the record was simulated and not stored.
+/// @throws orbits::DataError when the file has gone or cannot be read; std::invalid_argument for an experiment that
+///         the job does not have.
+[[nodiscard]] std::optional<orbits::Series> stored_series(const StoredRun& run, std::size_t experiment);
+
+}  // namespace orbid::apps

@@ -1,0 +1,371 @@
+#include "estimator/algebra/chain.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "estimator/algebra/block_loop.hpp"
+#include "estimator/algebra/triangle.hpp"
+
+namespace orbid::estimator {
+
+namespace {
+
+using Rows = Eigen::Map<Eigen::MatrixXd>;
+
+/// Rows on two neighbouring nodes of the moment, [left | right | common]: an original link, or a place in a pool.
+struct Edge {
+    const double* values = nullptr;
+    Eigen::Index rows = 0;
+    Eigen::Index columns = 0;
+    const ChainNode* from = nullptr;  ///< of an original link
+    const ChainNode* to = nullptr;
+};
+
+/// What is in work: the nodes left, in order, and the rows between each and the following one.
+struct Reduction {
+    const std::vector<ChainNode>& nodes;
+    Eigen::Index width;  ///< q + 1
+    std::vector<std::size_t> left;
+    std::vector<Edge> edge;         ///< edge[i] between left[i] and left[i + 1] (cyclic: the last and the first)
+    std::vector<double> pool;       ///< of the edges that are no original links
+    std::vector<double> next_pool;  ///< of those in the making
+};
+
+/// Small matrices one after the other in the same memory.
+class Workspace {
+public:
+    Rows zero(Eigen::Index rows, Eigen::Index columns) {
+        const auto size = static_cast<std::size_t>(rows * columns);
+        if (values_.size() < size) values_.resize(2 * size);
+        std::fill_n(values_.begin(), size, 0.0);
+        return {values_.data(), rows, columns};
+    }
+    Eigen::Index* order(Eigen::Index count) {
+        if (order_.size() < static_cast<std::size_t>(count)) order_.resize(2 * static_cast<std::size_t>(count));
+        return order_.data();
+    }
+    const double* zeros(Eigen::Index count) {
+        if (zeros_.size() < static_cast<std::size_t>(count)) zeros_.resize(2 * static_cast<std::size_t>(count), 0.0);
+        return zeros_.data();
+    }
+
+private:
+    std::vector<double> values_;
+    std::vector<double> zeros_;
+    std::vector<Eigen::Index> order_;
+};
+
+/// Rows that only the parameters are left in, kept short.
+class Remainder {
+public:
+    explicit Remainder(Eigen::Index width) : rows_(12 * width, width) {}
+    void add(const Eigen::Ref<const Eigen::MatrixXd>& rows) {
+        if (count_ + rows.rows() > rows_.rows()) {
+            const Eigen::MatrixXd short_rows = triangle();
+            if (short_rows.rows() + rows.rows() > rows_.rows())
+                rows_.resize(2 * (short_rows.rows() + rows.rows()), short_rows.cols());
+            rows_.topRows(short_rows.rows()) = short_rows;
+            count_ = short_rows.rows();
+        }
+        rows_.middleRows(count_, rows.rows()) = rows;
+        count_ += rows.rows();
+    }
+    [[nodiscard]] Eigen::MatrixXd triangle() const { return upper_triangle(rows_.topRows(count_)); }
+
+private:
+    Eigen::MatrixXd rows_;
+    Eigen::Index count_ = 0;
+};
+
+/// Columns of dead states carry nothing.
+template <class Matrix>
+void clear_dead(Matrix&& columns, const ChainNode& node) {
+    if (node.dead == nullptr) return;
+    for (Eigen::Index j = 0; j < node.latents; ++j)
+        if ((*node.dead)[static_cast<std::size_t>(j)]) columns.col(j).setZero();
+}
+
+Eigen::Index own_rows(const ChainNode& node) {
+    return node.own->rows() + (node.alone != nullptr ? node.alone->rows() : 0) + node.damping.size();
+}
+
+/// Plain loops below: the matrices are as small as a state, and calls for general ones cost more than the copies.
+void put(const double* from, Eigen::Index from_stride, Eigen::Index rows, Eigen::Index columns, double* to,
+         Eigen::Index to_stride) {
+    for (Eigen::Index j = 0; j < columns; ++j)
+        for (Eigen::Index i = 0; i < rows; ++i)
+            to[j * to_stride + i] += from[j * from_stride + i];
+}
+
+/// A node's own rows, its states from column `first`, the common columns at the end.
+void put_own(const ChainNode& node, Eigen::Index row, Eigen::Index first, Eigen::Index width, Rows& a) {
+    const Eigen::Index begin = row;
+    const Eigen::Index common = a.cols() - width;
+    for (const Eigen::MatrixXd* rows : {node.own, node.alone}) {
+        if (rows == nullptr) continue;
+        const Eigen::Index m = rows->rows();
+        put(rows->data(), m, m, node.latents, a.data() + first * a.rows() + row, a.rows());
+        put(rows->data() + node.latents * m, m, m, width, a.data() + common * a.rows() + row, a.rows());
+        row += m;
+    }
+    for (Eigen::Index k = 0; k < node.damping.size(); ++k)
+        if (node.dead == nullptr || !(*node.dead)[static_cast<std::size_t>(k)]) a(row + k, first + k) = node.damping[k];
+    if (node.dead != nullptr) clear_dead(a.block(begin, first, row - begin, node.latents), node);
+}
+
+/// The rows of an edge, its left states from column `left`, the right ones from `right`; they are added.
+void put_edge(const Edge& edge, Eigen::Index row, Eigen::Index left, Eigen::Index l_left, Eigen::Index right,
+              Eigen::Index l_right, Eigen::Index width, Rows& a) {
+    const Eigen::Index m = edge.rows;
+    if (m == 0) return;
+    double* const to = a.data() + row;
+    put(edge.values, m, m, l_left, to + left * a.rows(), a.rows());
+    put(edge.values + l_left * m, m, m, l_right, to + right * a.rows(), a.rows());
+    put(edge.values + (l_left + l_right) * m, m, m, width, to + (a.cols() - width) * a.rows(), a.rows());
+    if (edge.from == nullptr) return;
+    if (edge.from->dead != nullptr) clear_dead(a.block(row, left, m, l_left), *edge.from);
+    if (edge.to->dead != nullptr) clear_dead(a.block(row, right, m, l_right), *edge.to);
+}
+
+/// Keeps the rows of an elimination at its place, columns of the pivots in their order.
+void keep(const Rows& a, const Eigen::Index* order, Elimination& step, ChainLevel& level) {
+    const Eigen::Index others = a.cols() - step.pivots;
+    step.columns = step.rank + others;
+    std::copy_n(order, step.pivots, level.order.begin() + static_cast<std::ptrdiff_t>(step.first));
+    double* const rows = level.values.data() + step.place;  // zeros so far
+    for (Eigen::Index k = 0; k < step.rank; ++k)
+        put(a.data() + order[k] * a.rows(), a.rows(), step.rank, 1, rows + k * step.rank, step.rank);
+    put(a.data() + step.pivots * a.rows(), a.rows(), step.rank, others, rows + step.rank * step.rank, step.rank);
+}
+
+/// One node between its neighbours; `made` is the place for the rows that this leaves between them.
+void eliminate_between(const Reduction& work, Elimination& step, const Edge& before, const Edge& after,
+                       ChainLevel& level, Edge& made, double* place, Workspace& space, Remainder& rest) {
+    const ChainNode& own = work.nodes[static_cast<std::size_t>(step.node)];
+    const Eigen::Index l = own.latents;
+    const Eigen::Index l_left = work.nodes[static_cast<std::size_t>(step.left)].latents;
+    const Eigen::Index l_right = work.nodes[static_cast<std::size_t>(step.right)].latents;
+    const Eigen::Index both = l_left + l_right;
+    Rows a = space.zero(before.rows + after.rows + own_rows(own), l + both + work.width);
+    put_edge(before, 0, l, l_left, 0, l, work.width, a);
+    put_edge(after, before.rows, 0, l, l + l_left, l_right, work.width, a);
+    put_own(own, before.rows + after.rows, 0, work.width, a);
+
+    Eigen::Index* order = space.order(std::max(l, both));
+    step.rank = eliminate(a, 0, 0, own.limit.data(), l, order);
+    keep(a, order, step, level);
+    const Eigen::Index between = eliminate(a, step.rank, l, space.zeros(both), both, order);
+    made = {place, between, both + work.width, nullptr, nullptr};
+    std::fill_n(place, between * (both + work.width), 0.0);
+    put(a.data() + l * a.rows() + step.rank, a.rows(), between, both + work.width, place, between);
+    const Eigen::Index from = step.rank + between;
+    if (a.rows() > from) rest.add(a.bottomRightCorner(a.rows() - from, work.width));
+}
+
+/// The one or two nodes that are left.
+void eliminate_last(const Reduction& work, ChainLevel& level, Workspace& space, Remainder& rest) {
+    const std::size_t first = work.left[0];
+    const std::size_t second = work.left.back();
+    const bool pair = work.left.size() == 2;
+    const Eigen::Index l = work.nodes[first].latents;
+    const Eigen::Index l_second = pair ? work.nodes[second].latents : 0;
+    Eigen::Index rows = own_rows(work.nodes[first]) + (pair ? own_rows(work.nodes[second]) : 0);
+    for (const Edge& edge : work.edge)
+        rows += edge.rows;
+    Rows a = space.zero(rows, l + l_second + work.width);
+    Eigen::Index row = 0;
+    for (std::size_t e = 0; e < work.edge.size(); ++e) {
+        const Edge& edge = work.edge[e];
+        const Eigen::Index l_from = e == 0 ? l : l_second;
+        // A chain of one node closed in itself: both parts fall on the same columns.
+        const Eigen::Index l_to = pair && e == 0 ? l_second : l;
+        put_edge(edge, row, e == 0 ? 0 : l, l_from, pair && e == 0 ? l : 0, l_to, work.width, a);
+        row += edge.rows;
+    }
+    Eigen::VectorXd limit(l + l_second);
+    for (std::size_t i = 0; i < work.left.size(); ++i) {
+        const ChainNode& node = work.nodes[work.left[i]];
+        put_own(node, row, i == 0 ? 0 : l, work.width, a);
+        limit.segment(i == 0 ? 0 : l, node.latents) = node.limit;
+        row += own_rows(node);
+    }
+    Elimination step;
+    step.node = static_cast<std::ptrdiff_t>(first);
+    step.partner = pair ? static_cast<std::ptrdiff_t>(second) : -1;
+    step.pivots = l + l_second;
+    level.values.resize(static_cast<std::size_t>(step.pivots * (step.pivots + work.width)));
+    level.order.resize(static_cast<std::size_t>(step.pivots));
+    Eigen::Index* order = space.order(step.pivots);
+    step.rank = eliminate(a, 0, 0, limit.data(), step.pivots, order);
+    keep(a, order, step, level);
+    level.steps.push_back(step);
+    if (a.rows() > step.rank) rest.add(a.bottomRightCorner(a.rows() - step.rank, work.width));
+}
+
+/// Every second node that has a neighbour on both sides.
+ChainLevel reduce(Reduction& work, bool cyclic, Remainder& rest) {
+    const std::size_t size = work.left.size();
+    const std::size_t count = cyclic ? size / 2 : (size - 1) / 2;
+    ChainLevel level;
+    level.steps.resize(count);
+    std::vector<std::size_t> place(count);
+    std::size_t values = 0;
+    std::size_t order = 0;
+    std::size_t pool = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+        Elimination& step = level.steps[k];
+        const std::size_t i = 2 * k + 1;
+        step.node = static_cast<std::ptrdiff_t>(work.left[i]);
+        step.left = static_cast<std::ptrdiff_t>(work.left[i - 1]);
+        step.right = static_cast<std::ptrdiff_t>(work.left[(i + 1) % size]);
+        step.pivots = work.nodes[work.left[i]].latents;
+        step.place = values;
+        step.first = order;
+        place[k] = pool;
+        const Eigen::Index both = work.nodes[work.left[i - 1]].latents + work.nodes[work.left[(i + 1) % size]].latents;
+        values += static_cast<std::size_t>(step.pivots * (step.pivots + both + work.width));
+        order += static_cast<std::size_t>(step.pivots);
+        pool += static_cast<std::size_t>(both * (both + work.width));
+    }
+    level.values.resize(values);
+    level.order.resize(order);
+    work.next_pool.resize(pool);
+    std::vector<Edge> edges(count);
+    std::vector<Eigen::MatrixXd> rests(pieces_of(count));
+    for_pieces(count, [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        Workspace space;
+        Remainder own(work.width);
+        for (std::size_t k = begin; k < end; ++k)
+            eliminate_between(work, level.steps[k], work.edge[2 * k], work.edge[2 * k + 1], level, edges[k],
+                              work.next_pool.data() + place[k], space, own);
+        rests[piece] = own.triangle();
+    });
+    for (const Eigen::MatrixXd& rows : rests)
+        rest.add(rows);
+    std::vector<std::size_t> left;
+    left.reserve(size / 2 + 2);
+    for (std::size_t i = 0; i < size; i += 2) {
+        left.push_back(work.left[i]);
+        if (i / 2 < count) continue;
+        // The end of an even open chain stays with the node before it; so does an odd ring's last link.
+        if (!cyclic && i + 1 < size) left.push_back(work.left[i + 1]);
+    }
+    // What such a link holds moves along with the pool.
+    for (std::size_t e = 2 * count; e < work.edge.size(); ++e) {
+        edges.push_back(work.edge[e]);
+        if (edges.back().from == nullptr) {
+            // At most one edge stays, so that the pool is not moved under a reference twice.
+            const auto cells = static_cast<std::size_t>(edges.back().rows * edges.back().columns);
+            const std::size_t at = work.next_pool.size();
+            const double* old = work.next_pool.data();
+            work.next_pool.resize(at + cells);
+            std::copy_n(edges.back().values, cells, work.next_pool.begin() + static_cast<std::ptrdiff_t>(at));
+            for (std::size_t k = 0; k + 1 < edges.size(); ++k)
+                if (edges[k].from == nullptr) edges[k].values = work.next_pool.data() + (edges[k].values - old);
+            edges.back().values = work.next_pool.data() + at;
+        }
+    }
+    work.left = std::move(left);
+    work.edge = std::move(edges);
+    std::swap(work.pool, work.next_pool);
+    return level;
+}
+
+}  // namespace
+
+ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Eigen::Index parameters) {
+    ChainFactor chain;
+    chain.cyclic = cyclic;
+    Reduction work{nodes, parameters + 1, {}, {}, {}, {}};
+    chain.block.reserve(nodes.size());
+    chain.latents.reserve(nodes.size());
+    work.left.reserve(nodes.size());
+    work.edge.reserve(nodes.size());
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+        chain.block.push_back(nodes[i].block);
+        chain.latents.push_back(nodes[i].latents);
+        work.left.push_back(i);
+        if (!cyclic && i + 1 == nodes.size()) continue;
+        Edge edge;
+        edge.from = &nodes[i];
+        edge.to = &nodes[(i + 1) % nodes.size()];
+        if (nodes[i].link != nullptr) {
+            edge.values = nodes[i].link->data();
+            edge.rows = nodes[i].link->rows();
+            edge.columns = nodes[i].link->cols();
+        }
+        work.edge.push_back(edge);
+    }
+    Remainder rest(work.width);
+    while (work.left.size() > 2)
+        chain.levels.push_back(reduce(work, cyclic, rest));
+    Workspace space;
+    chain.levels.emplace_back();
+    eliminate_last(work, chain.levels.back(), space, rest);
+    chain.rest = rest.triangle();
+    return chain;
+}
+
+void solve_chain(const ChainFactor& chain, const Eigen::VectorXd& d, std::vector<Eigen::VectorXd>& z) {
+    const Eigen::Index q = d.size();
+    for (auto level = chain.levels.rbegin(); level != chain.levels.rend(); ++level) {
+        for_pieces(level->steps.size(), [&](std::size_t begin, std::size_t end, std::size_t) {
+            std::vector<double> right;
+            for (std::size_t s = begin; s < end; ++s) {
+                const Elimination& step = level->steps[s];
+                const Eigen::Map<const Eigen::MatrixXd> rows = level->rows(step);
+                const Eigen::Index rank = step.rank;
+                right.assign(rows.col(rows.cols() - 1).data(), rows.col(rows.cols() - 1).data() + rank);
+                const auto add = [&](Eigen::Index column, double x) {
+                    const double* values = rows.col(column).data();
+                    for (Eigen::Index k = 0; k < rank; ++k)
+                        right[static_cast<std::size_t>(k)] += values[k] * x;
+                };
+                for (Eigen::Index j = 0; j < q; ++j)
+                    add(rows.cols() - 1 - q + j, d[j]);
+                Eigen::Index column = rank;
+                for (const std::ptrdiff_t neighbour : {step.left, step.right}) {
+                    if (neighbour < 0) continue;
+                    const Eigen::VectorXd& known = z[chain.block[static_cast<std::size_t>(neighbour)]];
+                    for (Eigen::Index j = 0; j < known.size(); ++j)
+                        add(column + j, known[j]);
+                    column += known.size();
+                }
+                for (Eigen::Index k = rank; k-- > 0;) {
+                    double sum = right[static_cast<std::size_t>(k)];
+                    for (Eigen::Index j = k + 1; j < rank; ++j)
+                        sum -= rows(k, j) * right[static_cast<std::size_t>(j)];
+                    right[static_cast<std::size_t>(k)] = sum / rows(k, k);
+                }
+                const auto node = static_cast<std::size_t>(step.node);
+                const Eigen::Index l = chain.latents[node];
+                Eigen::VectorXd& own = z[chain.block[node]];
+                own.setZero(l);
+                Eigen::VectorXd* other = nullptr;
+                if (step.partner >= 0) {
+                    const auto partner = static_cast<std::size_t>(step.partner);
+                    other = &z[chain.block[partner]];
+                    other->setZero(chain.latents[partner]);
+                }
+                for (Eigen::Index k = 0; k < rank; ++k) {
+                    const Eigen::Index j = level->order[step.first + static_cast<std::size_t>(k)];
+                    (j < l ? own[j] : (*other)[j - l]) = -right[static_cast<std::size_t>(k)];
+                }
+            }
+        });
+    }
+}
+
+double log_abs_determinant(const ChainFactor& chain) {
+    double sum = 0.0;
+    for (const ChainLevel& level : chain.levels)
+        for (const Elimination& step : level.steps) {
+            const double* diagonal = level.values.data() + step.place;
+            for (Eigen::Index k = 0; k < step.rank; ++k)
+                sum += std::log(std::abs(diagonal[k * (step.rank + 1)]));
+        }
+    return sum;
+}
+
+}  // namespace orbid::estimator

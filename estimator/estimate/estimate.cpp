@@ -1,0 +1,252 @@
+#include "estimator/estimate/estimate.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <variant>
+
+#include "estimator/estimate/estimate_report.hpp"
+#include "estimator/problem/problem_setup.hpp"
+#include "estimator/problem/tie.hpp"
+#include "estimator/uncertainty/posterior.hpp"
+#include "estimator/uncertainty/verdict.hpp"
+
+namespace orbid::estimator {
+
+namespace {
+
+constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
+
+std::string label(const Problem& problem, const ActiveBlock& block) {
+    const Residual& residual = *problem.residuals[block.residual];
+    return std::string(residual.type()) + " \"" + residual.layout()[block.block].label + "\"";
+}
+
+/// Stages lower a matching error by a factor of two at least: sixty cover more than the digits of a double.
+constexpr int provisional_limit = 60;
+
+EstimateStatus status_of(Outcome outcome) {
+    switch (outcome) {
+        case Outcome::converged:
+            return EstimateStatus::converged;
+        case Outcome::no_progress:
+        case Outcome::blocks_stopped:
+            return EstimateStatus::no_progress;
+        case Outcome::iteration_limit:
+            return EstimateStatus::iteration_limit;
+        case Outcome::interrupted:
+            return EstimateStatus::interrupted;
+        case Outcome::start_failed:
+        case Outcome::no_freedom:
+            break;
+    }
+    return EstimateStatus::failed;
+}
+
+/// The rounds of one estimate: minimise, take out blocks that stopped, let the residuals look again.
+class Rounds {
+public:
+    Rounds(const Problem& problem, State& state) : problem_(problem), state_(state) {
+        for (const Residual* residual : problem.residuals) {
+            ResidualCount count{std::string(residual->type()), 0, 0, 0, 0};
+            count.lost = static_cast<int>(std::count_if(residual->layout().begin(), residual->layout().end(),
+                                                        [](const BlockLayout& block) { return !block.active; }));
+            counts.push_back(count);
+        }
+    }
+
+    void run();
+
+    BlockSet set;
+    Minimum minimum;
+    Ledger ledger;
+    std::vector<ResidualCount> counts;
+
+private:
+    bool suspend_stopped();
+    bool refresh();
+    void read_scales();
+    void adopt_latents(std::size_t residual, const std::vector<bool>& was_active);
+
+    const Problem& problem_;
+    State& state_;
+};
+
+/// Takes the stopped blocks out. False when too much would be lost: half of a residual's blocks or more.
+bool Rounds::suspend_stopped() {
+    std::vector<std::size_t> lost(problem_.residuals.size(), 0);
+    std::vector<std::size_t> active(problem_.residuals.size(), 0);
+    for (const ActiveBlock& block : set.blocks)
+        ++active[block.residual];
+    for (const std::size_t b : minimum.stopped)
+        ++lost[set.blocks[b].residual];
+    for (std::size_t r = 0; r < lost.size(); ++r)
+        if (2 * lost[r] >= std::max<std::size_t>(active[r], 1) && lost[r] > 0) return false;
+    for (const std::size_t b : minimum.stopped) {
+        problem_.residuals[set.blocks[b].residual]->suspend(set.blocks[b].block);
+        ++counts[set.blocks[b].residual].lost;
+    }
+    return true;
+}
+
+/// Blocks that are new, or came back, start from the residual's own latent states.
+void Rounds::adopt_latents(std::size_t residual, const std::vector<bool>& was_active) {
+    const auto fresh = problem_.residuals[residual]->initial_latents();
+    const auto& layout = problem_.residuals[residual]->layout();
+    auto& latents = state_.latents[residual];
+    latents.resize(layout.size());
+    for (std::size_t b = 0; b < layout.size(); ++b) {
+        const bool kept = b < was_active.size() && was_active[b] && latents[b].size() == layout[b].latents;
+        if (!kept) latents[b] = fresh[b];
+    }
+}
+
+bool Rounds::refresh() {
+    bool changed = false;
+    std::size_t first = 0;
+    const Eigen::VectorXd all_scales = scales_of(problem_.laws, state_.psi);
+    for (std::size_t r = 0; r < problem_.residuals.size(); ++r) {
+        Residual& residual = *problem_.residuals[r];
+        std::vector<bool> was_active;
+        for (const BlockLayout& block : residual.layout())
+            was_active.push_back(block.active);
+        const auto groups = static_cast<Eigen::Index>(residual.groups().size());
+        const Eigen::VectorXd scales = all_scales.segment(static_cast<Eigen::Index>(first), groups);
+        const RefreshReport report = residual.refresh(state_.theta, state_.latents[r], scales);
+        first += residual.groups().size();
+        counts[r].lost += report.lost;
+        counts[r].rejected += report.rejected;
+        counts[r].added += report.added;
+        if (report.changed) adopt_latents(r, was_active);
+        changed = changed || report.changed;
+    }
+    return changed;
+}
+
+/// Fixed scales as the residuals have them now; in a provisional round the starts of the others as well.
+void Rounds::read_scales() {
+    for (const ErrorLaw& law : problem_.laws) {
+        if (law.joint()) continue;
+        const Channel& channel = problem_.channels[static_cast<std::size_t>(law.channels.front())];
+        const double value =
+            problem_.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)].scale.value;
+        const ErrorCoordinate& scale = law.coordinates.front();
+        if (value > 0.0 && (!scale.estimate || set.provisional)) state_.psi[law.first] = scale.at(value);
+    }
+}
+
+void Rounds::run() {
+    const int limit = problem_.options.maximum_rounds;
+    int provisional = 0;
+    for (ledger.round = 1;; ++ledger.round) {
+        set = freeze(problem_.residuals, problem_.channels, problem_.laws);
+        if (set.provisional) ++provisional;
+        if (ledger.round > 1) read_scales();
+        minimum = Minimum{};
+        if (set.records == 0) {
+            minimum.message = "no residual record takes part";
+            return;
+        }
+        minimum = minimise(problem_, set, state_, ledger);
+        const bool last = set.provisional ? provisional >= provisional_limit : ledger.round - provisional >= limit;
+        if (minimum.outcome == Outcome::start_failed || minimum.outcome == Outcome::blocks_stopped) {
+            const bool at_start = minimum.outcome == Outcome::start_failed;
+            minimum.message =
+                (at_start ? "cannot be evaluated at the start: " : "stopped three steps in a row: ") +
+                label(problem_, set.blocks[minimum.stopped.front()]) +
+                (minimum.stopped.size() > 1 ? " and " + std::to_string(minimum.stopped.size() - 1) + " more of " +
+                                                  std::to_string(set.blocks.size()) + " blocks"
+                                            : "");
+            if (last || !suspend_stopped()) return;
+            if (at_start) continue;
+        } else if (minimum.outcome != Outcome::converged && minimum.outcome != Outcome::no_progress) {
+            return;
+        }
+        if (last) {
+            if (set.provisional) {
+                minimum.outcome = Outcome::iteration_limit;
+                minimum.message = "still provisional after " + std::to_string(provisional_limit) + " rounds";
+            } else if (limit > 1 && minimum.outcome == Outcome::converged) {
+                minimum.outcome = Outcome::iteration_limit;
+                minimum.message = "the limit of " + std::to_string(limit) +
+                                  " rounds is reached while the set of blocks still changes";
+            }
+            return;
+        }
+        const bool stopped = minimum.outcome == Outcome::blocks_stopped;
+        if (!refresh() && !stopped && !set.provisional) return;
+    }
+}
+
+}  // namespace
+
+std::string_view name(EstimateStatus status) {
+    switch (status) {
+        case EstimateStatus::converged:
+            return "converged";
+        case EstimateStatus::no_progress:
+            return "no_progress";
+        case EstimateStatus::iteration_limit:
+            return "iteration_limit";
+        case EstimateStatus::singular:
+            return "singular";
+        case EstimateStatus::failed:
+            return "failed";
+        case EstimateStatus::interrupted:
+            return "interrupted";
+    }
+    return "failed";
+}
+
+Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+                  const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {
+    if (any_tied(parameters)) {
+        const TiedProblem tied = resolve_ties(parameters, residuals, options.joint_priors);
+        Estimate result = estimate(tied.parameters, tied.residuals, tied.derived(derived), options);
+        tied.expand(result);
+        return result;
+    }
+    const Problem problem = set_up(parameters, residuals, derived, options);
+    State state = initial_state(problem);
+    Rounds rounds(problem, state);
+    rounds.run();
+
+    Estimate result;
+    result.status = status_of(rounds.minimum.outcome);
+    result.message = rounds.minimum.message;
+    result.counts = rounds.counts;
+    result.iterations = rounds.ledger.iterations;
+    result.evaluations = rounds.ledger.evaluations;
+    result.rounds = rounds.ledger.round;
+    result.remaining = rounds.minimum.remaining;
+    result.history = rounds.ledger.history;
+    if (result.status == EstimateStatus::failed) {
+        report_failure(problem, state, result);
+        return result;
+    }
+    const Posterior posterior(problem, rounds.set, state, rounds.minimum);
+    report(problem, rounds.set, state, rounds.minimum, posterior, derived, result);
+    result.log_integral = posterior.log_integral();
+    const bool at_floor = std::any_of(rounds.minimum.error_at_floor.begin(), rounds.minimum.error_at_floor.end(),
+                                      [](bool floor) { return floor; });
+    result.hessian_ratio = Eigen::VectorXd::Constant(state.u.size(), nan_value);
+    if ((options.verdict || options.full_hessian) && !at_floor) {
+        const FullHessian hessian =
+            full_hessian(problem, rounds.set, state, rounds.minimum, posterior, result.evaluations);
+        result.hessian_ratio = hessian.ratio;
+        if (options.full_hessian && hessian.definite) result.log_integral -= 0.5 * hessian.ln_determinant;
+        if (options.verdict) {
+            const Verdict verdict =
+                judge(problem, rounds.set, state, rounds.minimum, posterior, hessian, result.evaluations);
+            result.trust_normal = verdict.trust;
+            result.distrust = verdict.reason;
+        }
+    }
+    result.objective = posterior.objective();
+    result.log_likelihood = posterior.log_likelihood();
+    result.degrees_of_freedom = posterior.degrees_of_freedom();
+    return result;
+}
+
+}  // namespace orbid::estimator

@@ -1,0 +1,301 @@
+#include "estimator/exploration/conditional_estimate.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include <Eigen/Cholesky>
+
+#include "estimator/interface/mapped_residual.hpp"
+
+namespace orbid::estimator {
+
+namespace {
+
+constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
+
+const Estimated* find(const std::vector<Estimated>& list, const std::string& name) {
+    const auto found = std::find_if(list.begin(), list.end(), [&](const Estimated& one) { return one.name == name; });
+    return found == list.end() ? nullptr : &*found;
+}
+
+/// Values of all error parameters that an estimate shows.
+std::vector<std::pair<std::string, double>> errors_of(const Estimate& estimate) {
+    std::vector<std::pair<std::string, double>> values;
+    for (const EstimatedScale& scale : estimate.scales) {
+        values.emplace_back(scale.group + ".scale", scale.value);
+        for (const Estimated& shape : scale.shape)
+            values.emplace_back(scale.group + "." + shape.name, shape.value);
+    }
+    return values;
+}
+
+}  // namespace
+
+Conditional::Conditional(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+                         const EstimateOptions& options, const Estimate& estimate)
+    : tied_(resolve_ties(parameters, residuals, options.joint_priors)), options_(options) {
+    if (estimate.status == EstimateStatus::failed)
+        throw std::invalid_argument("conditional estimates need an estimate that did not fail: " + estimate.message);
+    if (estimate.parameters.size() != parameters.size())
+        throw std::invalid_argument("the estimate has " + std::to_string(estimate.parameters.size()) + " parameters, " +
+                                    std::to_string(parameters.size()) + " are given");
+    if (estimate.latents.size() != residuals.size())
+        throw std::invalid_argument("the estimate has " + std::to_string(estimate.latents.size()) + " residuals, " +
+                                    std::to_string(residuals.size()) + " are given");
+    const auto count = static_cast<Eigen::Index>(tied_.parameters.size());
+    start_.theta.resize(count);
+    start_.latents = estimate.latents;
+    start_.errors = errors_of(estimate);
+    covariance_ = Eigen::MatrixXd::Zero(count, count);
+    std::vector<Eigen::Index> place;
+    for (Eigen::Index i = 0; i < count; ++i) {
+        const FreeParameter& parameter = tied_.parameters[static_cast<std::size_t>(i)];
+        const Estimated* value = find(estimate.parameters, parameter.name);
+        if (value == nullptr) throw std::invalid_argument("the estimate has no parameter \"" + parameter.name + "\"");
+        place.push_back(value - estimate.parameters.data());
+        const Coordinate coordinate = coordinate_of(parameter);
+        coordinates_.push_back(coordinate);
+        Unknown unknown;
+        unknown.name = parameter.name;
+        unknown.unit = parameter.unit;
+        unknown.parameter = i;
+        unknown.value = start_.theta[i] = value->value;
+        unknown.u = coordinate.at(value->value);
+        unknown.sd = value->laplace_sd / coordinate.slope(value->value);
+        unknown.size = coordinate.size(value->value, parameter.typical_size);
+        const Support ends = support(parameter.prior);
+        unknown.natural_lower = std::max(parameter.lower, ends.lower);
+        unknown.natural_upper = std::min(parameter.upper, ends.upper);
+        const bool logarithmic = parameter.scale == Scale::log || parameter.scale == Scale::log10;
+        if (logarithmic) unknown.natural_lower = std::max(unknown.natural_lower, 0.0);
+        unknown.lower = coordinate.at(unknown.natural_lower);
+        unknown.upper = coordinate.at(unknown.natural_upper);
+        unknowns_.push_back(unknown);
+    }
+    for (Eigen::Index i = 0; i < count; ++i)
+        for (Eigen::Index j = 0; j < count; ++j) {
+            const double c = estimate.covariance.size() > 0 ? estimate.covariance(place[i], place[j]) : nan_value;
+            const auto slope = [&](Eigen::Index k) {
+                return coordinates_[static_cast<std::size_t>(k)].slope(start_.theta[k]);
+            };
+            const double in_u = c / (slope(i) * slope(j));
+            if (std::isfinite(in_u)) covariance_(i, j) = in_u;
+        }
+    std::vector<std::string> names;
+    std::vector<std::string> units;
+    for (const Residual* residual : residuals)
+        for (const Group& group : residual->groups()) {
+            names.push_back(group.name);
+            units.push_back(group.unit);
+        }
+    for (const ErrorLaw& law : error_laws(residuals)) {
+        if (law.joint()) continue;
+        const auto channel = static_cast<std::size_t>(law.channels.front());
+        const auto scale = std::find_if(estimate.scales.begin(), estimate.scales.end(),
+                                        [&](const EstimatedScale& one) { return one.group == names[channel]; });
+        for (const ErrorCoordinate& coordinate : law.coordinates) {
+            if (!coordinate.estimate || scale == estimate.scales.end() || scale->count == 0) continue;
+            Unknown unknown;
+            unknown.group = names[channel];
+            unknown.error = coordinate.name;
+            unknown.name = unknown.group + "." + unknown.error;
+            const bool is_scale = coordinate.name == "scale";
+            if (is_scale) unknown.unit = units[channel];
+            const Estimated* shape = is_scale ? nullptr : find(scale->shape, coordinate.name);
+            if (!is_scale && shape == nullptr) continue;
+            unknown.value = is_scale ? scale->value : shape->value;
+            unknown.u = coordinate.at(unknown.value);
+            const double sd = is_scale ? scale->uncertainty : shape->sd;
+            // 0: held at a limit.
+            unknown.sd = sd > 0.0 ? sd / coordinate.slope(unknown.u) : nan_value;
+            unknown.lower = coordinate.lower;
+            unknown.upper = coordinate.upper;
+            unknown.natural_lower = coordinate.natural(coordinate.lower);
+            unknown.natural_upper = coordinate.natural(coordinate.upper);
+            unknowns_.push_back(unknown);
+            error_coordinates_.push_back(coordinate);
+        }
+    }
+}
+
+std::size_t Conditional::index(const std::string& name) const {
+    for (std::size_t k = 0; k < unknowns_.size(); ++k)
+        if (unknowns_[k].name == name) return k;
+    throw std::invalid_argument("\"" + name + "\" is neither an estimated parameter nor an estimated error parameter");
+}
+
+double Conditional::natural(const Unknown& unknown, double u) const {
+    if (u == unknown.lower) return unknown.natural_lower;  // exactly, not through the coordinate and back
+    if (u == unknown.upper) return unknown.natural_upper;
+    if (unknown.parameter >= 0) return coordinates_[static_cast<std::size_t>(unknown.parameter)].natural(u);
+    return error_coordinates_[index(unknown.name) - coordinates_.size()].natural(u);
+}
+
+double Conditional::slope(const Unknown& unknown, double u) const {
+    if (unknown.parameter >= 0)
+        return coordinates_[static_cast<std::size_t>(unknown.parameter)].slope(natural(unknown, u));
+    return error_coordinates_[index(unknown.name) - coordinates_.size()].slope(u);
+}
+
+double Conditional::coordinate(const Unknown& unknown, double value) const {
+    if (unknown.parameter >= 0) return coordinates_[static_cast<std::size_t>(unknown.parameter)].at(value);
+    return error_coordinates_[index(unknown.name) - coordinates_.size()].at(value);
+}
+
+double Conditional::log_prior(const Unknown& unknown, double u) const {
+    const double x = natural(unknown, u);
+    if (unknown.parameter < 0) {
+        const Prior& prior = error_coordinates_[index(unknown.name) - coordinates_.size()].prior;
+        return is_proper(prior) ? std::log(slope(unknown, u)) - negative_log_density(prior, x) : 0.0;
+    }
+    for (const JointNormalPrior& joint : options_.joint_priors) {
+        const auto found = std::find(joint.names.begin(), joint.names.end(), unknown.name);
+        if (found == joint.names.end()) continue;
+        const Eigen::Index k = found - joint.names.begin();
+        return std::log(slope(unknown, u)) -
+               negative_log_density(NormalPrior{joint.mean[k], std::sqrt(joint.covariance(k, k))}, x);
+    }
+    const auto i = static_cast<std::size_t>(unknown.parameter);
+    return -coordinates_[i].term(tied_.parameters[i].prior, u).value;
+}
+
+ConditionalStart Conditional::moved(const ConditionalStart& from, const Unknown& unknown, double u) const {
+    ConditionalStart start = from;
+    if (unknown.parameter < 0) return start;  // nearly independent of the parameters
+    const Eigen::Index j = unknown.parameter;
+    const double variance = covariance_(j, j);
+    const double step = u - coordinates_[static_cast<std::size_t>(j)].at(from.theta[j]);
+    for (Eigen::Index i = 0; i < start.theta.size(); ++i) {
+        const auto place = static_cast<std::size_t>(i);
+        const Unknown& other = unknowns_[place];
+        if (i == j || !(variance > 0.0) || !std::isfinite(step)) continue;
+        double follow = coordinates_[place].at(from.theta[i]) + covariance_(i, j) / variance * step;
+        // Half way to a bound at most: on it the next minimisation would start without freedom.
+        const double here = coordinates_[place].at(from.theta[i]);
+        if (!(follow > other.lower)) follow = 0.5 * (here + std::max(other.lower, here - std::abs(follow - here)));
+        if (!(follow < other.upper)) follow = 0.5 * (here + std::min(other.upper, here + std::abs(follow - here)));
+        const double x = coordinates_[place].natural(follow);
+        if (std::isfinite(x) && std::isfinite(negative_log_density(tied_.parameters[place].prior, x)))
+            start.theta[i] = std::clamp(x, other.natural_lower, other.natural_upper);
+    }
+    start.theta[j] = natural(unknown, u);
+    return start;
+}
+
+/// Joint priors given the value of one parameter: N(m_a + K (x - m_j), C_aa - K C_ja), K = C_aj / C_jj.
+std::vector<JointNormalPrior> Conditional::joint_priors_without(const std::string& name, double value) const {
+    std::vector<JointNormalPrior> result;
+    for (const JointNormalPrior& joint : options_.joint_priors) {
+        const auto found = std::find(joint.names.begin(), joint.names.end(), name);
+        if (found == joint.names.end()) {
+            result.push_back(joint);
+            continue;
+        }
+        const Eigen::Index j = found - joint.names.begin();
+        const auto left = static_cast<Eigen::Index>(joint.names.size()) - 1;
+        if (left == 0) continue;
+        JointNormalPrior rest;
+        rest.mean.resize(left);
+        rest.covariance.resize(left, left);
+        const auto source = [j](Eigen::Index k) { return k < j ? k : k + 1; };
+        for (Eigen::Index a = 0; a < left; ++a) {
+            const double gain = joint.covariance(source(a), j) / joint.covariance(j, j);
+            rest.names.push_back(joint.names[static_cast<std::size_t>(source(a))]);
+            rest.mean[a] = joint.mean[source(a)] + gain * (value - joint.mean[j]);
+            for (Eigen::Index b = 0; b < left; ++b)
+                rest.covariance(a, b) = joint.covariance(source(a), source(b)) - gain * joint.covariance(j, source(b));
+        }
+        rest.covariance = 0.5 * (rest.covariance + rest.covariance.transpose()).eval();
+        result.push_back(rest);
+    }
+    return result;
+}
+
+ConditionalEstimate Conditional::at(const Unknown& unknown, double u, const ConditionalStart& from, Variance variance,
+                                    bool full_hessian) const {
+    return run(&unknown, u, from, variance, full_hessian);
+}
+
+ConditionalEstimate Conditional::free(Variance variance, bool full_hessian) const {
+    return run(nullptr, 0.0, start_, variance, full_hessian);
+}
+
+ConditionalEstimate Conditional::run(const Unknown* unknown, double u, const ConditionalStart& from, Variance variance,
+                                     bool full_hessian) const {
+    const Eigen::Index pinned = unknown != nullptr ? unknown->parameter : -1;
+    const double value = unknown != nullptr ? natural(*unknown, u) : 0.0;
+    EstimateOptions options = options_;
+    options.variance = variance;
+    options.full_hessian = full_hessian;
+    options.verdict = false;
+    options.maximum_rounds = 1;  // sets are frozen
+    options.progress = nullptr;
+    std::vector<FreeParameter> parameters;
+    for (Eigen::Index i = 0; i < from.theta.size(); ++i) {
+        if (i == pinned) continue;
+        parameters.push_back(tied_.parameters[static_cast<std::size_t>(i)]);
+        parameters.back().start = from.theta[i];
+    }
+    if (pinned >= 0) options.joint_priors = joint_priors_without(unknown->name, value);
+    const ParameterMap map = pinned >= 0 ? ParameterMap::pinned(from.theta.size(), {{pinned, value}})
+                                         : ParameterMap::identity(from.theta.size());
+    std::vector<std::unique_ptr<MappedResidual>> adapters;
+    std::vector<Residual*> residuals;
+    for (std::size_t r = 0; r < tied_.residuals.size(); ++r) {
+        Residual& inner = *tied_.residuals[r];
+        MappedResidualOptions change;
+        change.frozen = true;
+        change.initial_latents = from.latents[r];
+        std::vector<bool> shared(inner.groups().size(), false);
+        for (const JointCovariance& covariance : inner.covariances())
+            for (const int group : covariance.groups)
+                shared[static_cast<std::size_t>(group)] = true;
+        for (std::size_t g = 0; g < inner.groups().size(); ++g) {
+            if (shared[g]) continue;
+            for (const Unknown& other : unknowns_) {
+                if (other.parameter >= 0 || other.group != inner.groups()[g].name) continue;
+                const bool held = unknown != nullptr && unknown->name == other.name;
+                const auto known = std::find_if(from.errors.begin(), from.errors.end(),
+                                                [&](const auto& error) { return error.first == other.name; });
+                if (held)
+                    change.errors.push_back({other.group, other.error, value, false});
+                else if (known != from.errors.end())
+                    change.errors.push_back({other.group, other.error, known->second, true});
+            }
+        }
+        adapters.push_back(std::make_unique<MappedResidual>(inner, map, std::move(change)));
+        residuals.push_back(adapters.back().get());
+    }
+    const Estimate found = estimate(parameters, residuals, {}, options);
+    ConditionalEstimate result;
+    result.status = found.status;
+    result.message = found.message;
+    result.objective = found.objective;
+    result.log_integral = found.log_integral;
+    result.evaluations = found.evaluations;
+    result.at = from;
+    Eigen::Index k = 0;
+    for (Eigen::Index i = 0; i < from.theta.size(); ++i)
+        result.at.theta[i] = i == pinned ? value : found.parameters[static_cast<std::size_t>(k++)].value;
+    if (found.status == EstimateStatus::failed) {
+        result.objective = result.log_integral = nan_value;
+        return result;
+    }
+    result.at.latents = found.latents;
+    result.at.errors = errors_of(found);
+    result.degrees_of_freedom = found.degrees_of_freedom;
+    result.covariance = Eigen::MatrixXd::Zero(from.theta.size(), from.theta.size());
+    const auto place = [pinned](Eigen::Index i) { return pinned >= 0 && i > pinned ? i - 1 : i; };
+    for (Eigen::Index i = 0; i < from.theta.size(); ++i)
+        for (Eigen::Index j = 0; j < from.theta.size(); ++j) {
+            if (i == pinned || j == pinned) continue;
+            const double c = found.covariance(place(i), place(j));
+            if (std::isfinite(c)) result.covariance(i, j) = c;
+        }
+    if (!std::isfinite(result.objective) || !std::isfinite(result.log_integral)) result.status = EstimateStatus::failed;
+    return result;
+}
+
+}  // namespace orbid::estimator

@@ -1,0 +1,118 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/errors/error_law.hpp"
+#include "estimator/estimate/estimate.hpp"
+#include "estimator/problem/coordinate.hpp"
+#include "estimator/problem/tie.hpp"
+
+namespace orbid::estimator {
+
+/// One unknown of an estimate with its coordinate u: a parameter, or an error parameter of a group.
+struct Unknown {
+    std::string name;  ///< "K_m"; for error parameters "group.scale", "group.dof", ...
+    std::string unit;
+    Eigen::Index parameter = -1;  ///< index among the parameters that are not tied; -1: an error parameter
+    std::string group;            ///< of an error parameter
+    std::string error;            ///< "scale", "dof", "relative", "correlation"
+    double value = 0.0;           ///< at the estimate, natural
+    double u = 0.0;               ///< at the estimate
+    double sd = 0.0;              ///< in u, Laplace's; nan when undetermined or at a bound
+    double size = 1.0;            ///< a typical change of u
+    double lower = 0.0;           ///< limits of u, may be infinite
+    double upper = 0.0;
+    double natural_lower = 0.0;  ///< of the same limits
+    double natural_upper = 0.0;
+};
+
+/// Where a minimisation starts: everything an estimate finds.
+struct ConditionalStart {
+    Eigen::VectorXd theta;                               ///< natural, not tied ones
+    std::vector<std::vector<Eigen::VectorXd>> latents;   ///< per residual, per block
+    std::vector<std::pair<std::string, double>> errors;  ///< value of "group.scale", "group.dof" ...
+};
+
+/// An estimate with one of its unknowns held at a value.
+struct ConditionalEstimate {
+    EstimateStatus status = EstimateStatus::failed;
+    std::string message;
+    double objective = 0.0;     ///< as Estimate
+    double log_integral = 0.0;  ///< as Estimate: the unknown itself is not integrated over, its prior not included
+    ConditionalStart at;
+    /// Of all parameters that are not tied, natural units; rows of what is held or undetermined are zero.
+    Eigen::MatrixXd covariance;
+    double degrees_of_freedom = 0.0;  ///< as Estimate
+    int evaluations = 0;
+
+    /// Comparable with its neighbours: at a minimum, all blocks of the estimate took part.
+    [[nodiscard]] bool good() const {
+        return status == EstimateStatus::converged || status == EstimateStatus::singular;
+    }
+};
+
+/// The same data asked again and again with one unknown held: profile likelihoods and nested Laplace.
+///
+/// Sets of blocks are frozen as they are at construction; the residuals themselves are not touched, and at() may be
+/// called from several threads.
+class Conditional {
+public:
+    /// @param estimate  a finished estimate of the same parameters and residuals, the start of everything.
+    /// @throws std::invalid_argument when the estimate has other parameters, or failed.
+    Conditional(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+                const EstimateOptions& options, const Estimate& estimate);
+
+    /// All parameters that are not tied, then all estimated error parameters (not those of full covariances, which
+    /// belong together).
+    [[nodiscard]] const std::vector<Unknown>& unknowns() const { return unknowns_; }
+    /// Index of a name. @throws std::invalid_argument when there is none.
+    [[nodiscard]] std::size_t index(const std::string& name) const;
+
+    [[nodiscard]] double natural(const Unknown& unknown, double u) const;
+    [[nodiscard]] double slope(const Unknown& unknown, double u) const;  ///< d natural / du
+    /// u of a natural value.
+    [[nodiscard]] double coordinate(const Unknown& unknown, double value) const;
+    /// ln prior density of the unknown in its coordinate: 0 for flat, -infinity outside the support. Of a joint prior:
+    /// its marginal; at() takes the rest of it conditionally.
+    [[nodiscard]] double log_prior(const Unknown& unknown, double u) const;
+
+    [[nodiscard]] const ConditionalStart& start() const { return start_; }
+    /// A start with the unknown moved to u and the others as they follow linearly (by Laplace's covariance), within
+    /// their bounds.
+    [[nodiscard]] ConditionalStart moved(const ConditionalStart& from, const Unknown& unknown, double u) const;
+    /// Minimises over everything else. @throws nothing for points that cannot be evaluated: see status.
+    [[nodiscard]] ConditionalEstimate at(const Unknown& unknown, double u, const ConditionalStart& from,
+                                         Variance variance, bool full_hessian) const;
+    /// Minimises over everything, from the estimate.
+    [[nodiscard]] ConditionalEstimate free(Variance variance, bool full_hessian) const;
+
+    [[nodiscard]] const std::vector<FreeParameter>& parameters() const { return tied_.parameters; }
+    /// Full theta (tied ones included) from the parameters that are not tied.
+    [[nodiscard]] Eigen::VectorXd expand(const Eigen::VectorXd& theta) const { return tied_.map.expand(theta); }
+    [[nodiscard]] Eigen::MatrixXd expand_covariance(const Eigen::MatrixXd& covariance) const {
+        const Eigen::MatrixXd jacobian = tied_.map.jacobian();
+        return jacobian * covariance * jacobian.transpose();
+    }
+
+private:
+    [[nodiscard]] ConditionalEstimate run(const Unknown* unknown, double u, const ConditionalStart& from,
+                                          Variance variance, bool full_hessian) const;
+    [[nodiscard]] std::vector<JointNormalPrior> joint_priors_without(const std::string& name, double value) const;
+
+    TiedProblem tied_;
+    EstimateOptions options_;
+    std::vector<Unknown> unknowns_;
+    std::vector<Coordinate> coordinates_;             ///< of the parameters
+    std::vector<ErrorCoordinate> error_coordinates_;  ///< of the error parameters among the unknowns
+    Eigen::MatrixXd covariance_;                      ///< covariance of the parameters in u, zero where undetermined
+    ConditionalStart start_;
+};
+
+}  // namespace orbid::estimator

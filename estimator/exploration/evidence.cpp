@@ -1,0 +1,144 @@
+#include "estimator/exploration/evidence.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "estimator/errors/error_law.hpp"
+
+namespace orbid::estimator {
+
+namespace {
+
+std::string coordinate_name(Scale scale) {
+    switch (scale) {
+        case Scale::linear:
+            return "linear";
+        case Scale::log:
+        case Scale::log10:
+            return "log";
+        case Scale::logit:
+            return "logit";
+    }
+    return "linear";
+}
+
+std::string coordinate_name(ErrorCoordinate::Kind kind) {
+    switch (kind) {
+        case ErrorCoordinate::Kind::log:
+            return "log";
+        case ErrorCoordinate::Kind::fisher:
+            return "atanh";
+        case ErrorCoordinate::Kind::linear:
+            return "linear";
+    }
+    return "linear";
+}
+
+/// Share of the density below x, from the quantiles by bisection.
+double cumulative(const Prior& prior, double x) {
+    const Support ends = support(prior);
+    if (!(x > ends.lower)) return 0.0;
+    if (!(x < ends.upper)) return 1.0;
+    double lower = 0.0;
+    double upper = 1.0;
+    // To the last bit of a double near 1.
+    for (int halving = 0; halving < 60; ++halving) {
+        const double middle = 0.5 * (lower + upper);
+        (quantile(prior, middle) < x ? lower : upper) = middle;
+    }
+    return 0.5 * (lower + upper);
+}
+
+Evidence refused(const std::string& message) {
+    return {false, std::numeric_limits<double>::quiet_NaN(), 0.0, message};
+}
+
+bool same(const ImproperPrior& a, const ImproperPrior& b) {
+    return a.name == b.name && a.coordinate == b.coordinate;
+}
+
+std::string in_words(const ImproperPrior& prior) {
+    return "the prior of " + prior.name + " is flat (" + prior.coordinate + "): it needs a proper one";
+}
+
+}  // namespace
+
+EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+                             const EstimateOptions& options, const Estimate& estimate) {
+    EvidenceTerms terms;
+    terms.log_integral = estimate.log_integral;
+    const bool unfinished =
+        estimate.status == EstimateStatus::no_progress || estimate.status == EstimateStatus::iteration_limit;
+    if (unfinished && estimate.remaining <= unfinished_sds)
+        terms.excess = 0.5 * estimate.remaining * estimate.remaining;
+    else if (estimate.status != EstimateStatus::converged)
+        terms.obstacle = "the estimate has status " + std::string(name(estimate.status)) + ": " + estimate.message;
+    for (const FreeParameter& parameter : parameters) {
+        if (!parameter.tied_to.empty()) continue;
+        const bool joint =
+            std::any_of(options.joint_priors.begin(), options.joint_priors.end(), [&](const JointNormalPrior& prior) {
+                return std::find(prior.names.begin(), prior.names.end(), parameter.name) != prior.names.end();
+            });
+        if (!joint && !is_proper(parameter.prior))
+            terms.improper.push_back({parameter.name, coordinate_name(parameter.scale)});
+        if (!joint && is_proper(parameter.prior)) {
+            const double inside =
+                cumulative(parameter.prior, parameter.upper) - cumulative(parameter.prior, parameter.lower);
+            terms.log_integral -= std::log(inside);
+        }
+    }
+    for (const Estimated& parameter : estimate.parameters)
+        if (!parameter.at_bound.empty() && terms.obstacle.empty())
+            terms.obstacle =
+                parameter.name + " is at its " + parameter.at_bound + " bound, where Laplace's integral does not hold";
+    std::vector<std::string> groups;
+    for (const Residual* residual : residuals)
+        for (const Group& group : residual->groups())
+            groups.push_back(group.name);
+    for (const ErrorLaw& law : error_laws(residuals)) {
+        if (law.joint()) {
+            if (law.inverse_wishart_dof > 0.0) continue;
+            std::string together;
+            for (const int channel : law.channels)
+                together += (together.empty() ? "" : ", ") + groups[static_cast<std::size_t>(channel)];
+            terms.improper.push_back({"covariance of " + together, "log-Cholesky"});
+            continue;
+        }
+        const std::string& group = groups[static_cast<std::size_t>(law.channels.front())];
+        for (const ErrorCoordinate& coordinate : law.coordinates)
+            if (coordinate.estimate && !is_proper(coordinate.prior))
+                terms.improper.push_back({group + "." + coordinate.name, coordinate_name(coordinate.kind)});
+    }
+    for (const EstimatedScale& scale : estimate.scales)
+        terms.records += scale.count;
+    return terms;
+}
+
+Evidence log_evidence(const EvidenceTerms& model) {
+    if (!model.obstacle.empty()) return refused(model.obstacle);
+    if (model.excess > 0.0) return refused("the minimisation was not finished");
+    if (!model.improper.empty()) return refused(in_words(model.improper.front()));
+    return {true, model.log_integral, 0.0, ""};
+}
+
+Evidence log_bayes_factor(const EvidenceTerms& a, const EvidenceTerms& b) {
+    for (const EvidenceTerms* model : {&a, &b})
+        if (!model->obstacle.empty()) return refused(model->obstacle);
+    if (a.records != b.records)
+        return refused("the models are of different data: " + std::to_string(a.records) + " and " +
+                       std::to_string(b.records) + " records");
+    const auto lacking = [](const EvidenceTerms& one, const EvidenceTerms& other) {
+        return std::find_if(one.improper.begin(), one.improper.end(), [&](const ImproperPrior& prior) {
+            return std::none_of(other.improper.begin(), other.improper.end(),
+                                [&](const ImproperPrior& candidate) { return same(prior, candidate); });
+        });
+    };
+    const auto first = lacking(a, b);
+    if (first != a.improper.end()) return refused(in_words(*first) + " or the same one in both models");
+    const auto second = lacking(b, a);
+    if (second != b.improper.end()) return refused(in_words(*second) + " or the same one in both models");
+    return {true, a.log_integral - b.log_integral, a.excess + b.excess, ""};
+}
+
+}  // namespace orbid::estimator

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/estimate/estimate.hpp"
+#include "estimator/interface/eigen_layout.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::estimator {
+
+struct MultiStartOptions {
+    int starts = 20;         ///< > 0, the given start included
+    std::uint64_t seed = 1;  ///< of the drawn starts
+    double width = 1.0;      ///< > 0: of parameters without prior and without two finite bounds, see random_start()
+    /// Steps for a first look at every start, after which the `kept` best go on from where they are; 0: all go on.
+    int screening_iterations = 0;
+    int kept = 10;  ///< > 0
+    /// Two ends are the same optimum when every determined parameter agrees within this many posterior sds and the
+    /// objectives (in ln units) within objective_tolerance. Converged ends agree to about 1e-6 sds; a density has
+    /// changed by 1 % over 0.1 sds at 0.01 in ln units.
+    double distance = 0.1;              ///< > 0
+    double objective_tolerance = 0.01;  ///< > 0
+    EstimateOptions estimate;           ///< of every run; `interrupted` is asked from several threads
+    /// Called after every run, one call at a time; may be empty.
+    std::function<void(int finished, int total)> progress;
+};
+
+/// One run of a global search.
+struct StartedRun {
+    int start = 0;          ///< 0 = the given one
+    Eigen::VectorXd from;   ///< shape (parameters), natural units
+    Eigen::VectorXd theta;  ///< where it ended
+    EstimateStatus status = EstimateStatus::failed;
+    std::string message;
+    double objective = 0.0;   ///< Phi_psi; nan when the run failed
+    std::size_t records = 0;  ///< that took part in the end
+    int evaluations = 0;
+    int optimum = -1;       ///< index into MultiStart::optima; -1: no optimum (not converged, screened out)
+    bool screened = false;  ///< ended after the first look
+};
+
+/// Runs that ended at the same place.
+struct Optimum {
+    double objective = 0.0;
+    Eigen::VectorXd theta;    ///< of its best run
+    std::vector<int> starts;  ///< ascending
+};
+
+struct MultiStart {
+    /// Of the best run; status failed, with a message, when no start could be estimated at all.
+    Estimate best;
+    int best_start = -1;
+    std::vector<Optimum> optima;   ///< best first
+    std::vector<StartedRun> runs;  ///< in the order of starts
+    bool interrupted = false;      ///< not all starts were run to their ends; `best` is the best so far
+};
+
+/// Fresh residuals for one run. Calls come one at a time, in no particular order and from several threads; what one
+/// call returns must not share anything that changes with what another one returns.
+using ResidualFactory = std::function<std::vector<std::unique_ptr<Residual>>()>;
+
+/// Global search: estimate() from several starts, the given one and random ones (random_start(), a stream per start).
+/// The same result for any number of threads.
+///
+/// Ends are ordered by status (converged, singular, stopped or limited, interrupted, failed) and then by the objective.
+/// Where sets of blocks differ, objectives are not comparable as they are: then runs that use less than nine tenths of
+/// the largest number of records come last, and the others are ordered by objective per record.
+/// @throws std::invalid_argument as estimate() does, and for starts, width, kept, distance or objective_tolerance <= 0,
+///         screening_iterations < 0, an empty factory.
+[[nodiscard]] MultiStart multi_start(const std::vector<FreeParameter>& parameters, const ResidualFactory& residuals,
+                                     const std::vector<DerivedQuantity>& derived = {},
+                                     const MultiStartOptions& options = {});
+
+}  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/eigen_layout.hpp"
+#include "estimator/interface/prior.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::estimator {
+
+/// The coordinate in which steps, mode and Laplace covariance are taken.
+///
+/// log10 is log in other units of the step; logit is ln((x - lower) / (upper - x)) and needs finite bounds.
+enum class Scale { linear, log, log10, logit };
+
+/// One estimated parameter.
+struct FreeParameter {
+    std::string name;
+    std::string unit;
+    double start = 0.0;
+    Scale scale = Scale::linear;                              ///< log needs start > 0 and lower >= 0
+    double lower = -std::numeric_limits<double>::infinity();  ///< inclusive
+    double upper = std::numeric_limits<double>::infinity();
+    Prior prior = FlatPrior{};
+    double typical_size = 1.0;  ///< > 0: unit of null directions and steps where value and prior say nothing
+    /// Name of another free parameter that this one follows, value = tie_factor * its value; empty = free. A tied
+    /// parameter has no prior, bounds, scale or start of its own.
+    std::string tied_to;
+    double tie_factor = 1.0;  ///< finite, not 0
+};
+
+/// A quantity computed from the estimated parameters, with its gradient.
+struct DerivedQuantity {
+    std::string name;
+    std::function<double(const Eigen::VectorXd& theta)> value;
+    std::function<Eigen::VectorXd(const Eigen::VectorXd& theta)> gradient;  ///< shape (parameters)
+};
+
+/// ml, restricted: error parameters at the minimum of (M9). integrated: scales of normal errors and full covariances
+/// are integrated out under Jeffreys' prior or their own, others as with ml.
+enum class Variance { ml, restricted, integrated };
+
+/// Which records may depend on each other in a way that the error model does not say, for the sandwich covariance.
+///
+/// automatic: stretches of consecutive records of ordered groups whose residuals are autocorrelated, no others.
+/// blocks: all records of a block (panels, cycles, runs), blocks independent of each other. none: every interval from
+/// Laplace's covariance.
+enum class Clusters { automatic, blocks, none };
+
+struct EstimateOptions {
+    /// Priors that several parameters share.
+    std::vector<JointNormalPrior> joint_priors;
+    Variance variance = Variance::restricted;
+    /// With fewer than two blocks, or blocks linked by constraints, `blocks` is not possible: Laplace, and the message
+    /// says so.
+    Clusters clusters = Clusters::automatic;
+    int maximum_iterations = 200;  ///< theta steps, over all rounds, > 0
+    int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, provisional ones not counted, > 0
+    double step_tolerance = 1e-6;  ///< converged when every step is below this many posterior sds (see Minimum), > 0
+    /// Below this share of the largest (columns at unit length) a direction carries no information: the geometric
+    /// middle between the noise of integrated derivatives (1e-10) and the weakest directions that are still determined
+    /// (1e-5).
+    double relative_singular_value = 3e-8;
+    /// Whether the normal approximation is checked against the objective itself (a few evaluations per parameter).
+    bool verdict = true;
+    /// log_integral with the determinant of the full Hessian instead of the Gauss-Newton one (2 evaluations with
+    /// derivatives per parameter).
+    bool full_hessian = false;
+    std::function<bool()> interrupted;                              ///< asked between steps; empty = never
+    std::function<void(int iteration, double objective)> progress;  ///< called after every accepted step; may be empty
+};
+
+}  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -1,0 +1,137 @@
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/eigen_layout.hpp"
+#include "estimator/interface/residual.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::estimator {
+
+/// Why a minimisation ended, and what the estimate is worth.
+enum class EstimateStatus { converged, no_progress, iteration_limit, singular, failed, interrupted };
+[[nodiscard]] std::string_view name(EstimateStatus status);
+
+/// One estimated or derived number with its uncertainty.
+struct Estimated {
+    std::string name;
+    std::string unit;
+    double value = 0.0;
+    double start = 0.0;
+    double sd = 0.0;  ///< nan when undetermined (singular direction, at a bound)
+    double lower95 = 0.0;
+    double upper95 = 0.0;
+    std::string interval_method;  ///< "t", "normal", "satterthwaite", "sandwich", "effective_count", "none"
+    std::string at_bound;         ///< "", "lower" or "upper"
+    /// sd if the errors were independent; equal to sd unless interval_method is "sandwich" or "effective_count"
+    double laplace_sd = 0.0;
+    /// Share of the posterior information on this parameter that the data bring, in [0, 1]; 0 = the prior alone
+    /// decides.
+    double data_share = 1.0;
+};
+
+struct EstimatedScale {
+    std::string group;
+    std::string unit;
+    bool factor = false;
+    bool estimated = true;
+    double value = 0.0;
+    double uncertainty = 0.0;                                   ///< sd of value (Laplace in ln s); 0 when fixed
+    double lower95 = std::numeric_limits<double>::quiet_NaN();  ///< nan when fixed or held at a limit
+    double upper95 = std::numeric_limits<double>::quiet_NaN();
+    std::string interval_method = "none";  ///< "chi_squared", "normal" (in ln s) or "none"
+    std::size_t count = 0;                 ///< records
+    double rms = 0.0;                      ///< root mean square of the raw residuals, in the group's data unit
+    double lag1 = 0.0;                     ///< lag-1 autocorrelation (ordered groups; nan otherwise)
+    double correlation_records = 1;        ///< integrated autocorrelation time in records (ordered groups)
+    double effective_count = 0;            ///< how many independent values the records are worth
+    std::string distribution = "normal";
+    /// Further parameters of the distribution: "dof", "relative", "correlation".
+    std::vector<Estimated> shape;
+};
+
+/// Full covariance of several responses.
+struct EstimatedCovariance {
+    std::vector<std::string> groups;
+    Eigen::MatrixXd value;        ///< shape (m, m)
+    Eigen::MatrixXd uncertainty;  ///< sd of each element (Laplace)
+};
+
+struct ResidualCount {
+    std::string type;
+    int used = 0;
+    int lost = 0;
+    int rejected = 0;
+    int added = 0;
+};
+
+/// One accepted or rejected step, for the history.
+struct StepRecord {
+    int round = 0;           ///< provisional ones counted
+    std::string_view block;  ///< "theta" or "scales"
+    bool accepted = false;
+    double before =
+        0.0;  ///< objective of this step's own block before and after: Phi at fixed psi, Phi_psi at fixed theta
+    double after = 0.0;
+    double damping = 0.0;
+    std::string_view reason;   ///< "", "no decrease", "block failed", "bound"
+    bool provisional = false;  ///< in a provisional round
+};
+
+struct NullDirection {
+    Eigen::VectorXd components;  ///< in log parameters (relative changes), largest component 1; shape (parameters)
+};
+
+/// A product of powers of parameters that the data know within a factor e or worse, while they know others well.
+struct SloppyDirection {
+    Eigen::VectorXd
+        components;   ///< exponents, simple fractions where the data cannot tell; largest 1, shape (parameters)
+    double sd = 0.0;  ///< of the product's logarithm, from the data alone, >= 1 or so
+};
+
+struct Estimate {
+    EstimateStatus status = EstimateStatus::failed;
+    std::string message;
+    std::vector<Estimated> parameters;
+    std::vector<Estimated> derived;
+    std::vector<EstimatedScale> scales;
+    std::vector<EstimatedCovariance> covariances;
+    std::vector<std::vector<Eigen::VectorXd>> latents;  ///< per residual, per block
+    std::vector<std::vector<Eigen::VectorXd>> latent_sds;
+    std::vector<std::vector<BlockValue>> residuals;  ///< per residual, per block, at the estimate (e only)
+    Eigen::MatrixXd covariance;                      ///< of theta in natural units, consistent with the sds reported
+    Eigen::MatrixXd correlation;                     ///< shape (parameters, parameters); nan rows where undetermined
+    Eigen::VectorXd singular_values;                 ///< of the scaled sensitivity matrix of the data, descending
+    std::vector<NullDirection> null_directions;
+    std::vector<SloppyDirection> sloppy_directions;
+    bool trust_normal = true;  ///< false: use profile likelihood, nested Laplace or sampling for intervals
+    std::string distrust;      ///< why not, naming the parameter; empty when trusted
+    /// sd from the full Hessian over sd from the Gauss-Newton one, per parameter; nan where undetermined or unknown.
+    Eigen::VectorXd hessian_ratio;
+    double effective_count = 0;
+    std::vector<ResidualCount> counts;
+    double objective = 0.0;       ///< Phi_psi at the estimate
+    double log_likelihood = 0.0;  ///< ln p(y | theta, z, psi)
+    /// Laplace's value of ln of the integral of p(y | theta, z, psi) p(theta) p(psi) over all coordinates (theta, z,
+    /// psi), flat priors counting as 1: the log evidence up to what flat priors leave open.
+    double log_integral = 0.0;
+    double degrees_of_freedom = 0;
+    int iterations = 0;
+    int evaluations = 0;
+    int rounds = 0;  ///< provisional ones included
+    /// Length of the full step that is left, in posterior sds; nan without a step. Half of its square is what the
+    /// objective lies above its minimum, to second order.
+    double remaining = std::numeric_limits<double>::quiet_NaN();
+    std::vector<StepRecord> history;
+};
+
+}  // namespace orbid::estimator
+
+#pragma GCC visibility pop

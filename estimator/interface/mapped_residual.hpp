@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/eigen_layout.hpp"
+#include "estimator/interface/parameter_map.hpp"
+#include "estimator/interface/residual.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::estimator {
+
+/// Another start or a fixed value for one error parameter of a group.
+struct ErrorOverride {
+    std::string group;
+    std::string parameter = "scale";  ///< "scale", or "dof", "relative", "correlation" as the distribution has it
+    double value = 1.0;               ///< in natural units; <= 0 for an estimated scale: start from the residuals
+    bool estimate = false;            ///< false: fixed at `value`; true: estimated from there. Priors stay
+};
+
+/// What a MappedResidual changes besides the parameters.
+struct MappedResidualOptions {
+    std::vector<ErrorOverride> errors;
+    /// Latent states to start from, one vector per block of the wrapped residual; empty = its own. A block whose
+    /// number of latent states has changed by a refresh starts from the wrapped residual's own.
+    std::optional<std::vector<Eigen::VectorXd>> initial_latents;
+    /// true: the set of blocks is that of the moment of construction, refresh() does nothing, and blocks that are
+    /// suspended are so for this adapter alone. The wrapped residual is never changed, so that several frozen adapters
+    /// of one residual may work at the same time.
+    bool frozen = false;
+};
+
+/// A residual seen through a smaller parameter vector: some parameters pinned, several tied to one, error parameters
+/// fixed or started elsewhere, latent states started elsewhere.
+///
+///     e(reduced, z) = inner e(M reduced + pins, z),   de/d reduced = de/d theta M,   c likewise
+///
+/// The same data with a question of its own: profile likelihoods pin one parameter, nested Laplace pins error
+/// parameters, multi-start begins elsewhere. What is estimated has the length and the order of the reduced vector.
+///
+/// refresh() and suspend() go through to the wrapped residual unless frozen, with theta mapped. Scales that refresh()
+/// receives are those of this adapter's groups, which have the order of the wrapped residual's.
+class MappedResidual : public Residual {
+public:
+    /// `inner` is not owned and must outlive the adapter.
+    ///
+    /// @throws std::invalid_argument naming the group: an override of an unknown group or of a parameter that its
+    ///         distribution does not have, of a group in a full covariance (its elements belong together), a value that
+    ///         is not finite or outside the parameter's domain; latent states that do not fit the layout.
+    MappedResidual(Residual& inner, ParameterMap map, MappedResidualOptions options = {});
+
+    [[nodiscard]] std::string_view type() const override { return inner_->type(); }
+    [[nodiscard]] const std::vector<Group>& groups() const override { return groups_; }
+    [[nodiscard]] const std::vector<BlockLayout>& layout() const override;
+    [[nodiscard]] LatentStructure structure() const override { return inner_->structure(); }
+    [[nodiscard]] std::vector<JointCovariance> covariances() const override { return inner_->covariances(); }
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
+    [[nodiscard]] std::vector<BlockValue> evaluate(const Eigen::VectorXd& theta,
+                                                   const std::vector<Eigen::VectorXd>& latents,
+                                                   bool derivatives) const override;
+    RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                          const Eigen::VectorXd& scales) override;
+    void suspend(std::size_t block) override;
+    [[nodiscard]] bool provisional() const override { return !options_.frozen && inner_->provisional(); }
+
+    [[nodiscard]] const ParameterMap& map() const { return map_; }
+
+private:
+    Residual* inner_;
+    ParameterMap map_;
+    MappedResidualOptions options_;
+    std::vector<Group> groups_;
+    std::vector<BlockLayout> layout_;  ///< frozen adapters only
+};
+
+}  // namespace orbid::estimator
+
+#pragma GCC visibility pop

@@ -1,0 +1,288 @@
+#include "estimator/minimisation/error_parameter.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "estimator/algebra/block_loop.hpp"
+
+namespace orbid::estimator {
+
+namespace {
+
+/// Whether psi[k] scales the errors of a law that sees sums of squares only.
+const ErrorLaw* plain_law(const std::vector<ErrorLaw>& laws, Eigen::Index k) {
+    for (const ErrorLaw& law : laws)
+        if (law.first == k && law.compressible()) return &law;
+    return nullptr;
+}
+
+/// One coordinate of the error parameters in some rows of a block.
+struct RowCoordinate {
+    Eigen::Index k = 0;              ///< of psi
+    const PartRows* part = nullptr;  ///< null: a block with a covariance shape
+    Eigen::Index first = 0;          ///< of the part's rows
+    Eigen::Index rows = 0;
+    bool plain = false;  ///< the scale of a law that sees sums of squares only, in a block without shape
+};
+
+/// Calls use() for the free error parameters of a block's rows, always in the same order.
+template <class Use>
+void for_coordinates(const ErrorProblem& problem, const BlockRows& block, const std::vector<PartRows>& parts, Use use) {
+    const std::vector<ErrorLaw>& laws = *problem.laws;
+    if (block.rows.size() > 0) {
+        for (std::size_t k = 0; k < problem.free.size(); ++k)
+            if (problem.free[k]) use(RowCoordinate{static_cast<Eigen::Index>(k), nullptr, 0, 0, false});
+        return;
+    }
+    Eigen::Index row = 0;
+    for (const PartRows& part : parts) {
+        const ErrorLaw& law = laws[part.law];
+        const Eigen::Index rows = part.records.rows.rows() * rows_per_record(law);
+        for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
+            const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
+            if (problem.free[static_cast<std::size_t>(k)]) use(RowCoordinate{k, &part, row, rows, law.compressible()});
+        }
+        row += rows;
+    }
+}
+
+StandardRows<double> derivative_of(const ErrorProblem& problem, const Eigen::VectorXd& psi, const BlockRows& block,
+                                   const std::vector<PartRows>& parts, const RowCoordinate& coordinate,
+                                   const Eigen::Ref<const Eigen::MatrixXd>& rows) {
+    const StandardRows<double> at{rows, 0.0};
+    return block.rows.size() > 0
+               ? standard_rows_derivative(block, *problem.laws, psi, coordinate.k, Curvature::expected, at)
+               : standard_rows_derivative(parts, *problem.laws, psi, coordinate.k, Curvature::expected, at);
+}
+
+/// s^T P s summed over some rows s, P of the leading columns.
+double leverage(const Eigen::Ref<const Eigen::MatrixXd>& rows, const Eigen::Ref<const Eigen::MatrixXd>& covariance,
+                Eigen::Index first, Eigen::Index count) {
+    double sum = 0.0;
+    for (Eigen::Index i = first; i < first + count; ++i)
+        for (Eigen::Index j = 0; j < covariance.cols(); ++j) {
+            double column = 0.0;
+            for (Eigen::Index k = 0; k < covariance.rows(); ++k)
+                column += covariance(k, j) * rows(i, k);
+            sum += column * rows(i, j);
+        }
+    return sum;
+}
+
+/// tr(P S^T dS / dpsi_k) of every coordinate of every block's rows, own ones first, then those of linked records.
+struct Traces {
+    std::vector<std::size_t> own;     ///< per block
+    std::vector<std::size_t> linked;  ///< likewise
+    std::vector<double> value;
+};
+
+Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const ErrorPoint& point) {
+    Traces result;
+    std::size_t count = 0;
+    bool any_linked = false;
+    for (const BlockRows& block : problem.rows) {
+        result.own.push_back(count);
+        for_coordinates(problem, block, block.parts, [&](const RowCoordinate&) { ++count; });
+        result.linked.push_back(count);
+        if (!block.linked_parts.empty())
+            for_coordinates(problem, block, block.linked_parts, [&](const RowCoordinate&) { ++count; });
+        any_linked = any_linked || count > result.linked.back();
+    }
+    result.value.assign(count, 0.0);
+    if (count == 0) return result;
+    const auto use = [&](std::size_t b, const std::vector<PartRows>& parts, std::size_t slot,
+                         const Eigen::Ref<const Eigen::MatrixXd>& rows,
+                         const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+        if (rows.rows() == 0 || covariance.cols() == 0) return;
+        for_coordinates(problem, problem.rows[b], parts, [&](const RowCoordinate& coordinate) {
+            if (coordinate.plain) {
+                result.value[slot++] = -leverage(rows, covariance, coordinate.first, coordinate.rows);
+                return;
+            }
+            const StandardRows<double> derivative =
+                derivative_of(problem, psi, problem.rows[b], parts, coordinate, rows);
+            const auto columns = covariance.cols();
+            result.value[slot++] =
+                derivative.rows.leftCols(columns).cwiseProduct(rows.leftCols(columns) * covariance).sum();
+        });
+    };
+    const CovarianceUse own = [&](std::size_t b, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+        use(b, problem.rows[b].parts, result.own[b], point.standard.own_rows(b), covariance);
+    };
+    const CovarianceUse linked = [&](std::size_t b, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+        if (problem.rows[b].linked_parts.empty()) return;
+        use(b, problem.rows[b].linked_parts, result.linked[b], point.standard.linked_rows(b), covariance);
+    };
+    visit_covariance(point.standard.arrow, point.condensed,
+                     problem.restricted ? inverse_square(point.triangle) : Eigen::MatrixXd(), own,
+                     any_linked ? linked : CovarianceUse());
+    return result;
+}
+
+/// The part of the gradient that some rows of a block bring.
+struct RowSums {
+    Eigen::VectorXd gradient;
+    Eigen::VectorXd fit;
+    Eigen::VectorXd left;
+};
+
+/// @param slot   of the rows' first trace. @param w  memory for the errors.
+/// @param moved  errors follow these steps of everything the rows depend on, under each other; empty: they stay.
+void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const BlockRows& block,
+              const std::vector<PartRows>& parts, const Eigen::Ref<const Eigen::MatrixXd>& at, const double* slot,
+              const Eigen::VectorXd& moved, Eigen::VectorXd& w, RowSums& sums) {
+    if (at.rows() == 0) return;
+    const std::vector<ErrorLaw>& laws = *problem.laws;
+    const Eigen::Index last = at.cols() - 1;
+    w = at.col(last);
+    for (Eigen::Index j = 0; j < moved.size(); ++j)
+        for (Eigen::Index i = 0; i < w.size(); ++i)
+            w[i] += at(i, j) * moved[j];
+    for_coordinates(problem, block, parts, [&](const RowCoordinate& coordinate) {
+        const Eigen::Index k = coordinate.k;
+        const double trace = *slot++;
+        if (coordinate.plain) {
+            // S = A / s: d(-ln p) = n - sum of squares, and (M10)'s trace is that of the rows' own covariance.
+            const auto count = static_cast<double>(coordinate.part->records.count);
+            const double fit = w.segment(coordinate.first, coordinate.rows).squaredNorm();
+            sums.gradient[k] += count - fit + trace;
+            sums.fit[k] += fit;
+            sums.left[k] += count + trace;
+            return;
+        }
+        const StandardRows<double> derivative = derivative_of(problem, psi, block, parts, coordinate, at);
+        double fit = derivative.value;
+        if (moved.size() > 0)
+            fit += w.dot(derivative.rows.col(last) + derivative.rows.leftCols(last) * moved) -
+                   at.col(last).dot(derivative.rows.col(last));
+        sums.gradient[k] += fit + trace;
+        if (coordinate.part != nullptr || plain_law(laws, k) == nullptr) return;
+        double count = 0.0;
+        for (const int channel : block.channel)
+            for (const ErrorLaw& law : laws)
+                if (law.first == k && law.channels.front() == channel) count += 1.0;
+        // d(-ln p) = n - fit for the scale of such a law.
+        sums.fit[k] += count - fit;
+        sums.left[k] += count + trace;
+    });
+}
+
+}  // namespace
+
+ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi) {
+    const Eigen::Index rank = problem.prior_gradient.size();
+    const std::vector<ErrorLaw>& laws = *problem.laws;
+    ErrorPoint point;
+    point.standard = standard_arrow(problem.rows, laws, psi, problem.matching, Curvature::expected, true);
+    point.condensed = condense(point.standard.arrow, 0.0);
+    point.value = point.standard.value;
+
+    // The decided parameters with their prior: triangle R and best step y.
+    Eigen::MatrixXd stacked(rank + problem.prior_rows.rows(), rank + 1);
+    stacked << point.condensed.r, point.condensed.rhs, problem.prior_rows,
+        Eigen::VectorXd::Zero(problem.prior_rows.rows());
+    const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
+    point.triangle = factor.topLeftCorner(rank, rank);
+
+    Eigen::VectorXd y;
+    std::vector<Eigen::VectorXd> d_z;
+    const bool all = problem.follow == Follow::all && rank > 0;
+    const bool moving = all || problem.set->latents > 0;
+    if (moving) {
+        y = problem.prior_gradient;
+        if (all) {
+            point.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(y);
+            y = -(y + factor.topRightCorner(rank, 1));
+            point.triangle.triangularView<Eigen::Upper>().solveInPlace(y);
+        } else {
+            y.setZero();
+        }
+        d_z = latent_steps(point.standard.arrow, point.condensed, y);
+        const ModelChange change = model_change(point.standard.arrow, y, d_z);
+        point.value += change.linear + 0.5 * change.quadratic + problem.prior_gradient.dot(y) +
+                       0.5 * (problem.prior_rows * y).squaredNorm();
+    }
+    if (problem.restricted) point.value += point.triangle.diagonal().array().abs().log().sum();
+    point.value += log_abs_determinant(point.condensed);
+
+    const Traces trace = traces(problem, psi, point);
+    const RowSums zero{Eigen::VectorXd::Zero(psi.size()), Eigen::VectorXd::Zero(psi.size()),
+                       Eigen::VectorXd::Zero(psi.size())};
+    std::vector<RowSums> sums(pieces_of(problem.rows.size()), zero);
+    for_pieces(problem.rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        // One vector for each kind of rows: a vector that changes its length asks for memory each time.
+        Eigen::VectorXd own_step, linked_step, own_errors, linked_errors;
+        for (std::size_t b = begin; b < end; ++b) {
+            const BlockRows& block = problem.rows[b];
+            if (moving) {
+                own_step.resize(d_z[b].size() + y.size());
+                own_step << d_z[b], y;
+            }
+            add_rows(problem, psi, block, block.parts, point.standard.own_rows(b), trace.value.data() + trace.own[b],
+                     own_step, own_errors, sums[piece]);
+            if (block.linked_parts.empty()) continue;
+            if (moving) {
+                const Eigen::VectorXd& next = d_z[static_cast<std::size_t>(block.next)];
+                linked_step.resize(d_z[b].size() + next.size() + y.size());
+                linked_step << d_z[b], next, y;
+            }
+            add_rows(problem, psi, block, block.linked_parts, point.standard.linked_rows(b),
+                     trace.value.data() + trace.linked[b], linked_step, linked_errors, sums[piece]);
+        }
+    });
+    point.gradient = zero.gradient;
+    point.fit = zero.fit;
+    point.left = zero.left;
+    for (const RowSums& part : sums) {
+        point.gradient += part.gradient;
+        point.fit += part.fit;
+        point.left += part.left;
+    }
+    for (const ErrorLaw& law : laws) {
+        const auto size = static_cast<Eigen::Index>(law.coordinates.size());
+        const Eigen::VectorXd own = psi.segment(law.first, size);
+        bool any = false;
+        for (Eigen::Index j = 0; j < size; ++j)
+            any = any || problem.free[static_cast<std::size_t>(law.first + j)];
+        if (!any) continue;
+        point.value += prior_term<double>(law, own);
+        for (Eigen::Index j = 0; j < size; ++j) {
+            if (!problem.free[static_cast<std::size_t>(law.first + j)]) continue;
+            constexpr double h = 1e-30;
+            Eigen::VectorXcd shifted = own.cast<std::complex<double>>();
+            shifted[j] += std::complex<double>(0.0, h);
+            point.gradient[law.first + j] += prior_term<std::complex<double>>(law, shifted).imag() / h;
+        }
+    }
+    return point;
+}
+
+Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const Eigen::VectorXd& psi,
+                              const std::vector<Eigen::Index>& free) {
+    // Four points: error h^4 / 30 of a fifth derivative that is about 64 n, against rounding / h. Of two points it is
+    // h^2 / 6 of a third one that is about 8 n, a millionth: good enough where each of them takes long.
+    constexpr double h = 1e-3;
+    constexpr std::size_t many_blocks = 1000;
+    using Points = std::vector<std::pair<double, double>>;
+    const Points points = problem.rows.size() < many_blocks
+                              ? Points{{-2.0, 1.0 / 12.0}, {-1.0, -8.0 / 12.0}, {1.0, 8.0 / 12.0}, {2.0, -1.0 / 12.0}}
+                              : Points{{-1.0, -0.5}, {1.0, 0.5}};
+    const auto count = static_cast<Eigen::Index>(free.size());
+    Eigen::MatrixXd hessian(count, count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        const Eigen::Index k = free[static_cast<std::size_t>(i)];
+        Eigen::VectorXd slope = Eigen::VectorXd::Zero(psi.size());
+        for (const auto& [at, weight] : points) {
+            Eigen::VectorXd shifted = psi;
+            shifted[k] += at * h;
+            slope += weight / h * evaluate_errors(problem, shifted).gradient;
+        }
+        for (Eigen::Index j = 0; j < count; ++j)
+            hessian(j, i) = slope[free[static_cast<std::size_t>(j)]];
+    }
+    return 0.5 * (hessian + hessian.transpose());
+}
+
+}  // namespace orbid::estimator

@@ -1,0 +1,96 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/problem/block_set.hpp"
+#include "estimator/problem/bounded_step.hpp"
+#include "estimator/problem/linearisation.hpp"
+
+namespace orbid::estimator {
+
+/// The error parameters as a minimisation of their own, Phi_psi of (M9), at a fixed linearisation:
+///
+///     Phi_psi = sum_g -ln p_g - ln p(psi) + 1/2 ln|H|
+///
+/// H over the latent states (ml, integrated) or over latent states and decided parameters (restricted), with the
+/// expected information of the errors. Errors are taken at the minimum of the quadratic model over z for each psi,
+/// and with Follow::all errors and the parameter prior at that over (theta, z): the min in (M9). Far from the minimum
+/// the model promises too much of theta; latent states must always follow, or those that start at the data send a scale
+/// to zero.
+enum class Follow { latents, all };
+
+/// See above.
+struct ErrorProblem {
+    const BlockSet* set = nullptr;
+    const std::vector<ErrorLaw>* laws = nullptr;
+    std::vector<BlockRows> rows;     ///< columns of theta in the basis of decided directions (see BoundedStep)
+    Eigen::MatrixXd prior_rows;      ///< square root of the curvature of the parameter prior times basis
+    Eigen::VectorXd prior_gradient;  ///< basis^T gradient, shape (rank)
+    std::vector<bool> free;          ///< error parameters that are estimated and have data
+    double matching = 1.0;           ///< see standard_arrow()
+    bool restricted = true;
+    Follow follow = Follow::latents;
+};
+
+/// Value and gradient of Phi_psi; shape (error parameters).
+struct ErrorPoint {
+    double value = 0.0;
+    Eigen::VectorXd gradient;
+    /// For scales of laws that see squares only: sum of squares of the standard errors, and records less trace; else 0.
+    Eigen::VectorXd fit;
+    Eigen::VectorXd left;
+    StandardArrow standard;  ///< rows kept
+    Condensed condensed;
+    Eigen::MatrixXd triangle;  ///< R of the decided parameters with prior, latent states eliminated
+};
+
+/// d/dpsi_k = d(-ln p)/dpsi_k + tr(P S^T dS/dpsi_k), P = covariance of (z, theta) ("ml": of z), see (M10) for scales.
+[[nodiscard]] ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi);
+
+/// Second derivatives of Phi_psi with respect to the free error parameters by central differences of its gradient,
+/// shape (free, free).
+[[nodiscard]] Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const Eigen::VectorXd& psi,
+                                            const std::vector<Eigen::Index>& free);
+
+struct ErrorMinimum {
+    Eigen::VectorXd psi;
+    double before = 0.0;
+    double after = 0.0;  ///< <= before
+    int steps = 0;
+    /// largest |gradient| of a free parameter over the root of its curvature: distance to the minimum in sds
+    double distance = 0.0;
+    std::vector<bool> at_floor;    ///< held at its lower limit; for a scale: residuals at rounding level
+    std::vector<bool> at_ceiling;  ///< held at its upper limit
+};
+
+/// What a minimisation learned of the curvature of Phi_psi over the free parameters, for the next one.
+struct ErrorCurvature {
+    std::vector<Eigen::Index> free;
+    Eigen::MatrixXd hessian;
+};
+
+/// How far a minimisation goes.
+struct ErrorSearch {
+    /// Distance to the minimum, in sds, that is good enough; below 1e-12 no figure of a result changes.
+    double tolerance = 1e-12;
+    /// > 0: a Newton step that changes no psi by more is taken without being tried, and is the last one. For searches
+    /// that are asked again soon.
+    double untried = 0.0;
+    ErrorCurvature* known = nullptr;  ///< curvature to start with and to leave behind; null: computed anew
+};
+
+/// Fixed-point steps of (M10) from afar, secant steps near the minimum; each accepted step decreases Phi_psi.
+///
+/// @param floor, ceiling  limits of psi.
+[[nodiscard]] ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi,
+                                           const Eigen::VectorXd& floor, const Eigen::VectorXd& ceiling,
+                                           const ErrorSearch& search = {});
+
+/// Scales of normal errors at which the expected weight under the conditional density of ln s is the one that steps
+/// use: s^-2 = E[s^-2 | theta]. With Jeffreys' prior this is the minimum of (M9) itself; with another prior the
+/// expectation is taken by Gauss-Hermite quadrature around it.
+[[nodiscard]] Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimum& minimum);
+
+}  // namespace orbid::estimator

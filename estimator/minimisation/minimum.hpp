@@ -1,0 +1,60 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/minimisation/error_parameter.hpp"
+#include "estimator/problem/linearisation.hpp"
+#include "estimator/problem/problem.hpp"
+
+namespace orbid::estimator {
+
+enum class Outcome { converged, no_progress, iteration_limit, interrupted, blocks_stopped, start_failed, no_freedom };
+
+/// The end of one minimisation with a frozen set of blocks.
+struct Minimum {
+    Outcome outcome = Outcome::start_failed;
+    std::string message;
+    Evaluation evaluation;             ///< at the state, with derivatives
+    std::vector<BlockRows> rows;       ///< linearisation at the state
+    PriorModel prior;                  ///< at the state
+    BoundedStep step;                  ///< the full step that is left: its basis and active bounds describe the minimum
+    std::vector<std::size_t> stopped;  ///< blocks that stopped three steps in a row, or failed at the start
+    std::vector<bool> error_at_floor;  ///< error parameters held at their lower limit
+    std::vector<bool> error_at_ceiling;  ///< and at the upper one
+    /// Weight of the constraints at the end, as the size of a violation that costs 1/2, in units of their sizes.
+    double matching = 1.0;
+    double remaining = 0.0;  ///< length of the full step that is left, in posterior sds
+};
+
+/// Counters and history over all rounds.
+struct Ledger {
+    int round = 0;
+    int iterations = 0;  ///< accepted steps of theta
+    int trials = 0;      ///< accepted and rejected ones
+    int evaluations = 0;
+    std::vector<StepRecord> history;
+};
+
+/// Problem of the error parameters at a linearisation.
+[[nodiscard]] ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum,
+                                         Follow follow);
+
+/// Minimises (M8)/(M9) over theta, latent states and scales with the given blocks; (M11) with a trust region.
+///
+/// theta- and latent steps decrease Phi at fixed psi, psi-steps decrease Phi_psi at a fixed linearisation. Constraints
+/// take part as errors of known size that falls in stages until it no longer changes the estimate: demanded exactly at
+/// once they fail from most starts, in stages they lead there (Bock's and Baake's problems).
+/// Converged: the full step that is left is shorter than `step_tolerance` in the metric of the posterior information
+/// (then every parameter's step is below that many of its posterior sds, and the gradient is as small in the inverse
+/// metric), with the scales at their minimum; some more steps are taken then as long as they gain digits. When no
+/// shorter step decreases Phi any more although its length is below `rounding_sds`, the residuals' own rounding is
+/// reached: converged too, and the message says so. Otherwise no_progress.
+[[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger);
+
+/// See minimise(): a thousandth of a sd is below anything a result shows.
+inline constexpr double rounding_sds = 1e-3;
+
+}  // namespace orbid::estimator

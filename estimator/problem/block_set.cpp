@@ -1,0 +1,380 @@
+#include "estimator/problem/block_set.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <Eigen/Cholesky>
+
+#include "estimator/algebra/block_loop.hpp"
+
+namespace orbid::estimator {
+
+namespace {
+
+void check_value(const BlockValue& value, const ActiveBlock& block, const std::string& label, Eigen::Index parameters,
+                 Eigen::Index next_latents, bool derivatives) {
+    const auto records = static_cast<Eigen::Index>(block.channel.size());
+    const auto shaped = [](const Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index columns) {
+        return rows == 0 || columns == 0 || (matrix.rows() == rows && matrix.cols() == columns);
+    };
+    const bool fits = value.e.size() == records && (block.constraints == 0 || value.c.size() == block.constraints) &&
+                      (!derivatives || (value.e_theta.rows() == records && value.e_theta.cols() == parameters &&
+                                        shaped(value.e_z, records, block.latents) &&
+                                        (block.linked_parts.empty() || shaped(value.e_next, records, next_latents)) &&
+                                        shaped(value.c_theta, block.constraints, parameters) &&
+                                        shaped(value.c_z, block.constraints, block.latents) &&
+                                        shaped(value.c_next, block.constraints, next_latents)));
+    if (!fits)
+        throw std::invalid_argument("residual block \"" + label + "\": values of the wrong shape; expected " +
+                                    std::to_string(records) + " records, " + std::to_string(parameters) +
+                                    " parameters, " + std::to_string(block.latents) + " latent states, " +
+                                    std::to_string(block.constraints) + " constraints");
+}
+
+bool finite(const BlockValue& value, const ActiveBlock& block, bool derivatives) {
+    if (!value.e.allFinite() || (block.constraints > 0 && !value.c.allFinite())) return false;
+    if (!derivatives) return true;
+    if (!value.e_theta.allFinite() || !value.e_z.allFinite()) return false;
+    if (!block.linked_parts.empty() && !value.e_next.allFinite()) return false;
+    return block.constraints == 0 || (value.c_theta.allFinite() && value.c_z.allFinite() && value.c_next.allFinite());
+}
+
+/// Log-normal errors need a positive prediction.
+bool predicted(const BlockValue& value, const ActiveBlock& block, const std::vector<ErrorLaw>& laws) {
+    const auto positive = [&](const LawPart& part) {
+        if (!std::holds_alternative<LogNormalErrors>(laws[part.law].distribution)) return true;
+        for (std::size_t i = 0; i < part.records.size(); ++i)
+            if (!(part.observed[static_cast<Eigen::Index>(i)] - value.e[part.records[i]] > 0.0)) return false;
+        return true;
+    };
+    return std::all_of(block.parts.begin(), block.parts.end(), positive) &&
+           std::all_of(block.linked_parts.begin(), block.linked_parts.end(), positive);
+}
+
+/// Sorts the records [begin, end) of a block by law.
+std::vector<LawPart> parts_of(const ActiveBlock& block, const BlockLayout& from, const std::vector<ErrorLaw>& laws,
+                              std::size_t begin, std::size_t end) {
+    const auto refuse = [&from](const std::string& what) {
+        throw std::invalid_argument("residual block \"" + from.label + "\": " + what);
+    };
+    std::vector<LawPart> parts;
+    for (std::size_t l = 0; l < laws.size(); ++l) {
+        const ErrorLaw& law = laws[l];
+        LawPart part{l, {}, {}};
+        std::size_t first = 0;
+        for (const int channel : law.channels) {
+            const std::size_t before = part.records.size();
+            for (std::size_t i = begin; i < end; ++i)
+                if (block.channel[i] == channel) part.records.push_back(static_cast<Eigen::Index>(i));
+            const std::size_t own = part.records.size() - before;
+            if (channel == law.channels.front()) first = own;
+            if (own != first)
+                refuse("the responses of a full covariance must have the same number of records, not " +
+                       std::to_string(first) + " and " + std::to_string(own));
+        }
+        if (part.records.empty()) continue;
+        if (law.needs_observed()) {
+            if (from.observed.size() != static_cast<Eigen::Index>(block.channel.size()))
+                refuse("log-normal and relative errors need the observed value of every record");
+            if (block.deviation.size() > 0) refuse("known sds do not go with log-normal or relative errors");
+            part.observed.resize(static_cast<Eigen::Index>(part.records.size()));
+            for (std::size_t i = 0; i < part.records.size(); ++i) {
+                const double y = from.observed[part.records[i]];
+                if (!std::isfinite(y) || (std::holds_alternative<LogNormalErrors>(law.distribution) && !(y > 0.0)))
+                    refuse("observed value " + std::to_string(y) + " of record " + std::to_string(part.records[i]) +
+                           " must be finite, and positive for log-normal errors");
+                part.observed[static_cast<Eigen::Index>(i)] = y;
+            }
+        }
+        parts.push_back(std::move(part));
+    }
+    return parts;
+}
+
+/// Whether a block takes part: inactive ones, and those without records and states, do not.
+bool takes_part(const BlockLayout& block) {
+    return block.active && !(block.group.empty() && block.latents == 0);
+}
+
+/// The first linked record of a block; its number of records when there is none.
+std::size_t first_linked(const BlockLayout& from) {
+    return from.linked_from < 0 ? from.group.size() : static_cast<std::size_t>(from.linked_from);
+}
+
+void check_links(const BlockLayout& from, LatentStructure structure, std::size_t blocks) {
+    const auto refuse = [&from](const std::string& what) {
+        throw std::invalid_argument("residual block \"" + from.label + "\": " + what);
+    };
+    const bool links = first_linked(from) < from.group.size();
+    if (structure == LatentStructure::none && (from.latents > 0 || from.constraints > 0))
+        refuse("has latent states, but its residual says it has none");
+    if (from.linked_from > static_cast<std::ptrdiff_t>(from.group.size()))
+        refuse("linked_from = " + std::to_string(from.linked_from) + " is beyond its " +
+               std::to_string(from.group.size()) + " records");
+    if (links && structure != LatentStructure::chain && structure != LatentStructure::cyclic_chain)
+        refuse("has records linked to the next block, but its residual is no chain");
+    if (links && from.next < 0) refuse("has records linked to the next block, but `next` names none");
+    if (links && from.shape.size() > 0) refuse("has both linked records and a covariance shape: give one of them");
+    if ((links || from.constraints > 0) && from.next >= static_cast<std::ptrdiff_t>(blocks))
+        refuse("its next block " + std::to_string(from.next) + " does not exist, there are " + std::to_string(blocks));
+}
+
+/// How the records of a law may depend on latent states: all of them alike, for their scale is one.
+enum class Place : char { nowhere, own, linked };
+
+void check_places(const ActiveBlock& block, const std::string& label, const std::vector<ErrorLaw>& laws,
+                  std::vector<Place>& place) {
+    const auto check = [&](const LawPart& part, Place here) {
+        if (place[part.law] != Place::nowhere && place[part.law] != here)
+            throw std::invalid_argument("residual block \"" + label +
+                                        "\": records linked to the next block share a group, or a full covariance, "
+                                        "with records that are not");
+        place[part.law] = here;
+    };
+    if (laws.empty()) return;
+    for (const LawPart& part : block.parts)
+        check(part, Place::own);
+    for (const LawPart& part : block.linked_parts)
+        check(part, Place::linked);
+}
+
+}  // namespace
+
+std::vector<Channel> channels_of(const std::vector<Residual*>& residuals) {
+    std::vector<Channel> channels;
+    for (std::size_t r = 0; r < residuals.size(); ++r)
+        for (std::size_t g = 0; g < residuals[r]->groups().size(); ++g)
+            channels.push_back({r, static_cast<int>(g)});
+    return channels;
+}
+
+BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
+                const std::vector<ErrorLaw>& laws) {
+    BlockSet set;
+    set.count = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(channels.size()));
+    std::vector<const ErrorLaw*> law_of(channels.size(), nullptr);
+    for (const ErrorLaw& law : laws)
+        for (const int channel : law.channels)
+            law_of[static_cast<std::size_t>(channel)] = &law;
+    std::vector<Place> places(laws.size(), Place::nowhere);
+    int first_channel = 0;
+    for (std::size_t r = 0; r < residuals.size(); ++r) {
+        const auto& layout = residuals[r]->layout();
+        const auto groups = static_cast<int>(residuals[r]->groups().size());
+        const LatentStructure structure = residuals[r]->structure();
+        set.provisional = set.provisional || residuals[r]->provisional();
+        const std::size_t first_block = set.blocks.size();
+        std::vector<std::ptrdiff_t> place(layout.size(), -1);
+        for (std::size_t b = 0; b < layout.size(); ++b) {
+            const BlockLayout& from = layout[b];
+            if (!takes_part(from)) continue;
+            const auto refuse = [&from](const std::string& what) {
+                throw std::invalid_argument("residual block \"" + from.label + "\": " + what);
+            };
+            check_links(from, structure, layout.size());
+            ActiveBlock block;
+            block.residual = r;
+            block.block = b;
+            block.latents = from.latents;
+            const auto records = static_cast<Eigen::Index>(from.group.size());
+            const std::size_t linked = first_linked(from);
+            const bool joined = from.next >= 0 && takes_part(layout[static_cast<std::size_t>(from.next)]);
+            block.channel.reserve(from.group.size());
+            for (const int g : from.group) {
+                if (g < 0 || g >= groups)
+                    refuse("group " + std::to_string(g) + " does not exist, there are " + std::to_string(groups));
+                const bool counts = block.channel.size() < linked || joined;
+                block.channel.push_back(counts ? first_channel + g : -1);
+                if (!counts) continue;
+                set.count[first_channel + g] += 1.0;
+                ++set.records;
+            }
+            if (from.deviation.size() > 0) {
+                if (from.deviation.size() != records || !(from.deviation.array() > 0.0).all() ||
+                    !from.deviation.allFinite())
+                    refuse("known sds must be positive and finite, one for each of the " + std::to_string(records) +
+                           " records");
+                if (from.shape.size() > 0) refuse("has both known sds and a covariance shape: give one of them");
+                block.deviation = from.deviation;
+                for (Eigen::Index i = 0; i < records; ++i)
+                    if (block.channel[static_cast<std::size_t>(i)] >= 0)
+                        set.ln_det_shapes += 2.0 * std::log(from.deviation[i]);
+            }
+            if (from.shape.size() == 0) {
+                block.parts = parts_of(block, from, laws, 0, linked);
+                if (joined) block.linked_parts = parts_of(block, from, laws, linked, from.group.size());
+                check_places(block, from.label, laws, places);
+                if (!block.linked_parts.empty()) {
+                    block.next = from.next;
+                    set.linked = true;
+                }
+            } else {
+                if (from.shape.rows() != records || from.shape.cols() != records)
+                    refuse("covariance shape must be " + std::to_string(records) + " x " + std::to_string(records));
+                const Eigen::LLT<Eigen::MatrixXd> factor(from.shape);
+                // A computed covariance is symmetric up to rounding.
+                const double largest = from.shape.diagonal().cwiseAbs().maxCoeff();
+                const bool symmetric = (from.shape - from.shape.transpose()).cwiseAbs().maxCoeff() <= 1e-12 * largest;
+                if (factor.info() != Eigen::Success || !symmetric || !from.shape.allFinite())
+                    refuse("covariance shape must be symmetric and positive definite");
+                block.cholesky = factor.matrixL();
+                set.ln_det_shapes += 2.0 * block.cholesky.diagonal().array().log().sum();
+                for (const int c : block.channel) {
+                    const ErrorLaw* law = law_of[static_cast<std::size_t>(c)];
+                    if (law->joint() || !std::holds_alternative<NormalErrors>(law->distribution))
+                        refuse("a covariance shape needs normal errors in all its groups");
+                }
+            }
+            if (from.constraints > 0 && (from.next < 0 || joined)) {
+                block.constraints = from.constraints;
+                block.next = from.next;
+                block.constraint_size = from.constraint_size;
+                if (block.constraint_size.size() == 0) block.constraint_size = Eigen::VectorXd::Ones(from.constraints);
+                if (block.constraint_size.size() != from.constraints || !(block.constraint_size.array() > 0.0).all())
+                    refuse("constraint sizes must be positive, one for each of the " +
+                           std::to_string(from.constraints) + " constraints");
+            }
+            set.latents += from.latents;
+            place[b] = static_cast<std::ptrdiff_t>(set.blocks.size());
+            set.blocks.push_back(std::move(block));
+        }
+        for (std::size_t a = first_block; a < set.blocks.size(); ++a) {
+            ActiveBlock& block = set.blocks[a];
+            if (block.next >= 0) block.next = place[static_cast<std::size_t>(block.next)];
+            set.constraints += block.constraints;
+        }
+        first_channel += groups;
+    }
+    return set;
+}
+
+Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set, const std::vector<ErrorLaw>& laws,
+                    const Eigen::VectorXd& theta, const Latents& latents, bool derivatives) {
+    std::vector<std::vector<BlockValue>> answers(residuals.size());
+    for (std::size_t r = 0; r < residuals.size(); ++r) {
+        answers[r] = residuals[r]->evaluate(theta, latents[r], derivatives);
+        if (answers[r].size() != residuals[r]->layout().size())
+            throw std::invalid_argument("residual \"" + std::string(residuals[r]->type()) + "\": answered " +
+                                        std::to_string(answers[r].size()) + " blocks, layout has " +
+                                        std::to_string(residuals[r]->layout().size()));
+    }
+    Evaluation evaluation;
+    evaluation.values.reserve(set.blocks.size());
+    for (std::size_t a = 0; a < set.blocks.size(); ++a) {
+        const ActiveBlock& block = set.blocks[a];
+        BlockValue& value = answers[block.residual][block.block];
+        if (value.status == BlockStatus::ok) {
+            const Eigen::Index next_latents =
+                block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
+            check_value(value, block, residuals[block.residual]->layout()[block.block].label, theta.size(),
+                        next_latents, derivatives);
+            if (!finite(value, block, derivatives) || !predicted(value, block, laws))
+                value.status = BlockStatus::failed;
+        }
+        if (value.status != BlockStatus::ok) evaluation.failed.push_back(a);
+        evaluation.values.push_back(std::move(value));
+    }
+    return evaluation;
+}
+
+Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law,
+                           const Eigen::VectorXd& e) {
+    Eigen::VectorXd errors(static_cast<Eigen::Index>(part.records.size()));
+    const bool logarithmic = std::holds_alternative<LogNormalErrors>(law.distribution);
+    for (std::size_t i = 0; i < part.records.size(); ++i) {
+        const auto k = static_cast<Eigen::Index>(i);
+        errors[k] = e[part.records[i]];
+        if (logarithmic)
+            errors[k] = -std::log1p(-errors[k] / part.observed[k]);
+        else if (block.deviation.size() > 0)
+            errors[k] /= block.deviation[part.records[i]];
+    }
+    return errors;
+}
+
+namespace {
+
+/// Change of one law's records without intermediate vectors where it is a sum of squares: long chains have few records
+/// per block.
+double part_change(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law, const Eigen::VectorXd& psi,
+                   const Eigen::VectorXd& from, const Eigen::VectorXd& to) {
+    if (law.joint() || !std::holds_alternative<NormalErrors>(law.distribution))
+        return value_change(law, law_errors(block, part, law, from), law_errors(block, part, law, to), part.observed,
+                            psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size())));
+    double sum = 0.0;
+    for (const Eigen::Index i : part.records) {
+        const double unit = block.deviation.size() > 0 ? 1.0 / block.deviation[i] : 1.0;
+        sum += (to[i] - from[i]) * unit * ((to[i] + from[i]) * unit);
+    }
+    return 0.5 * sum * std::exp(-2.0 * psi[law.first]);
+}
+
+}  // namespace
+
+double value_change(const BlockSet& set, const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi,
+                    const std::vector<BlockValue>& from, const std::vector<BlockValue>& to) {
+    const Eigen::VectorXd scale = scales_of(laws, psi);
+    std::vector<double> change(pieces_of(set.blocks.size()), 0.0);
+    for_pieces(set.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        for (std::size_t b = begin; b < end; ++b) {
+            const ActiveBlock& block = set.blocks[b];
+            for (const std::vector<LawPart>* parts : {&block.parts, &block.linked_parts})
+                for (const LawPart& part : *parts)
+                    change[piece] += part_change(block, part, laws[part.law], psi, from[b].e, to[b].e);
+            if (block.cholesky.size() == 0) continue;
+            Eigen::MatrixXd pair(from[b].e.size(), 2);
+            pair << to[b].e - from[b].e, to[b].e + from[b].e;
+            whiten(block.channel, block.cholesky, scale, pair);
+            change[piece] += 0.5 * pair.col(0).dot(pair.col(1));
+        }
+    });
+    double sum = 0.0;
+    for (const double part : change)
+        sum += part;
+    return sum;
+}
+
+double violation_change(const BlockSet& set, const std::vector<BlockValue>& from, const std::vector<BlockValue>& to) {
+    double change = 0.0;
+    for (std::size_t b = 0; b < set.blocks.size(); ++b) {
+        if (set.blocks[b].constraints == 0) continue;
+        const Eigen::VectorXd inverse = set.blocks[b].constraint_size.cwiseInverse();
+        change += 0.5 * (to[b].c - from[b].c).cwiseProduct(inverse).dot((to[b].c + from[b].c).cwiseProduct(inverse));
+    }
+    return change;
+}
+
+Violation violation(const BlockSet& set, const std::vector<BlockValue>& values) {
+    Violation result;
+    double square = 0.0;
+    for (std::size_t b = 0; b < set.blocks.size(); ++b) {
+        if (set.blocks[b].constraints == 0) continue;
+        const Eigen::VectorXd c = values[b].c.cwiseQuotient(set.blocks[b].constraint_size);
+        result.largest = std::max(result.largest, c.lpNorm<Eigen::Infinity>());
+        square += c.squaredNorm();
+    }
+    if (set.constraints > 0) result.rms = std::sqrt(square / static_cast<double>(set.constraints));
+    return result;
+}
+
+Eigen::VectorXd scales_of(const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi) {
+    Eigen::Index channels = 0;
+    for (const ErrorLaw& law : laws)
+        channels += static_cast<Eigen::Index>(law.channels.size());
+    Eigen::VectorXd scale(channels);
+    for (const ErrorLaw& law : laws)
+        for (std::size_t i = 0; i < law.channels.size(); ++i)
+            scale[law.channels[i]] =
+                law.scale(psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size())), i);
+    return scale;
+}
+
+void whiten(const std::vector<int>& channel, const Eigen::MatrixXd& cholesky, const Eigen::VectorXd& scale,
+            Eigen::MatrixXd& rows) {
+    for (Eigen::Index i = 0; i < rows.rows(); ++i)
+        rows.row(i) /= scale[channel[static_cast<std::size_t>(i)]];
+    if (cholesky.size() > 0) cholesky.triangularView<Eigen::Lower>().solveInPlace(rows);
+}
+
+}  // namespace orbid::estimator

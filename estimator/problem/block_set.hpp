@@ -1,0 +1,108 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/errors/error_law.hpp"
+#include "estimator/interface/residual.hpp"
+
+namespace orbid::estimator {
+
+/// Latent states: per residual, per block (also of blocks that take no part).
+using Latents = std::vector<std::vector<Eigen::VectorXd>>;
+
+/// One group of one residual: records with a common error scale s_g.
+struct Channel {
+    std::size_t residual = 0;
+    int group = 0;
+};
+
+/// The records of one law within a block; several responses: one response after the other.
+struct LawPart {
+    std::size_t law = 0;
+    std::vector<Eigen::Index> records;
+    Eigen::VectorXd observed;  ///< y of the records; empty unless the law needs it
+};
+
+/// One block that takes part in a minimisation.
+struct ActiveBlock {
+    std::size_t residual = 0;
+    std::size_t block = 0;
+    std::vector<int> channel;  ///< of each record, index into the channels of the estimate; -1: takes no part
+    Eigen::Index latents = 0;
+    Eigen::MatrixXd cholesky;           ///< lower L, Sigma_b = L L^T; empty = identity
+    Eigen::VectorXd deviation;          ///< known sd of each record; empty = 1
+    std::vector<LawPart> parts;         ///< the records by law; empty with a covariance shape
+    std::vector<LawPart> linked_parts;  ///< those that depend on the latent states of `next` as well
+    Eigen::Index constraints = 0;
+    std::ptrdiff_t next = -1;         ///< index into BlockSet::blocks
+    Eigen::VectorXd constraint_size;  ///< shape (constraints)
+};
+
+/// The set of blocks of one minimisation; it does not change while the objective is minimised (M11).
+struct BlockSet {
+    std::vector<ActiveBlock> blocks;
+    Eigen::VectorXd count;       ///< records of each channel
+    double ln_det_shapes = 0.0;  ///< sum over blocks of ln|Sigma_b|, known sds included
+    Eigen::Index records = 0;
+    Eigen::Index latents = 0;
+    Eigen::Index constraints = 0;
+    bool linked = false;       ///< some records depend on the states of the next block
+    bool provisional = false;  ///< a stage on the way, see Residual::provisional()
+};
+
+/// All groups of all residuals, in order.
+[[nodiscard]] std::vector<Channel> channels_of(const std::vector<Residual*>& residuals);
+
+/// The active blocks of all residuals as they are now. Constraints and linked records whose next block takes no part
+/// are left out.
+///
+/// @throws std::invalid_argument naming the block when a shape has the wrong size or is not positive definite, known
+///         sds or observed values are missing or out of range, a record names a group that does not exist, a block
+///         without structure has latent states or constraints, a covariance shape meets errors that are not normal;
+///         records are linked outside chains, without a next block, with a shape, or are of a group (or of responses
+///         with one full covariance) that has other records as well.
+[[nodiscard]] BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
+                              const std::vector<ErrorLaw>& laws);
+
+/// Values of the active blocks, in their order.
+struct Evaluation {
+    std::vector<BlockValue> values;
+    std::vector<std::size_t> failed;  ///< indices into BlockSet::blocks; a value that is not finite counts as failed
+};
+
+/// Asks every residual once. @throws std::invalid_argument naming the block when an answer has the wrong shape.
+[[nodiscard]] Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set,
+                                  const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& theta,
+                                  const Latents& latents, bool derivatives);
+
+/// The errors of one law's records in the unit in which the law takes them: e, e divided by known sds, or
+/// ln y - ln yhat for log-normal errors.
+[[nodiscard]] Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law,
+                                         const Eigen::VectorXd& e);
+
+/// Change of -ln p of all blocks between two evaluations, without the cancellation of two sums.
+[[nodiscard]] double value_change(const BlockSet& set, const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi,
+                                  const std::vector<BlockValue>& from, const std::vector<BlockValue>& to);
+
+/// Constraints divided by their sizes: 1/2 sum (c / size)^2 at `to` less the same at `from`.
+[[nodiscard]] double violation_change(const BlockSet& set, const std::vector<BlockValue>& from,
+                                      const std::vector<BlockValue>& to);
+/// Largest |c| / size and root mean square of c / size; 0 without constraints.
+struct Violation {
+    double largest = 0.0;
+    double rms = 0.0;
+};
+[[nodiscard]] Violation violation(const BlockSet& set, const std::vector<BlockValue>& values);
+
+/// Scale s of each channel.
+[[nodiscard]] Eigen::VectorXd scales_of(const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi);
+
+/// w = L^-1 D^-1 a: rows divided by their error, in place. `channel` of each row, `scale` of each channel.
+void whiten(const std::vector<int>& channel, const Eigen::MatrixXd& cholesky, const Eigen::VectorXd& scale,
+            Eigen::MatrixXd& rows);
+
+}  // namespace orbid::estimator

@@ -1,0 +1,148 @@
+#include "estimator/problem/bounded_step.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace orbid::estimator {
+
+namespace {
+
+/// A multiplier below this share of the size of the residuals is rounding: it does not free a parameter.
+constexpr double multiplier_tolerance = 1e-12;
+
+Eigen::VectorXd pick(const Eigen::VectorXd& from, const std::vector<Eigen::Index>& index) {
+    Eigen::VectorXd picked(static_cast<Eigen::Index>(index.size()));
+    for (std::size_t i = 0; i < index.size(); ++i)
+        picked[static_cast<Eigen::Index>(i)] = from[index[i]];
+    return picked;
+}
+
+/// The unbounded minimum over the free parameters, the others held at d.
+Eigen::VectorXd free_minimum(const Condensed& condensed, const PriorModel& prior, double mu,
+                             const Eigen::VectorXd& damping, const Eigen::VectorXd& fallback, double tolerance,
+                             const Eigen::VectorXd& held, BoundedStep& step) {
+    const auto count = static_cast<Eigen::Index>(step.free.size());
+    Eigen::MatrixXd r(condensed.r.rows(), count);
+    Eigen::VectorXd rest = held;
+    for (Eigen::Index i = 0; i < count; ++i) {
+        const Eigen::Index parameter = step.free[static_cast<std::size_t>(i)];
+        r.col(i) = condensed.r.col(parameter);
+        rest[parameter] = 0.0;
+    }
+    const Eigen::VectorXd rhs = condensed.rhs + condensed.r * rest;
+    Eigen::MatrixXd own(prior.rows.rows(), count);
+    for (Eigen::Index i = 0; i < count; ++i)
+        own.col(i) = prior.rows.col(step.free[static_cast<std::size_t>(i)]);
+    step.space = split(r, own, pick(fallback, step.free), tolerance);
+    const Subspace& space = step.space;
+    const Eigen::Index data = space.data.cols();
+    const Eigen::Index rank = data + space.prior.cols();
+    if (rank == 0) return Eigen::VectorXd::Zero(count);
+
+    const Eigen::VectorXd inverse_unit = space.unit.cwiseInverse();
+    Eigen::MatrixXd basis(count, rank);
+    basis << space.data, space.prior;
+    const Eigen::MatrixXd prior_rows = own * inverse_unit.asDiagonal() * basis;
+    const Eigen::Index rows = own.rows();
+    Eigen::MatrixXd stacked = Eigen::MatrixXd::Zero(data + rows + count + space.prior.cols(), rank + 1);
+    stacked.topLeftCorner(data, data) = space.singular_values.head(data).asDiagonal();
+    stacked.topRightCorner(data, 1) = space.left.transpose() * rhs;
+    stacked.block(data, 0, rows, rank) = prior_rows;
+    // What the prior pulls at, held parameters included.
+    stacked.block(data, rank, rows, 1) = prior.rows * rest;
+    if (mu > 0.0) {
+        const double root = std::sqrt(mu);
+        stacked.block(data + rows, 0, count, data) =
+            (root * pick(damping, step.free).cwiseProduct(inverse_unit)).asDiagonal() * space.data;
+        stacked.block(data + rows + count, data, space.prior.cols(), space.prior.cols()).diagonal() =
+            root * prior_rows.rightCols(space.prior.cols()).colwise().norm().transpose();
+    }
+    const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
+    const auto triangle = factor.topLeftCorner(rank, rank).triangularView<Eigen::Upper>();
+    Eigen::VectorXd y = basis.transpose() * pick(prior.gradient, step.free).cwiseProduct(inverse_unit);
+    factor.topLeftCorner(rank, rank).transpose().triangularView<Eigen::Lower>().solveInPlace(y);
+    y = -(y + factor.topRightCorner(rank, 1));
+    triangle.solveInPlace(y);
+    return inverse_unit.cwiseProduct(basis * y);
+}
+
+}  // namespace
+
+BoundedStep bounded_step(const Condensed& condensed, const PriorModel& prior, const StepBounds& bounds, double mu,
+                         const Eigen::VectorXd& damping, const Eigen::VectorXd& fallback, double rank_tolerance) {
+    const Eigen::Index q = condensed.rhs.size();
+    BoundedStep step;
+    step.d = Eigen::VectorXd::Zero(q);
+    step.active.assign(static_cast<std::size_t>(q), 0);
+    for (Eigen::Index i = 0; i < q; ++i) {
+        if (!(bounds.lower[i] < 0.0)) step.active[static_cast<std::size_t>(i)] = -1;
+        if (!(bounds.upper[i] > 0.0)) step.active[static_cast<std::size_t>(i)] = 1;
+    }
+    const double size = std::hypot(condensed.rest, condensed.rhs.norm());
+    // Each pass either holds or frees one parameter; the objective falls strictly between two freeings, so it ends.
+    // The limit guards against cycling by rounding.
+    const int passes = 20 * static_cast<int>(q) + 20;
+    for (int pass = 0; pass < passes; ++pass) {
+        step.free.clear();
+        for (Eigen::Index i = 0; i < q; ++i)
+            if (step.active[static_cast<std::size_t>(i)] == 0) step.free.push_back(i);
+        const Eigen::VectorXd target =
+            free_minimum(condensed, prior, mu, damping, fallback, rank_tolerance, step.d, step);
+        // Go there, or to the first bound on the way.
+        double share = 1.0;
+        Eigen::Index hit = -1;
+        for (std::size_t k = 0; k < step.free.size(); ++k) {
+            const Eigen::Index i = step.free[k];
+            const double move = target[static_cast<Eigen::Index>(k)] - step.d[i];
+            const double room = move < 0.0 ? bounds.lower[i] - step.d[i] : bounds.upper[i] - step.d[i];
+            if (std::abs(move) > std::abs(room) && std::abs(room) < share * std::abs(move)) {
+                share = std::abs(room) / std::abs(move);
+                hit = i;
+            }
+        }
+        for (std::size_t k = 0; k < step.free.size(); ++k) {
+            const Eigen::Index i = step.free[k];
+            step.d[i] += share * (target[static_cast<Eigen::Index>(k)] - step.d[i]);
+        }
+        if (hit >= 0) {
+            const bool lower = std::abs(step.d[hit] - bounds.lower[hit]) < std::abs(step.d[hit] - bounds.upper[hit]);
+            step.active[static_cast<std::size_t>(hit)] = lower ? -1 : 1;
+            step.d[hit] = lower ? bounds.lower[hit] : bounds.upper[hit];
+            continue;
+        }
+        // At the minimum for this set: free the held parameter that the objective pulls inward most.
+        Eigen::VectorXd gradient = condensed.r.transpose() * (condensed.r * step.d + condensed.rhs) + prior.gradient +
+                                   prior.rows.transpose() * (prior.rows * step.d);
+        if (mu > 0.0) gradient += mu * damping.cwiseAbs2().cwiseProduct(step.d);
+        double strongest = 0.0;
+        Eigen::Index freed = -1;
+        for (Eigen::Index i = 0; i < q; ++i) {
+            const int side = step.active[static_cast<std::size_t>(i)];
+            if (side == 0) continue;
+            const double norm = std::max(condensed.r.col(i).norm(), prior.rows.col(i).norm());
+            const double inward = (side < 0 ? -gradient[i] : gradient[i]) / std::max(norm, 1e-300);
+            if (inward > multiplier_tolerance * size && inward > strongest) {
+                strongest = inward;
+                freed = i;
+            }
+        }
+        if (freed < 0) break;
+        step.active[static_cast<std::size_t>(freed)] = 0;
+    }
+    // What the last set of free parameters decides, as a basis over all parameters.
+    step.decided = Eigen::MatrixXd::Zero(q, step.space.data.cols() + step.space.prior.cols());
+    const Eigen::MatrixXd basis = step.space.decided();
+    for (std::size_t k = 0; k < step.free.size(); ++k)
+        step.decided.row(step.free[k]) = basis.row(static_cast<Eigen::Index>(k));
+    step.seen = step.d;
+    const Eigen::VectorXd moved = step.space.unit.cwiseProduct(pick(step.d, step.free));
+    const Eigen::VectorXd unseen =
+        step.space.unit.cwiseInverse().cwiseProduct(step.space.prior * (step.space.prior.transpose() * moved));
+    for (std::size_t k = 0; k < step.free.size(); ++k)
+        step.seen[step.free[k]] -= unseen[static_cast<Eigen::Index>(k)];
+    step.from_data = step.decided;
+    step.from_data.rightCols(step.space.prior.cols()).setZero();
+    return step;
+}
+
+}  // namespace orbid::estimator

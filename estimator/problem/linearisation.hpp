@@ -1,0 +1,91 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/algebra/arrow.hpp"
+#include "estimator/problem/block_set.hpp"
+#include "estimator/problem/coordinate.hpp"
+
+namespace orbid::estimator {
+
+/// Rows of one law in one block.
+struct PartRows {
+    std::size_t law = 0;
+    LawRecords records;
+};
+
+/// Rows [de/dz | de/du | e] of one block, not yet divided by the errors, sorted by error law.
+///
+/// Where a law sees sums of squares only, its rows are replaced by the triangle of their orthogonal factorisation: all
+/// sums of squares and products stay the same, and so does everything (M8)-(M11) needs of them for any error scale, at
+/// a cost that no longer depends on the number of records.
+struct BlockRows {
+    std::vector<PartRows> parts;
+    /// Records that depend on the latent states of the block `next` as well: rows [de/dz | de/dz_next | de/du | e].
+    std::vector<PartRows> linked_parts;
+    /// With a covariance shape: all rows, shape (rows, latents + columns + 1), and the channel of each.
+    Eigen::MatrixXd rows;
+    std::vector<int> channel;
+    Eigen::Index latents = 0;
+    Eigen::Index next_latents = 0;              ///< of the block `next`
+    const Eigen::MatrixXd* cholesky = nullptr;  ///< of the covariance shape, empty = identity; owned by the BlockSet
+    /// Constraints divided by their sizes, [c_z | c_next | c_u | c], and the block that z_next belongs to.
+    Eigen::MatrixXd link;
+    std::ptrdiff_t next = -1;
+};
+
+/// Rows of all active blocks at theta (natural units), derivatives with respect to the coordinates u. Compressed unless
+/// told otherwise (clusters of records need them all).
+[[nodiscard]] std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<ErrorLaw>& laws,
+                                               const std::vector<BlockValue>& values,
+                                               const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
+                                               bool compressed = true);
+
+/// The same rows in other parameters y, u = u_0 + basis y: shape of basis (parameters, columns).
+[[nodiscard]] std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen::MatrixXd& basis);
+
+/// Standard rows per record: relative errors have two, first all of the mean and then all of the variance.
+[[nodiscard]] int rows_per_record(const ErrorLaw& law);
+
+/// One block's rows divided by the errors (constraints and linked records not among them), and -ln p of its records
+/// without ln|Sigma_b| and known sds.
+[[nodiscard]] StandardRows<double> standard_rows(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+                                                 const Eigen::VectorXd& psi, Curvature curvature);
+/// The same of some parts alone, for instance BlockRows::linked_parts.
+[[nodiscard]] StandardRows<double> standard_rows(const std::vector<PartRows>& parts, const std::vector<ErrorLaw>& laws,
+                                                 const Eigen::VectorXd& psi, Curvature curvature);
+
+/// Derivative of standard_rows() with respect to psi[k]; rows that do not depend on it are zero.
+[[nodiscard]] StandardRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+                                                            const Eigen::VectorXd& psi, Eigen::Index k,
+                                                            Curvature curvature, const StandardRows<double>& at);
+[[nodiscard]] StandardRows<double> standard_rows_derivative(const std::vector<PartRows>& parts,
+                                                            const std::vector<ErrorLaw>& laws,
+                                                            const Eigen::VectorXd& psi, Eigen::Index k,
+                                                            Curvature curvature, const StandardRows<double>& at);
+
+/// All blocks divided by the errors and factorised; constraints enter as rows divided by `matching`.
+struct StandardArrow {
+    Arrow arrow;
+    /// Per block, kept when asked for; empty where the arrow has them as they are, see own_rows().
+    std::vector<StandardRows<double>> rows;
+    std::vector<Eigen::Index> linked_records;  ///< standard rows of linked records per block
+    double value = 0.0;                        ///< sum of the blocks' values
+
+    /// A block's rows, shape (rows, latents + parameters + 1). Only if rows were kept.
+    [[nodiscard]] Eigen::Ref<const Eigen::MatrixXd> own_rows(std::size_t b) const {
+        return rows[b].rows.size() > 0 ? rows[b].rows : arrow.blocks[b].triangle;
+    }
+    /// Those of its linked records, shape (rows, latents + latents of next + parameters + 1).
+    [[nodiscard]] Eigen::Ref<const Eigen::MatrixXd> linked_rows(std::size_t b) const {
+        return arrow.blocks[b].link.bottomRows(linked_records[b]);
+    }
+};
+/// @param factorised  false: the rows of the blocks alone, enough for model_change().
+[[nodiscard]] StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<ErrorLaw>& laws,
+                                           const Eigen::VectorXd& psi, double matching, Curvature curvature,
+                                           bool keep_rows = false, bool factorised = true);
+
+}  // namespace orbid::estimator

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/errors/error_law.hpp"
+#include "estimator/interface/estimate_options.hpp"
+#include "estimator/problem/block_set.hpp"
+#include "estimator/problem/bounded_step.hpp"
+#include "estimator/problem/coordinate.hpp"
+
+namespace orbid::estimator {
+
+/// What does not change during an estimate.
+struct Problem {
+    std::vector<FreeParameter> parameters;
+    std::vector<Coordinate> coordinates;
+    Eigen::VectorXd lower;  ///< in coordinates u, the support of uniform priors included
+    Eigen::VectorXd upper;
+    std::vector<Residual*> residuals;
+    std::vector<Channel> channels;
+    std::vector<ErrorLaw> laws;
+    std::vector<ErrorCoordinate> errors;  ///< all error parameters, in the order of psi
+    /// Joint priors with the places of their parameters.
+    struct Joint {
+        JointNormalPrior prior;
+        std::vector<Eigen::Index> place;
+    };
+    std::vector<Joint> joint_priors;
+    EstimateOptions options;
+};
+
+/// Where the estimate stands.
+struct State {
+    Eigen::VectorXd theta;  ///< natural units
+    Eigen::VectorXd u;      ///< coordinates
+    Latents latents;
+    Eigen::VectorXd psi;        ///< error parameters in their coordinates
+    bool errors_known = false;  ///< false: scales without a start value are taken from the first residuals
+};
+
+/// The parameter prior at u to second order.
+[[nodiscard]] PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u);
+
+/// Size of each parameter in its coordinate: what a change by max(|value|, typical size) is there.
+[[nodiscard]] Eigen::VectorXd sizes(const Problem& problem, const Eigen::VectorXd& theta);
+
+/// Which error parameters are estimated and have data (none in a provisional round), shape (error parameters).
+[[nodiscard]] std::vector<bool> free_errors(const Problem& problem, const BlockSet& set);
+
+}  // namespace orbid::estimator

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/minimisation/minimum.hpp"
+#include "estimator/uncertainty/autocorrelation.hpp"
+#include "estimator/uncertainty/identifiability.hpp"
+#include "estimator/uncertainty/sandwich.hpp"
+
+namespace orbid::estimator {
+
+/// Uncertainty of one linear combination of the parameters.
+struct Uncertainty {
+    double sd = 0.0;          ///< nan when undetermined
+    double laplace_sd = 0.0;  ///< if the errors were independent
+    double quantile = 0.0;    ///< half width of the 95 % interval in sds
+    std::string method;       ///< see Estimated::interval_method
+};
+
+/// The posterior around a minimum: normal in the coordinates u, from the factors of the minimisation.
+class Posterior {
+public:
+    Posterior(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum);
+
+    /// Uncertainty of direction^T u, direction of shape (q).
+    [[nodiscard]] Uncertainty along(const Eigen::VectorXd& direction) const;
+
+    [[nodiscard]] const Eigen::MatrixXd& covariance() const { return covariance_; }  ///< of u, as reported
+    [[nodiscard]] const Eigen::MatrixXd& laplace() const { return laplace_; }        ///< of u, independent errors
+    [[nodiscard]] const Identifiability& identifiable() const { return identifiability_; }
+    /// Phi_psi of (M9) at the estimate; H in the coordinates u, directions that nothing decides left out.
+    [[nodiscard]] double objective() const;
+    [[nodiscard]] double log_likelihood() const;  ///< ln p(y | theta, z, psi)
+    [[nodiscard]] double degrees_of_freedom() const { return degrees_of_freedom_; }
+    [[nodiscard]] bool has_sandwich() const { return sandwich_ != nullptr; }
+    [[nodiscard]] std::size_t clusters() const { return sandwich_ ? sandwich_->clusters() : 0; }
+    /// What there is to say about the sandwich, or why there is none although it was asked for; may be empty.
+    [[nodiscard]] const std::string& sandwich_note() const { return sandwich_note_; }
+    /// Error parameters on a logarithmic scale that went to where they no longer matter (the absolute part of errors
+    /// that are relative, the dof of normal ones): held there, as at a limit.
+    [[nodiscard]] const std::vector<Eigen::Index>& negligible_errors() const { return negligible_errors_; }
+    /// Covariance of the error parameters psi; zero rows where fixed or held at a limit.
+    [[nodiscard]] const Eigen::MatrixXd& error_covariance() const { return error_covariance_; }
+    /// Laplace's ln of the integral over all coordinates, see Estimate::log_integral.
+    [[nodiscard]] double log_integral() const;
+    [[nodiscard]] const std::vector<Autocorrelation>& autocorrelations() const { return autocorrelations_; }
+    /// sds of the latent states of each active block; nan where the data say nothing.
+    [[nodiscard]] const std::vector<Eigen::VectorXd>& latent_sds() const { return latent_sds_; }
+    [[nodiscard]] const Arrow& arrow() const { return arrow_; }              ///< in the coordinates u
+    [[nodiscard]] const Condensed& condensed() const { return condensed_; }  ///< in the coordinates u
+
+private:
+    void error_parameters();
+    void add_error_uncertainty();
+    [[nodiscard]] double constraint_term() const;
+    void look_for_autocorrelation();
+    [[nodiscard]] std::vector<Eigen::VectorXd> innovations(int channel) const;
+    void make_sandwich();
+    void widen(std::size_t clusters);
+    void widen_along_chains();
+    double correlated_clusters(std::vector<std::vector<int>>& clusters) const;
+    [[nodiscard]] Eigen::VectorXd variance_slopes(const Eigen::VectorXd& y) const;
+
+    const Problem& problem_;
+    const BlockSet& set_;
+    const State& state_;
+    const Minimum& minimum_;
+    ErrorProblem errors_;
+    ErrorPoint point_;
+    Arrow arrow_;
+    Condensed condensed_;
+    Identifiability identifiability_;
+    Eigen::MatrixXd covariance_;
+    Eigen::MatrixXd laplace_;
+    Eigen::MatrixXd error_covariance_;
+    double ln_error_determinant_ = 0.0;      ///< of the Hessian of Phi_psi over the free error parameters
+    std::vector<Eigen::Index> free_errors_;  ///< estimated and not held at a limit
+    std::vector<Eigen::Index> negligible_errors_;
+    Eigen::MatrixXd moved_by_errors_;  ///< d y / d psi over free_errors_ where it counts, see add_error_uncertainty
+    bool one_scale_ = false;           ///< every record has the same, estimated normal scale
+    double degrees_of_freedom_ = 0.0;
+    std::vector<Autocorrelation> autocorrelations_;  ///< per channel
+    std::vector<Autocorrelation> unexplained_;       ///< per channel: of innovations where errors are autoregressive
+    std::unique_ptr<Sandwich> sandwich_;
+    std::string sandwich_note_;
+    double widening_ = 1.0;  ///< on variances, where autocorrelation leaves too few clusters for a sandwich
+    double widened_degrees_of_freedom_ = 0.0;
+    std::vector<Eigen::VectorXd> latent_sds_;
+};
+
+}  // namespace orbid::estimator

@@ -1,0 +1,125 @@
+#include "estimator/uncertainty/sandwich.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include <Eigen/Eigenvalues>
+
+namespace orbid::estimator {
+
+namespace {
+
+/// A direction that one cluster alone decides is fitted by it: it has no residual left, and nothing to correct.
+constexpr double alone = 1e-6;
+
+}  // namespace
+
+namespace {
+
+/// The cluster of each standard row of a block: rows follow the records law by law.
+std::vector<int> row_clusters(const ActiveBlock& block, const std::vector<ErrorLaw>& laws,
+                              const std::vector<int>& cluster) {
+    if (block.parts.empty()) return cluster;
+    std::vector<int> result;
+    for (const LawPart& part : block.parts)
+        for (int copy = 0; copy < rows_per_record(laws[part.law]); ++copy)
+            for (const Eigen::Index record : part.records)
+                result.push_back(cluster[static_cast<std::size_t>(record)]);
+    return result;
+}
+
+}  // namespace
+
+Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
+                   const std::vector<std::vector<int>>& cluster, const std::vector<ErrorLaw>& laws,
+                   const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle, double inflation)
+    : rank_(triangle.rows()), triangle_(triangle) {
+    const auto r = triangle_.triangularView<Eigen::Upper>();
+    Eigen::MatrixXd meat = Eigen::MatrixXd::Zero(rank_, rank_);
+    for (std::size_t b = 0; b < rows.size(); ++b) {
+        const Eigen::Index l = rows[b].latents;
+        const Eigen::MatrixXd whitened_rows = standard_rows(rows[b], laws, psi, Curvature::expected).rows;
+        const std::vector<int> own_cluster = row_clusters(set.blocks[b], laws, cluster[b]);
+        const BlockTriangle factor = block_triangle(whitened_rows, l);
+        Eigen::MatrixXd q = whitened_rows.leftCols(l + rank_);
+        for (Eigen::Index j = 0; j < l; ++j)
+            if (factor.dead[static_cast<std::size_t>(j)]) q.col(j).setZero();
+        if (l > 0) {
+            Eigen::MatrixXd q_z = q.leftCols(l);
+            factor.triangle.topLeftCorner(l, l).triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(q_z);
+            q.leftCols(l) = q_z;
+            q.rightCols(rank_) -= q_z * factor.triangle.block(0, l, l, rank_);
+        }
+        if (rank_ > 0) {
+            Eigen::MatrixXd q_theta = q.rightCols(rank_);
+            r.solveInPlace<Eigen::OnTheRight>(q_theta);
+            q.rightCols(rank_) = q_theta;
+        }
+        const int pieces = cluster[b].empty() ? 0 : 1 + *std::max_element(cluster[b].begin(), cluster[b].end());
+        for (int c = 0; c < pieces; ++c) {
+            Part part{b, Eigen::MatrixXd::Zero(l + rank_, l + rank_), {}};
+            Eigen::VectorXd score = Eigen::VectorXd::Zero(l + rank_);
+            for (Eigen::Index i = 0; i < q.rows(); ++i) {
+                if (own_cluster[static_cast<std::size_t>(i)] != c) continue;
+                part.gram.noalias() += q.row(i).transpose() * q.row(i);
+                score += q.row(i).transpose() * whitened_rows(i, whitened_rows.cols() - 1);
+            }
+            const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(part.gram);
+            Eigen::VectorXd root(l + rank_);
+            for (Eigen::Index k = 0; k < root.size(); ++k) {
+                const double left = 1.0 - eigen.eigenvalues()[k];
+                root[k] = left > alone ? 1.0 / std::sqrt(left) : 0.0;
+            }
+            part.root = eigen.eigenvectors() * root.asDiagonal() * eigen.eigenvectors().transpose();
+            const Eigen::VectorXd own = (part.root * score).tail(rank_);
+            meat.noalias() += own * own.transpose();
+            parts_.push_back(std::move(part));
+        }
+    }
+    Eigen::MatrixXd half = meat;
+    r.solveInPlace(half);
+    half = half.transpose().eval();
+    r.solveInPlace(half);
+    covariance_ = 0.5 * inflation * (half + half.transpose());
+}
+
+double Sandwich::degrees_of_freedom(const Eigen::VectorXd& direction) const {
+    Eigen::VectorXd c = direction;
+    triangle_.transpose().triangularView<Eigen::Lower>().solveInPlace(c);
+    std::vector<Eigen::VectorXd> projected;
+    std::vector<double> square;
+    for (const Part& part : parts_) {
+        Eigen::VectorXd padded = Eigen::VectorXd::Zero(part.gram.rows());
+        padded.tail(rank_) = c;
+        const Eigen::VectorXd g = part.root * padded;
+        projected.emplace_back(part.gram * g);
+        square.push_back(g.dot(projected.back()));
+    }
+    double trace = 0.0;
+    double norm = 0.0;
+    for (std::size_t i = 0; i < parts_.size(); ++i)
+        for (std::size_t j = 0; j < parts_.size(); ++j) {
+            const double shared = parts_[i].block == parts_[j].block
+                                      ? projected[i].dot(projected[j])
+                                      : projected[i].tail(rank_).dot(projected[j].tail(rank_));
+            const double entry = (i == j ? square[i] : 0.0) - shared;
+            norm += entry * entry;
+            if (i == j) trace += entry;
+        }
+    return norm > 0.0 ? std::max(1.0, trace * trace / norm) : 1.0;
+}
+
+std::vector<int> consecutive_clusters(const std::vector<int>& channel, int pieces) {
+    std::map<int, long> total;
+    for (const int c : channel)
+        ++total[c];
+    std::map<int, long> seen;
+    std::vector<int> cluster;
+    cluster.reserve(channel.size());
+    for (const int c : channel)
+        cluster.push_back(static_cast<int>(seen[c]++ * pieces / total[c]));
+    return cluster;
+}
+
+}  // namespace orbid::estimator

@@ -1,0 +1,360 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "models/ensembles/flow_steps.hpp"
+#include "models/ensembles/surface_meeting.hpp"
+#include "models/system/kernel.hpp"
+
+namespace orbid::models {
+
+/// A step that all trajectories take which began at the same phase.
+template <class Steps>
+struct SharedStep {
+    double start, length, end;  ///< in units of the clock
+    std::size_t reached;        ///< durations reached with it and before
+    typename Steps::Forcing forcing;
+};
+
+/// Some of many flows over the same durations, on their way in packs with N directions of derivative.
+///
+/// Along shared steps all lanes go through the same table of the forcing. Those whose step is not good enough, or meets
+/// the switching surface, walk through it by themselves: in packs too, but each lane with steps of its own length,
+/// controlled as those of a Trajectory, and through the surface where it comes; a step that does not tell clearly where
+/// is halved. Without shared steps all walk from one duration to the next. What no pack decides (a start on the
+/// surface, sticking, grazing, a state that is not finite, a step budget spent) is left to a flow of its own from the
+/// start.
+///
+/// What becomes of a trajectory depends on itself and the shared steps, not on who shares its packs.
+template <FlowPackModel M, std::size_t N, class Arch = xsimd::default_arch>
+class FlowBlock {
+public:
+    using Steps = FlowSteps<M, N, Arch>;
+    using P = typename Steps::P;
+    using Numbers = typename Steps::Numbers;
+    static constexpr std::size_t n = dimension_of<M>;
+    static constexpr std::size_t width = P::width;
+
+    /// @param columns  which of the starts, any order
+    FlowBlock(const Steps& steps, const FlowStarts& starts, std::span<const std::size_t> columns)
+        : steps_(steps), options_(starts.options), lanes_(columns.size()) {
+        const std::size_t padded = (lanes_.size() + width - 1) / width * width;
+        for (std::size_t k = 0; k < Steps::size; ++k)
+            x_[k].assign(padded, 0.0);
+        phase_.assign(padded, 0.0);
+        for (std::size_t i = 0; i < padded; ++i) {
+            // Lanes without a trajectory repeat the last.
+            const std::size_t column = columns[std::min(i, lanes_.size() - 1)];
+            for (std::size_t c = 0; c < n; ++c) {
+                x_[Steps::index(c, 0)][i] = starts.states[column * n + c];
+                x_[Steps::index(c, 1 + c)][i] = 1.0;
+            }
+            phase_[i] = starts.phases[column];
+        }
+        for (std::size_t i = 0; i < lanes_.size(); ++i)
+            if constexpr (SwitchingModel<M>) lanes_[i].failed = !(std::abs(speed(i)) > 0.0);
+    }
+
+    /// Through all durations; store(i, k) is called for every trajectory that gets there.
+    template <class Store>
+    void run(std::span<const double> durations, std::span<const SharedStep<Steps>> shared, const Store& store) {
+        std::size_t k = 0;
+        const auto arrive = [&](std::size_t reached) {
+            for (; k < reached; ++k)
+                for (std::size_t i = 0; i < lanes_.size(); ++i)
+                    if (!lanes_[i].failed) store(i, k);
+        };
+        if (!shared.empty()) {
+            for (const SharedStep<Steps>& step : shared) {
+                arrive(step.reached);
+                together(step);
+            }
+            arrive(durations.size());
+            return;
+        }
+        double s = 0.0;
+        while (k < durations.size()) {
+            if (durations[k] > s) {
+                for (std::size_t i = 0; i < lanes_.size(); ++i)
+                    if (!lanes_[i].failed) walkers_.push_back({i, s, lanes_[i].length, side_of(i)});
+                walk(s = durations[k]);
+            }
+            arrive(k + 1);
+        }
+    }
+
+    [[nodiscard]] std::size_t count() const { return lanes_.size(); }
+    /// Left to a flow of its own.
+    [[nodiscard]] bool failed(std::size_t i) const { return lanes_[i].failed; }
+    [[nodiscard]] std::size_t steps(std::size_t i) const { return lanes_[i].steps; }
+    [[nodiscard]] std::size_t crossings(std::size_t i) const { return lanes_[i].crossings; }
+    /// Shared steps that were too coarse for their trajectory.
+    [[nodiscard]] std::size_t coarse() const { return coarse_; }
+    [[nodiscard]] double value(std::size_t i, std::size_t c) const { return x_[Steps::index(c, 0)][i]; }
+    [[nodiscard]] double partial(std::size_t i, std::size_t c, std::size_t direction) const {
+        return x_[Steps::index(c, 1 + direction)][i];
+    }
+
+private:
+    struct Lane {
+        bool failed = false;
+        std::size_t steps = 0;
+        std::size_t crossings = 0;
+        double length = 0.0;  ///< of the next step of its own; 0: not known yet
+    };
+    struct Walker {
+        std::size_t lane;
+        double s;
+        double length;  ///< of the next step
+        double side;
+        double to_surface = 0.0;  ///< length of the step that ends close to the surface; 0: none
+        double crossed = 0.0;     ///< length of the step in which it was met
+        int rejected = 0;         ///< tries in a row
+    };
+    double speed(std::size_t i) const { return x_[Steps::index(n - 1, 0)][i]; }
+    double side_of([[maybe_unused]] std::size_t i) const {
+        if constexpr (SwitchingModel<M>)
+            return speed(i) < 0.0 ? -1.0 : 1.0;
+        else
+            return 1.0;
+    }
+
+    /// Steps of a pack, lane by lane.
+    struct Unpacked {
+        std::array<std::array<double, width>, Steps::size> end;
+        std::array<double, width> ratio, first_rise, last_rise;
+        explicit Unpacked(const typename Steps::Step& step) : ratio(step.ratio.lanes()) {
+            for (std::size_t k = 0; k < Steps::size; ++k)
+                end[k] = step.end[k].lanes();
+            if constexpr (SwitchingModel<M>) {
+                first_rise = step.first_rise.lanes();
+                last_rise = step.last_rise.lanes();
+            }
+        }
+    };
+    SpeedOverStep speed_of(const Unpacked& step, std::size_t l, std::size_t i, double side, double ds) const {
+        const double moved = step.end[Steps::index(0, 0)][l] - x_[Steps::index(0, 0)][i];
+        return {side * speed(i), side * step.end[Steps::index(n - 1, 0)][l], side * step.first_rise[l],
+                side * step.last_rise[l], side * moved / (ds * steps_.field().seconds())};
+    }
+
+    void take(const std::array<std::array<double, width>, Steps::size>& end, std::size_t l, std::size_t i) {
+        for (std::size_t k = 0; k < Steps::size; ++k)
+            x_[k][i] = end[k][l];
+    }
+
+    /// One shared step of all.
+    void together(const SharedStep<Steps>& shared) {
+        for (std::size_t first = 0; first < lanes_.size(); first += width) {
+            Numbers x;
+            for (std::size_t k = 0; k < Steps::size; ++k)
+                x[k] = P::load(&x_[k][first]);
+            P side(1.0);
+            if constexpr (SwitchingModel<M>) side = copysign(side, x[Steps::index(n - 1, 0)]);
+            typename Steps::Step step;
+            steps_.step(x, P(0.0), P(shared.start), P(shared.length), side, &shared.forcing, step);
+            auto smooth = step.ratio <= P(1.0);
+            if constexpr (SwitchingModel<M>) {
+                const P v0 = side * x[Steps::index(n - 1, 0)], v1 = side * step.end[Steps::index(n - 1, 0)];
+                smooth = smooth & (v0 > P(0.0)) & (v1 > P(0.0)) &
+                         ((side * step.first_rise >= P(0.0)) | (side * step.last_rise <= P(0.0)));
+            }
+            const std::size_t count = std::min(width, lanes_.size() - first);
+            for (std::size_t i = first; i < first + count; ++i)
+                ++lanes_[i].steps;
+            if (smooth.all()) {
+                for (std::size_t k = 0; k < Steps::size; ++k)
+                    step.end[k].store(&x_[k][first]);
+                continue;
+            }
+            sort_out(Unpacked(step), first, count, shared);
+        }
+        if (!walkers_.empty()) walk(shared.end);
+    }
+    void sort_out(const Unpacked& step, std::size_t first, std::size_t count, const SharedStep<Steps>& shared) {
+        for (std::size_t l = 0; l < count; ++l) {
+            const std::size_t i = first + l;
+            if (lanes_[i].failed) continue;
+            Walker walker{i, shared.start, shared.length, side_of(i)};
+            if (!(step.ratio[l] <= 1.0)) {
+                ++coarse_;
+                walker.length *= shorter(step.ratio[l]);
+                walkers_.push_back(walker);
+                continue;
+            }
+            if constexpr (SwitchingModel<M>) {
+                if (!(std::abs(speed(i)) > 0.0)) {
+                    lanes_[i].failed = true;
+                    continue;
+                }
+                const SpeedOverStep v = speed_of(step, l, i, walker.side, shared.length);
+                const SurfaceMeeting met = meeting_within(v);
+                if (met == SurfaceMeeting::once) {
+                    walker.to_surface = part_before_meeting(v) * shared.length;
+                    walker.crossed = shared.length;
+                } else if (met == SurfaceMeeting::unclear) {
+                    walker.length *= 0.5;
+                }
+                if (met != SurfaceMeeting::none) {
+                    walkers_.push_back(walker);
+                    continue;
+                }
+            }
+            take(step.end, l, i);
+        }
+    }
+
+    /// The estimate goes with the ninth power of the step. Safety 0.9, change at most 5 times, as in ControlledStep.
+    static double factor(double ratio) {
+        return ratio > 0.0 ? std::clamp(0.9 * std::pow(ratio, -1.0 / verner98.error_order), 0.2, 5.0) : 5.0;
+    }
+    static double shorter(double ratio) { return std::isfinite(ratio) ? std::min(factor(ratio), 0.9) : 0.25; }
+
+    /// All walkers by steps of their own to s = target.
+    void walk(double target) {
+        std::array<Walker, width> active;
+        std::size_t count = 0, next = 0;
+        for (;;) {
+            while (count < width && next < walkers_.size())
+                active[count++] = walkers_[next++];
+            if (count == 0) break;
+            stride(active, count, target);
+            for (std::size_t l = count; l-- > 0;)
+                if (lanes_[active[l].lane].failed || !(active[l].s < target)) {
+                    lanes_[active[l].lane].length = active[l].length;
+                    active[l] = active[--count];
+                }
+        }
+        walkers_.clear();
+    }
+
+    /// One step of each of `count` walkers.
+    void stride(std::array<Walker, width>& active, std::size_t count, double target) {
+        std::array<double, width> phase, s, ds, side, crossed;
+        Numbers x;
+        for (std::size_t k = 0; k < Steps::size; ++k) {
+            std::array<double, width> lanes;
+            for (std::size_t l = 0; l < width; ++l)
+                lanes[l] = x_[k][active[std::min(l, count - 1)].lane];
+            x[k] = P::load(lanes.data());
+        }
+        for (std::size_t l = 0; l < width; ++l) {
+            const Walker& walker = active[std::min(l, count - 1)];
+            phase[l] = phase_[walker.lane];
+            s[l] = walker.s;
+            side[l] = walker.side;
+            crossed[l] = walker.crossed;
+        }
+        const P at_phase = P::load(phase.data()), at = P::load(s.data()), on_side = P::load(side.data());
+        set_first_lengths(active, count, x, at_phase, on_side);
+        bool surface = false;
+        for (std::size_t l = 0; l < width; ++l) {
+            const Walker& walker = active[std::min(l, count - 1)];
+            const double remaining = target - walker.s;
+            // Two equal steps instead of a full one and a crumb; a crumb of 1e-6 is taken along.
+            ds[l] = walker.to_surface > 0.0                     ? walker.to_surface
+                    : walker.length >= remaining * (1.0 - 1e-6) ? remaining
+                                                                : std::min(walker.length, 0.5 * remaining);
+            surface = surface || walker.to_surface > 0.0;
+        }
+        typename Steps::Step step;
+        const P length = P::load(ds.data());
+        steps_.step(x, at_phase, at, length, on_side, nullptr, step);
+        const Unpacked lanes(step);
+        std::array<bool, width> close{}, through{};
+        std::array<double, width> surface_at{};
+        std::array<std::array<double, width>, Steps::size> behind;
+        if constexpr (SwitchingModel<M>) {
+            if (surface) {
+                typename Steps::Surface found;
+                steps_.pass(step.end, at_phase, at + length, P::load(crossed.data()), on_side, found);
+                close = found.close.lanes();
+                through = found.through.lanes();
+                surface_at = found.s.lanes();
+                for (std::size_t k = 0; k < Steps::size; ++k)
+                    behind[k] = found.x[k].lanes();
+            }
+        }
+        for (std::size_t l = 0; l < count; ++l) {
+            Walker& walker = active[l];
+            Lane& lane = lanes_[walker.lane];
+            const double ratio = lanes.ratio[l];
+            if (++lane.steps >= options_.maximum_steps) {
+                lane.failed = true;
+            } else if (!(ratio <= 1.0)) {
+                shorten(walker, ds[l] * shorter(ratio));
+            } else if (walker.to_surface > 0.0) {
+                if (!close[l]) {
+                    shorten(walker, 0.5 * walker.crossed);
+                    continue;
+                }
+                lane.failed = !through[l];
+                if (lane.failed) continue;
+                take(behind, l, walker.lane);
+                walker.s = std::min(surface_at[l], target);
+                walker.side = -walker.side;
+                walker.to_surface = 0.0;
+                ++lane.crossings;
+            } else {
+                accept(walker, lanes, l, ds[l], target);
+            }
+        }
+    }
+    /// Once more from the same place.
+    void shorten(Walker& walker, double length) {
+        walker.to_surface = 0.0;
+        walker.length = length;
+        // Twenty tries in a row: what makes it so is not to be found out here.
+        lanes_[walker.lane].failed = ++walker.rejected == 20 || !(walker.s + length > walker.s);
+    }
+    void accept(Walker& walker, const Unpacked& step, std::size_t l, double ds, double target) {
+        if constexpr (SwitchingModel<M>) {
+            const SpeedOverStep v = speed_of(step, l, walker.lane, walker.side, ds);
+            const SurfaceMeeting met = meeting_within(v);
+            if (met == SurfaceMeeting::unclear) return shorten(walker, 0.5 * ds);
+            if (met == SurfaceMeeting::once) {
+                walker.to_surface = part_before_meeting(v) * ds;
+                walker.crossed = ds;
+                // It begins so close to the surface that no step leads there.
+                if (!(walker.s + walker.to_surface > walker.s)) lanes_[walker.lane].failed = true;
+                return;
+            }
+        }
+        take(step.end, l, walker.lane);
+        walker.s = ds == target - walker.s ? target : walker.s + ds;
+        walker.rejected = 0;
+        const double next = ds * factor(step.ratio[l]);
+        // A step that was cut to land must not shorten the next one.
+        walker.length = ds < walker.length ? std::max(walker.length, next) : next;
+    }
+
+    /// A twentieth of the forcing's period, or what the ninth root of the tolerance says of the time in which the state
+    /// changes by its own size. The first error estimate corrects it.
+    void set_first_lengths(std::array<Walker, width>& active, std::size_t count, const Numbers& x, const P& phase,
+                           const P& side) const {
+        bool all = true;
+        for (std::size_t l = 0; l < count; ++l)
+            all = all && active[l].length > 0.0;
+        if (all) return;
+        const auto rate = steps_.rate_of_change(x, phase, side).lanes();
+        const double part = 2.0 * std::pow(options_.relative_tolerance, 1.0 / verner98.error_order);
+        for (std::size_t l = 0; l < count; ++l)
+            if (!(active[l].length > 0.0))
+                active[l].length = std::isfinite(rate[l]) && rate[l] > 0.0 ? part / rate[l] : 0.01;
+    }
+
+    const Steps& steps_;
+    const FlowOptions& options_;
+    std::vector<Lane> lanes_;
+    std::array<std::vector<double>, Steps::size> x_;  ///< values and partials of the lanes
+    std::vector<double> phase_;
+    std::vector<Walker> walkers_;
+    std::size_t coarse_ = 0;
+};
+
+}  // namespace orbid::models

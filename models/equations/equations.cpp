@@ -1,0 +1,43 @@
+#include "models/equations/equations.hpp"
+
+#include <cmath>
+
+#include "models/equations/equation_reader.hpp"
+
+namespace orbid::models {
+
+std::shared_ptr<const Equations> Equations::read(const EquationText& text, std::vector<EquationProblem>& problems) {
+    return EquationReader(text, problems).read();
+}
+
+Kind Equations::kind() const {
+    return text_.map ? Kind::map : text_.forcing ? Kind::forced : Kind::autonomous;
+}
+
+bool Equations::smooth(const double* theta) const {
+    // Two formulas that agree at numbers without a pattern are the same: three of them leave no doubt.
+    for (std::size_t trial = 0; trial < 3; ++trial) {
+        for (const auto& surface : on_surface_) {
+            for (const auto& [above, below] : surface) {
+                const std::vector<Node> both{above, below};
+                const auto f = graph_.values(both, [&](const ExpressionGraph::Entry& entry) {
+                    switch (entry.operation) {
+                        case ExpressionGraph::Operation::parameter:
+                            return theta[entry.index];
+                        case ExpressionGraph::Operation::side:
+                            return 1.0;
+                        default: {
+                            // Multiples of the square root of 2, modulo 1.
+                            const double x = static_cast<double>(3 * trial + entry.index + 1) * 1.4142135623730951;
+                            return x - std::floor(x) + 0.1;
+                        }
+                    }
+                });
+                if (f[0] != f[1]) return false;
+            }
+        }
+    }
+    return true;
+}
+
+}  // namespace orbid::models

@@ -1,0 +1,289 @@
+#include "models/equations/interpreted_kernel.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "models/equations/interpreted_model.hpp"
+#include "models/equations/interpreted_shape_choice.hpp"
+#include "models/equations/named_kernel.hpp"
+
+namespace orbid::models {
+
+namespace {
+
+/// Where each parameter stands in a shape: the frequency of a forcing first.
+std::vector<std::size_t> places_of(const Equations& equations) {
+    std::vector<std::size_t> places(equations.parameters().size());
+    const auto frequency = equations.frequency();
+    for (std::size_t i = 0; i < places.size(); ++i)
+        places[i] = !frequency || i > *frequency ? i : i == *frequency ? 0 : i + 1;
+    return places;
+}
+
+/// A shape with N >= n coordinates as a kernel of n: starts are filled up, results picked out.
+class InterpretedKernel final : public Kernel {
+public:
+    InterpretedKernel(std::shared_ptr<const Equations> equations, std::shared_ptr<const Kernel> shape, std::size_t size)
+        : equations_(std::move(equations)),
+          shape_(std::move(shape)),
+          places_(places_of(*equations_)),
+          program_(equation_program(*equations_, places_)),
+          n_(equations_->coordinates().size()),
+          size_(size),
+          coordinates_(equations_->coordinates().begin(), equations_->coordinates().end()) {
+        coordinates_.resize(size, real("", "1"));
+    }
+
+    // NamedKernel knows these.
+    std::string_view name() const override { return equations_->text().name; }
+    std::string_view variant() const override { return {}; }
+    Kind kind() const override { return equations_->kind(); }
+    bool stiff() const override { return false; }
+    std::span<const Coordinate> coordinates() const override { return equations_->coordinates(); }
+    std::span<const Parameter> parameters() const override { return equations_->parameters(); }
+    std::span<const Coordinate> inputs() const override { return equations_->inputs(); }
+    std::optional<std::size_t> forcing_frequency() const override { return equations_->frequency(); }
+    std::span<const double> symmetry_signs() const override { return {}; }
+    double symmetry_phase_shift() const override { return 0.0; }
+    bool smooth(const double* theta) const override { return equations_->smooth(theta); }
+
+    bool at_rest(const double* state, const double* theta) const override {
+        const Use use(*this);
+        return shape_->at_rest(padded(state).data(), placed(theta).data());
+    }
+    void rhs(double phase, const double* state, const double* theta, const double* input, double* f) const override {
+        const Use use(*this);
+        std::vector<double> all(size_);
+        shape_->rhs(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(), all.data());
+        std::copy_n(all.begin(), n_, f);
+    }
+    void rhs_derivatives(double phase, const double* state, const double* theta, const double* input,
+                         std::span<const std::ptrdiff_t> free, double* derivatives) const override {
+        const Use use(*this);
+        std::vector<double> all(size_ * (size_ + free.size()));
+        shape_->rhs_derivatives(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(),
+                                placed(free), all.data());
+        pick(all, 1, free.size(), derivatives);
+    }
+
+    FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
+                 const FlowOutput& output) const override {
+        const Use use(*this);
+        const Start from(*this, start);
+        if (n_ == size_) return shape_->flow(from.start, durations, placed(free), output);
+        Padded all(*this, durations.size(), free.size(), output);
+        const FlowEnd end = shape_->flow(from.start, durations, placed(free), all.output);
+        all.pick(*this, output);
+        return end;
+    }
+
+    FlowEnd crossings(const FlowStart& start, const SectionPlane& plane, std::size_t count, double longest,
+                      std::span<const std::ptrdiff_t> free, const FlowOutput& output) const override {
+        const Use use(*this);
+        const Start from(*this, start);
+        if (n_ == size_) return shape_->crossings(from.start, plane, count, longest, placed(free), output);
+        std::vector<double> normal(plane.normal.begin(), plane.normal.end());
+        normal.resize(size_, 0.0);
+        Padded all(*this, count, free.size(), output);
+        const FlowEnd end = shape_->crossings(from.start, {normal, plane.offset, plane.direction}, count, longest,
+                                              placed(free), all.output);
+        all.pick(*this, output);
+        return end;
+    }
+
+    void instrument(const double* state, const double* /*theta*/, std::span<const std::ptrdiff_t> free, double* reading,
+                    double* derivative) const override {
+        std::copy_n(state, n_, reading);
+        if (derivative == nullptr) return;
+        std::fill_n(derivative, n_ * (n_ + free.size()), 0.0);
+        for (std::size_t i = 0; i < n_; ++i)
+            derivative[i * n_ + i] = 1.0;
+    }
+
+    std::unique_ptr<const FlowBatch> flow_batch(const FlowStarts& starts, std::span<const double> durations,
+                                                std::span<const std::ptrdiff_t> free) const override {
+        const Use use(*this);
+        auto batch = std::make_unique<Batch>(*this, starts, durations.size(), free.size());
+        batch->flows = shape_->flow_batch(batch->starts, durations, placed(free));
+        if (!batch->flows) return nullptr;
+        return batch;
+    }
+
+    void ensemble(const double* starts, std::size_t count, double phase, std::size_t periods, const double* theta,
+                  const FlowOptions& options, double* const* sections, std::size_t* columns,
+                  FlowStatus* status) const override {
+        const Use use(*this);
+        const auto p = placed(theta);
+        if (n_ == size_)
+            return shape_->ensemble(starts, count, phase, periods, p.data(), options, sections, columns, status);
+        std::vector<double> from, all(count * size_ * (periods + 1));
+        std::vector<double*> to;
+        for (std::size_t i = 0; i < count; ++i) {
+            const auto state = padded(starts + i * n_);
+            from.insert(from.end(), state.begin(), state.end());
+            to.push_back(all.data() + i * size_ * (periods + 1));
+        }
+        shape_->ensemble(from.data(), count, phase, periods, p.data(), options, to.data(), columns, status);
+        for (std::size_t i = 0; i < count; ++i)
+            for (std::size_t k = 0; k < columns[i]; ++k)
+                std::copy_n(to[i] + k * size_, n_, sections[i] + k * n_);
+    }
+    std::size_t ensemble_block() const override { return shape_->ensemble_block(); }
+
+private:
+    /// The program in use by this thread as long as it lives.
+    class Use {
+    public:
+        explicit Use(const InterpretedKernel& kernel) : before_(equations_in_use) {
+            equations_in_use = {&kernel.program_, kernel.coordinates_.data()};
+        }
+        ~Use() { equations_in_use = before_; }
+        Use(const Use&) = delete;
+        Use& operator=(const Use&) = delete;
+
+    private:
+        EquationsInUse before_;
+    };
+
+    std::vector<double> padded(const double* state) const {
+        std::vector<double> all(state, state + n_);
+        all.resize(size_, 0.0);
+        return all;
+    }
+    std::vector<double> padded_input(const double* input) const {
+        const std::size_t count = equations_->inputs().size();
+        std::vector<double> all(input, input + (input == nullptr ? 0 : count));
+        all.resize(InterpretedInputs<1>::inputs.size(), 0.0);
+        return all;
+    }
+    std::vector<double> placed(const double* theta) const {
+        std::vector<double> all(EquationProgram::most_parameters, 1.0);
+        for (std::size_t i = 0; i < places_.size(); ++i)
+            all[places_[i]] = theta[i];
+        return all;
+    }
+    std::vector<std::ptrdiff_t> placed(std::span<const std::ptrdiff_t> free) const {
+        std::vector<std::ptrdiff_t> all;
+        for (const std::ptrdiff_t i : free)
+            all.push_back(static_cast<std::ptrdiff_t>(places_[static_cast<std::size_t>(i)]));
+        return all;
+    }
+
+    /// Blocks of size_ + free columns to blocks of n_ + free; d blocks beside each other.
+    void pick(const std::vector<double>& all, std::size_t blocks, std::size_t free, double* to) const {
+        for (std::size_t k = 0; k < blocks; ++k)
+            for (std::size_t j = 0; j < n_ + free; ++j) {
+                const std::size_t column = k * (size_ + free) + (j < n_ ? j : j - n_ + size_);
+                std::copy_n(all.data() + column * size_, n_, to + (k * (n_ + free) + j) * n_);
+            }
+    }
+
+    struct Start {
+        std::vector<double> state, theta;
+        FlowStart start;
+        Start(const InterpretedKernel& kernel, const FlowStart& from)
+            : state(kernel.padded(from.state)), theta(kernel.placed(from.theta)), start(from) {
+            start.state = state.data();
+            start.theta = theta.data();
+        }
+    };
+
+    /// Room for the results of a shape with more coordinates.
+    struct Padded {
+        std::size_t count, free;
+        std::vector<double> states, stopped, sensitivities, second, time_sensitivities;
+        FlowOutput output{};
+        Padded(const InterpretedKernel& kernel, std::size_t count_, std::size_t free_, const FlowOutput& like)
+            : count(count_), free(free_), states(kernel.size_ * count_), stopped(kernel.size_) {
+            const std::size_t d = kernel.size_ + free;
+            output = {states.data(), stopped.data(), nullptr, nullptr, like.times, nullptr};
+            if (like.sensitivities != nullptr) {
+                sensitivities.resize(kernel.size_ * count * d);
+                output.sensitivities = sensitivities.data();
+            }
+            if (like.second_derivatives != nullptr) {
+                second.resize(kernel.size_ * count * d * d);
+                output.second_derivatives = second.data();
+            }
+            if (like.time_sensitivities != nullptr) {
+                time_sensitivities.resize(count * d);
+                output.time_sensitivities = time_sensitivities.data();
+            }
+        }
+        void pick(const InterpretedKernel& kernel, const FlowOutput& to) const {
+            const std::size_t n = kernel.n_, size = kernel.size_;
+            for (std::size_t k = 0; k < count; ++k)
+                std::copy_n(states.data() + k * size, n, to.states + k * n);
+            std::copy_n(stopped.begin(), n, to.stopped_state);
+            if (to.sensitivities != nullptr) kernel.pick(sensitivities, count, free, to.sensitivities);
+            const auto inner = [&](std::size_t j) { return j < n ? j : j - n + size; };
+            for (std::size_t k = 0; k < count; ++k)
+                for (std::size_t i = 0; i < n + free; ++i) {
+                    if (to.time_sensitivities != nullptr)
+                        to.time_sensitivities[k * (n + free) + i] = time_sensitivities[k * (size + free) + inner(i)];
+                    if (to.second_derivatives == nullptr) continue;
+                    for (std::size_t j = 0; j < n + free; ++j)
+                        std::copy_n(
+                            second.data() + (((k * (size + free) + inner(i)) * (size + free)) + inner(j)) * size, n,
+                            to.second_derivatives + ((k * (n + free) + i) * (n + free) + j) * n);
+                }
+        }
+    };
+
+    struct Batch final : FlowBatch {
+        const InterpretedKernel& kernel;
+        std::vector<double> states, theta;
+        FlowStarts starts;
+        std::size_t durations, free;
+        std::unique_ptr<const FlowBatch> flows;
+
+        Batch(const InterpretedKernel& kernel_, const FlowStarts& from, std::size_t durations_, std::size_t free_)
+            : kernel(kernel_), theta(kernel_.placed(from.theta)), starts(from), durations(durations_), free(free_) {
+            for (std::size_t i = 0; i < from.count; ++i) {
+                const auto state = kernel.padded(from.states + i * kernel.n_);
+                states.insert(states.end(), state.begin(), state.end());
+            }
+            starts.states = states.data();
+            starts.theta = theta.data();
+        }
+        void run(std::size_t first, std::size_t count, const FlowOutput* outputs, FlowEnd* ends) const override {
+            const Use use(kernel);
+            if (kernel.n_ == kernel.size_) return flows->run(first, count, outputs, ends);
+            std::vector<Padded> all;
+            std::vector<FlowOutput> to;
+            for (std::size_t i = 0; i < count; ++i)
+                all.emplace_back(kernel, durations, free, outputs[i]);
+            for (const Padded& each : all)
+                to.push_back(each.output);
+            flows->run(first, count, to.data(), ends);
+            for (std::size_t i = 0; i < count; ++i)
+                all[i].pick(kernel, outputs[i]);
+        }
+    };
+
+    std::shared_ptr<const Equations> equations_;
+    std::shared_ptr<const Kernel> shape_;
+    std::vector<std::size_t> places_;
+    EquationProgram program_;
+    std::size_t n_, size_;
+    std::vector<Coordinate> coordinates_;
+};
+
+}  // namespace
+
+std::shared_ptr<const Kernel> interpreted_kernel(const std::shared_ptr<const Equations>& equations, std::string& why) {
+    InterpretedShapeChoice shape = interpreted_shape_for(*equations, why);
+    if (!shape.kernel) return nullptr;
+    try {
+        return std::make_shared<NamedKernel>(
+            equations, std::make_shared<InterpretedKernel>(equations, std::move(shape.kernel), shape.size));
+    } catch (const std::length_error&) {
+        why = fmt::format("formulas with more than {} intermediate results at a time", FormulaCode::most_registers);
+        return nullptr;
+    }
+}
+
+}  // namespace orbid::models

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "models/equations/equation_program.hpp"
+#include "models/equations/equations.hpp"
+#include "models/system/kernel.hpp"
+
+namespace orbid::models {
+
+/// A model written as text, evaluated instruction by instruction: no compiler is needed, for a share of the speed.
+///
+/// The flows are computed by one of a few shapes of models that were compiled with the library (interpreted_model.hpp);
+/// one with more coordinates than asked for leaves the last ones at 0.
+///
+/// @return nothing where no shape fits; `why` then says what is beyond them.
+[[nodiscard]] std::shared_ptr<const Kernel> interpreted_kernel(const std::shared_ptr<const Equations>& equations,
+                                                               std::string& why);
+
+}  // namespace orbid::models

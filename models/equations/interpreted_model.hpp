@@ -1,0 +1,253 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <string_view>
+#include <tuple>
+#include <utility>
+
+#include "models/definition/model.hpp"
+#include "models/formulas/formula_code.hpp"
+
+namespace orbid::models {
+
+/// What the interpreted models of this thread compute with.
+struct EquationsInUse {
+    const EquationProgram* program = nullptr;
+    const Coordinate* coordinates = nullptr;  ///< as many as the model's shape has
+};
+
+/// A model is a type: its equations are static functions. Those of a program that is known at run time only read it
+/// from here. InterpretedKernel sets it at the beginning of each of its calls and takes it back at their end; within
+/// them nothing is left to other threads.
+inline constinit thread_local EquationsInUse equations_in_use{};
+
+/// The coordinates of the program in use, in the place of a table.
+template <std::size_t n>
+struct CoordinatesInUse {
+    const Coordinate& operator[](std::size_t i) const { return equations_in_use.coordinates[i]; }
+    [[nodiscard]] const Coordinate* begin() const { return equations_in_use.coordinates; }
+    [[nodiscard]] const Coordinate* end() const { return equations_in_use.coordinates + n; }
+};
+
+namespace detail {
+template <std::size_t q, std::size_t... i>
+constexpr std::array<Parameter, q> numbered_parameters(std::index_sequence<i...>) {
+    // The first is the frequency of forced models. InterpretedKernel knows the names.
+    return {Parameter{"p", "1", i == 0 ? positive : any_real, 1.0, ""}...};
+}
+}  // namespace detail
+
+/// What all shapes of interpreted models share: n coordinates, of which programs with fewer leave the last ones alone,
+/// and room for parameters and constants.
+template <std::size_t n>
+struct InterpretedShape {
+    static constexpr std::string_view name = "equations";
+    static constexpr std::string_view summary = "";
+    static constexpr std::string_view equations = "";
+    static constexpr std::size_t q = EquationProgram::most_parameters;
+    static constexpr std::size_t constant_count = EquationProgram::most_constants;
+    static constexpr CoordinatesInUse<n> coordinates{};
+    static constexpr std::array parameters = detail::numbered_parameters<q>(std::make_index_sequence<q>{});
+
+    template <class T>
+    static Values<T, constant_count> reduced(const Values<T, q>& p) {
+        const EquationProgram& program = *equations_in_use.program;
+        T registers[FormulaCode::most_registers];
+        std::array<T*, FormulaCode::segment_count> given{};
+        given[FormulaCode::registers] = registers;
+        given[FormulaCode::coordinates] = const_cast<T*>(p.data());
+        program.constants.run(given, static_cast<const double*>(nullptr));
+        Values<T, constant_count> c;
+        for (std::size_t i = 0; i < constant_count; ++i)
+            c[i] = i < program.constant_count ? program.constants.result(given, i) : T(0.0);
+        return c;
+    }
+
+protected:
+    /// @param through  the forcing, or the phase
+    template <class T, class S>
+    static State<T, n> rates(const T* through, const State<T, n>& x, const Values<T, constant_count>& c, const T* u,
+                             const S* sides) {
+        const EquationProgram& program = *equations_in_use.program;
+        T registers[FormulaCode::most_registers];
+        const auto given = arrays(registers, through, x, c, u);
+        program.rates.run(given, sides);
+        State<T, n> f;
+        for (std::size_t i = 0; i < n; ++i)
+            f[i] = i < program.coordinate_count ? program.rates.result(given, i) : T(0.0);
+        return f;
+    }
+    template <class T>
+    static T force(const T& phase, const Values<T, constant_count>& c) {
+        const EquationProgram& program = *equations_in_use.program;
+        T registers[FormulaCode::most_registers];
+        std::array<T*, FormulaCode::segment_count> given{};
+        given[FormulaCode::registers] = registers;
+        given[FormulaCode::constants] = const_cast<T*>(c.data());
+        given[FormulaCode::forcing] = const_cast<T*>(&phase);
+        program.forcing.run(given, static_cast<const double*>(nullptr));
+        return program.forcing.result(given, 0);
+    }
+    template <class T>
+    static std::array<T*, FormulaCode::segment_count> arrays(T* registers, const T* through, const State<T, n>& x,
+                                                             const Values<T, constant_count>& c, const T* u) {
+        // run() reads all but the registers.
+        return {registers, const_cast<T*>(x.data()), const_cast<T*>(c.data()), const_cast<T*>(through),
+                const_cast<T*>(u)};
+    }
+};
+
+/// x' = f(x).
+template <std::size_t n>
+struct InterpretedFlow : InterpretedShape<n> {
+    using Shape = InterpretedShape<n>;
+    template <class T>
+    static State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c) {
+        return Shape::rates(&t, x, c, &t, static_cast<const double*>(nullptr));
+    }
+};
+
+/// x' = f(x, phase).
+template <std::size_t n>
+struct InterpretedForcedFlow : InterpretedShape<n> {
+    using Shape = InterpretedShape<n>;
+    static constexpr std::size_t forcing_frequency = 0;
+    template <class T>
+    static T forcing(const T& phase, const Values<T, Shape::constant_count>& c) {
+        return Shape::force(phase, c);
+    }
+    template <class T>
+    static State<T, n> rhs_forced(const T& force, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
+                                  const auto& /*side*/) {
+        return Shape::rates(&force, x, c, &force, static_cast<const double*>(nullptr));
+    }
+    template <class T>
+    static State<T, n> rhs(const T& phase, const State<T, n>& x, const Values<T, Shape::constant_count>& c) {
+        return rhs_forced<T>(forcing<T>(phase, c), x, c, 0.0);
+    }
+};
+
+/// One degree of freedom with dry friction.
+struct InterpretedFriction : InterpretedShape<2> {
+    using Shape = InterpretedShape<2>;
+    static bool smooth(const Values<double, q>& /*p*/) { return false; }  // InterpretedKernel is not asked
+    template <class T, class S>
+    static State<T, 2> rhs(const T& t, const State<T, 2>& x, const Values<T, constant_count>& c, const S& side) {
+        return Shape::rates(&t, x, c, &t, &side);
+    }
+};
+
+/// The same, forced.
+struct InterpretedForcedFriction : InterpretedShape<2> {
+    using Shape = InterpretedShape<2>;
+    static constexpr std::size_t forcing_frequency = 0;
+    static bool smooth(const Values<double, q>& /*p*/) { return false; }
+    template <class T>
+    static T forcing(const T& phase, const Values<T, constant_count>& c) {
+        return Shape::force(phase, c);
+    }
+    template <class T, class S>
+    static State<T, 2> rhs_forced(const T& force, const State<T, 2>& x, const Values<T, constant_count>& c,
+                                  const S& side) {
+        return Shape::rates(&force, x, c, &force, &side);
+    }
+    template <class T, class S>
+    static State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, constant_count>& c, const S& side) {
+        return rhs_forced<T>(forcing<T>(phase, c), x, c, side);
+    }
+};
+
+/// General switching surfaces, up to the number of them; those that a program does not have are never met.
+template <std::size_t n>
+struct InterpretedSurfaces : InterpretedShape<n> {
+    using Shape = InterpretedShape<n>;
+    static constexpr std::size_t surface_count = 4;
+    static bool smooth(const Values<double, Shape::q>& /*p*/) { return false; }
+    template <class T>
+    static Values<T, surface_count> surfaces(const T& t, const State<T, n>& x,
+                                             const Values<T, Shape::constant_count>& c) {
+        const EquationProgram& program = *equations_in_use.program;
+        T registers[FormulaCode::most_registers];
+        const auto given = Shape::arrays(registers, &t, x, c, &t);
+        program.surfaces.run(given, static_cast<const double*>(nullptr));
+        Values<T, surface_count> h;
+        for (std::size_t j = 0; j < surface_count; ++j)
+            h[j] = j < program.surface_count ? program.surfaces.result(given, j) : T(1.0);
+        return h;
+    }
+    template <class T>
+    static State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
+                           const std::array<double, surface_count>& sides) {
+        return Shape::rates(&t, x, c, &t, sides.data());
+    }
+};
+
+/// The same, forced.
+template <std::size_t n>
+struct InterpretedForcedSurfaces : InterpretedSurfaces<n> {
+    static constexpr std::size_t forcing_frequency = 0;
+};
+
+/// With measured inputs, up to the number of them; others are 0.
+template <std::size_t n>
+struct InterpretedInputs : InterpretedShape<n> {
+    using Shape = InterpretedShape<n>;
+    static constexpr std::array inputs{real("u1", "1"), real("u2", "1"), real("u3", "1"), real("u4", "1")};
+    template <class T>
+    static State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
+                           const std::array<T, 4>& u) {
+        return Shape::rates(&t, x, c, u.data(), static_cast<const double*>(nullptr));
+    }
+};
+
+/// One degree of freedom with dry friction and measured inputs.
+struct InterpretedFrictionInputs : InterpretedShape<2> {
+    using Shape = InterpretedShape<2>;
+    static constexpr auto inputs = InterpretedInputs<2>::inputs;
+    static bool smooth(const Values<double, q>& /*p*/) { return false; }
+    template <class T, class S>
+    static State<T, 2> rhs(const T& /*t*/, const State<T, 2>& x, const Values<T, constant_count>& c, const S& side,
+                           const std::array<T, 4>& u) {
+        return Shape::rates(u.data(), x, c, u.data(), &side);
+    }
+};
+
+/// x -> F(x).
+template <std::size_t n>
+struct InterpretedMap : InterpretedShape<n> {
+    using Shape = InterpretedShape<n>;
+    template <class T>
+    static State<T, n> map(const State<T, n>& x, const Values<T, Shape::constant_count>& c) {
+        return Shape::rates(x.data(), x, c, x.data(), static_cast<const double*>(nullptr));
+    }
+};
+
+/// Autonomous and smooth, of any number of coordinates.
+struct InterpretedLargeFlow {
+    static constexpr std::string_view name = "equations";
+    static constexpr std::string_view summary = "";
+    static constexpr std::string_view equations = "";
+    static constexpr Coordinate coordinate = real("x", "1");
+    static constexpr std::size_t q = InterpretedShape<1>::q;
+    static constexpr auto parameters = InterpretedShape<1>::parameters;
+    static constexpr std::size_t smallest_size = 1;
+    static constexpr std::size_t default_size = 5;
+    template <class T>
+    static void rhs(const T& t, std::span<const T> x, const Values<T, q>& p, std::span<T> f) {
+        const EquationProgram& program = *equations_in_use.program;
+        const auto c = InterpretedShape<1>::reduced(p);
+        T registers[FormulaCode::most_registers];
+        const std::array<T*, FormulaCode::segment_count> given{
+            registers, const_cast<T*>(x.data()), const_cast<T*>(c.data()), const_cast<T*>(&t), const_cast<T*>(&t)};
+        program.rates.run(given, static_cast<const double*>(nullptr));
+        for (std::size_t i = 0; i < f.size(); ++i)
+            f[i] = program.rates.result(given, i);
+    }
+};
+
+}  // namespace orbid::models
+
+template <std::size_t n>
+struct std::tuple_size<orbid::models::CoordinatesInUse<n>> : std::integral_constant<std::size_t, n> {};

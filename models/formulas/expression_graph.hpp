@@ -1,0 +1,112 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <span>
+#include <tuple>
+#include <vector>
+
+#include "models/formulas/expression.hpp"
+
+namespace orbid::models {
+
+/// Formulas as one graph in which every subexpression stands once, whichever formulas it occurs in.
+///
+/// Numbers are folded as they come; whole powers become products (x^3 = x x x), halves of them square roots. Values are
+/// otherwise computed by the operations of the text in its order: nothing is rearranged that would round differently.
+class ExpressionGraph {
+public:
+    using Node = std::uint32_t;
+    enum class Operation : std::uint8_t {
+        number,      ///< `value`
+        parameter,   ///< `index`, as all variables
+        coordinate,  ///< of the state
+        phase,       ///< of the forcing
+        input,       ///< measured
+        side,        ///< +1 or -1, of a switching surface
+        constant,    ///< computed from the parameters once per flow
+        forcing,     ///< the one number through which the phase enters
+        add,
+        subtract,
+        multiply,
+        divide,
+        power,  ///< general
+        negate,
+        sin,
+        cos,
+        tan,
+        asin,
+        acos,
+        atan,
+        sinh,
+        cosh,
+        tanh,
+        exp,
+        log,
+        sqrt,
+        abs,
+        sign
+    };
+    struct Entry {
+        Operation operation;
+        Node a = 0, b = 0;  ///< operands
+        double value = 0.0;
+        std::uint32_t index = 0;
+    };
+
+    [[nodiscard]] const Entry& operator[](Node node) const { return entries_[node]; }
+    /// Operands always stand before what is made of them.
+    [[nodiscard]] std::size_t size() const { return entries_.size(); }
+
+    Node number(double value);
+    Node variable(Operation operation, std::size_t index);
+    /// Of one operand: the functions and negate.
+    Node apply(Operation operation, Node a);
+    /// add, subtract, multiply, divide, power.
+    Node apply(Operation operation, Node a, Node b);
+
+    /// A parsed formula whose names stand for these nodes.
+    Node insert(const Expression& expression, std::span<const Node> names);
+
+    /// The same formula over other operands: replaced(node) where it gives one, else the node's own operation on what
+    /// its operands became. `known` keeps what has been replaced from one call to the next.
+    Node replace(Node node, const std::function<std::optional<Node>(Node)>& replaced, std::map<Node, Node>& known);
+
+    /// d node / d variable; nothing where it is 0 everywhere. A side is constant, that of |x| at 0 is the right one's.
+    std::optional<Node> derivative(Node node, Node variable);
+
+    /// True when the formula contains this node.
+    [[nodiscard]] bool contains(Node node, Node part) const;
+
+    /// Values of all nodes that `wanted` are made of, in double, given those of the variables. For checks, not loops.
+    [[nodiscard]] std::vector<double> values(std::span<const Node> wanted,
+                                             const std::function<double(const Entry&)>& variable) const;
+
+private:
+    Node insert(const Entry& entry);
+    Node whole_power(Node base, unsigned exponent);
+
+    std::vector<Entry> entries_;
+    std::map<std::tuple<Operation, Node, Node, std::uint64_t, std::uint32_t>, Node> known_;
+    std::map<std::pair<Node, Node>, std::optional<Node>> derivatives_;
+};
+
+/// A variable: no operation on others.
+[[nodiscard]] constexpr bool is_variable(ExpressionGraph::Operation operation) {
+    return operation != ExpressionGraph::Operation::number && operation < ExpressionGraph::Operation::add;
+}
+/// An operation on two operands.
+[[nodiscard]] constexpr bool is_binary(ExpressionGraph::Operation operation) {
+    return operation >= ExpressionGraph::Operation::add && operation <= ExpressionGraph::Operation::power;
+}
+/// An operation on one.
+[[nodiscard]] constexpr bool is_unary(ExpressionGraph::Operation operation) {
+    return operation > ExpressionGraph::Operation::power;
+}
+/// What an operation gives for numbers; b is read by those of two operands.
+[[nodiscard]] double value_of_operation(ExpressionGraph::Operation operation, double a, double b);
+
+}  // namespace orbid::models

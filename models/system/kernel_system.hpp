@@ -1,0 +1,73 @@
+#pragma once
+
+#include <memory>
+
+#include "models/system/kernel.hpp"
+#include "models/system/system.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::models {
+
+/// A kernel behind the plain types of System: checks every call, gives results their shapes, and runs what is
+/// independent in parallel.
+class KernelSystem : public System {
+public:
+    /// @param signal  the measured inputs of a model that has some; nullptr: none given yet
+    explicit KernelSystem(std::shared_ptr<const Kernel> kernel, std::shared_ptr<const InputSignal> signal = nullptr);
+
+    std::string_view name() const override;
+    std::string_view variant() const override;
+    Kind kind() const override;
+    std::span<const Coordinate> coordinates() const override;
+    std::span<const Parameter> parameters() const override;
+    std::optional<Symmetry> symmetry() const override;
+    bool stiff() const override;
+    std::span<const Coordinate> inputs() const override;
+    std::shared_ptr<const System> with_input(std::shared_ptr<const InputSignal> signal) const override;
+    bool smooth(const Eigen::VectorXd& theta) const override;
+    double period(const Eigen::VectorXd& theta, Clock clock) const override;
+    std::optional<Eigen::Index> forcing_frequency() const override;
+    bool at_rest(const Eigen::VectorXd& state, const Eigen::VectorXd& theta) const override;
+    Eigen::MatrixXd rhs(const Eigen::MatrixXd& states, std::span<const double> phases,
+                        const Eigen::VectorXd& theta) const override;
+    Eigen::MatrixXd rhs_derivatives(const Eigen::MatrixXd& states, std::span<const double> phases,
+                                    const Eigen::VectorXd& theta, std::span<const Eigen::Index> free) const override;
+    FlowResult flow(const Eigen::VectorXd& x0, double phase, std::span<const double> durations,
+                    const Eigen::VectorXd& theta, Clock clock, const FlowOptions& options) const override;
+    FlowResult flow_with_sensitivities(const Eigen::VectorXd& x0, double phase, std::span<const double> durations,
+                                       const Eigen::VectorXd& theta, std::span<const Eigen::Index> free, Clock clock,
+                                       const FlowOptions& options) const override;
+    std::vector<FlowResult> flows(const Eigen::MatrixXd& starts, std::span<const double> phases,
+                                  std::span<const double> durations, const Eigen::VectorXd& theta,
+                                  std::optional<std::span<const Eigen::Index>> free, Clock clock,
+                                  const FlowOptions& options) const override;
+    SecondOrderResult flow_with_second_derivatives(const Eigen::VectorXd& x0, double phase,
+                                                   std::span<const double> durations, const Eigen::VectorXd& theta,
+                                                   std::span<const Eigen::Index> free, Clock clock,
+                                                   const FlowOptions& options) const override;
+    CrossingResult crossings(const Eigen::VectorXd& x0, const Section& section, std::size_t count, double longest,
+                             const Eigen::VectorXd& theta, std::optional<std::span<const Eigen::Index>> free,
+                             const FlowOptions& options) const override;
+    ReadingResult readings(const Sensor& sensor, const Eigen::MatrixXd& states, std::span<const double> phases,
+                           const Eigen::VectorXd& theta, std::optional<std::span<const Eigen::Index>> free,
+                           const FlowOptions& options) const override;
+    EnsembleResult ensemble(const Eigen::MatrixXd& starts, double phase, std::size_t periods,
+                            const Eigen::VectorXd& theta, const FlowOptions& options) const override;
+    EnsembleResult crossing_ensemble(const Eigen::MatrixXd& starts, const Section& section, std::size_t count,
+                                     double longest, const Eigen::VectorXd& theta,
+                                     const FlowOptions& options) const override;
+
+private:
+    [[nodiscard]] FlowStart start_of(const Eigen::VectorXd& x0, double phase, const Eigen::VectorXd& theta, Clock clock,
+                                     const FlowOptions& options) const;
+    void require_input() const;
+    void require_autonomous() const;
+
+    std::shared_ptr<const Kernel> kernel_;
+    std::shared_ptr<const InputSignal> signal_;
+};
+
+}  // namespace orbid::models
+
+#pragma GCC visibility pop

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <span>
+
+#include "models/trajectories/flow.hpp"
+
+namespace orbid::models {
+
+/// The side of each switching surface that a state is on; +1 on the surface itself.
+template <Model M>
+Side<M> side_of([[maybe_unused]] double phase, [[maybe_unused]] const State<double, dimension_of<M>>& x,
+                [[maybe_unused]] const Constants<M, double>& c) {
+    Side<M> side{};
+    if constexpr (SurfaceModel<M>) {
+        const auto h = M::surfaces(phase, x, c);
+        for (std::size_t j = 0; j < side.size(); ++j)
+            side[j] = h[j] < 0.0 ? -1.0 : 1.0;
+    } else if constexpr (SwitchingModel<M>) {
+        side = x[velocity] < 0.0 ? -1.0 : 1.0;
+    }
+    return side;
+}
+
+/// d f / d(x, free parameters) at a fixed phase, n x (n + f) in column-major order: the equations in dual numbers. Of a
+/// model that switches: on the side that the state is on. Of a map: of its image.
+template <Model M>
+void store_field_derivatives(double phase, const double* state, const double* theta,
+                             [[maybe_unused]] const double* input, std::span<const std::ptrdiff_t> free,
+                             double* derivatives) {
+    constexpr std::size_t n = dimension_of<M>, q = parameter_count_of<M>;
+    const auto values = array_from<double, n>(state);
+    const auto side = side_of<M>(phase, values, constants_from<M, double>(array_from<double, q>(theta)));
+    in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
+        using T = Dual<N>;
+        auto x = array_from<T, n>(state);
+        auto p = array_from<T, q>(theta);
+        seed<N, n, q>(x, p, free, first);
+        const auto c = constants_from<M, T>(p);
+        State<T, n> f;
+        if constexpr (MapModel<M>) {
+            f = M::map(x, c);
+        } else {
+            std::array<T, input_count_of<M>> u{};
+            if constexpr (InputModel<M>) std::copy(input, input + u.size(), u.begin());
+            f = rhs_of<M, T>(T(phase), x, c, side, u);
+        }
+        store_partials<N, n>(f, first, n + free.size(), derivatives);
+    });
+}
+
+}  // namespace orbid::models

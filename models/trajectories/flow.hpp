@@ -1,0 +1,153 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <span>
+
+#include "models/system/kernel.hpp"
+#include "models/trajectories/implicit_trajectory.hpp"
+#include "models/trajectories/surface_trajectory.hpp"
+#include "models/trajectories/trajectory.hpp"
+
+namespace orbid::models {
+
+/// Directions carried at once: those of the start (they are part of the step control) and two or six parameters. Few
+/// parameters do not pay for eight directions, more are taken in several passes.
+template <Model M>
+inline constexpr std::size_t narrow_chunk = dimension_of<M> + 2;
+template <Model M>
+inline constexpr std::size_t wide_chunk = dimension_of<M> + 6;
+
+template <class T, std::size_t n>
+std::array<T, n> array_from(const double* x) {
+    std::array<T, n> a;
+    for (std::size_t i = 0; i < n; ++i)
+        a[i] = x[i];
+    return a;
+}
+
+/// Sets partials for the directions of the start and the free parameters [first, first + N - n).
+template <std::size_t N, std::size_t n, std::size_t q, class T>
+void seed(State<T, n>& x, Values<T, q>& p, std::span<const std::ptrdiff_t> free, std::size_t first) {
+    for (std::size_t i = 0; i < n; ++i)
+        first_order(x[i]).partial[i] = 1.0;
+    for (std::size_t i = n; i < N && first + i - n < free.size(); ++i)
+        first_order(p[static_cast<std::size_t>(free[first + i - n])]).partial[i] = 1.0;
+}
+
+/// Sets the partial of the one direction of second derivatives: a coordinate of the start, or a free parameter.
+template <std::size_t N, std::size_t n, std::size_t q>
+void seed_second(State<Scalar<N, 2>, n>& x, Values<Scalar<N, 2>, q>& p, std::span<const std::ptrdiff_t> free,
+                 std::size_t direction) {
+    (direction < n ? x[direction] : p[static_cast<std::size_t>(free[direction - n])]).partial[0].value = 1.0;
+}
+
+/// Copies the partials of a pass that began with the free parameter `first` into columns of a matrix of n rows: column
+/// j of the start's directions, column first + j of the others.
+template <std::size_t N, std::size_t n, class T>
+void store_partials(const State<T, n>& x, std::size_t first, std::size_t directions, double* columns) {
+    for (std::size_t j = 0; j < N && (j < n || first + j < directions); ++j)
+        for (std::size_t i = 0; i < n; ++i)
+            columns[(j < n ? j : first + j) * n + i] = first_order(x[i]).partial[j];
+}
+
+/// The same of the derivatives of the partial in the one direction of second derivatives.
+template <std::size_t N, std::size_t n>
+void store_second(const State<Scalar<N, 2>, n>& x, std::size_t first, std::size_t directions, double* columns) {
+    State<Dual<N>, n> partial;
+    for (std::size_t i = 0; i < n; ++i)
+        partial[i] = x[i].partial[0];
+    store_partials<N, n>(partial, first, directions, columns);
+}
+
+/// Calls pass<N>(first) until all free parameters have had their turn.
+template <Model M, class Pass>
+void in_passes(std::size_t free, const Pass& pass) {
+    constexpr std::size_t n = dimension_of<M>;
+    std::size_t first = 0;
+    do {
+        if (free - first <= narrow_chunk<M> - n) {
+            pass.template operator()<narrow_chunk<M>>(first);
+            first += narrow_chunk<M> - n;
+        } else {
+            pass.template operator()<wide_chunk<M>>(first);
+            first += wide_chunk<M> - n;
+        }
+    } while (first < free);
+}
+
+/// Calls pass<N>(first, direction) for every direction of second derivatives until all free parameters have had their
+/// turn. One width only: what is compiled here is large.
+template <Model M, class Pass>
+void in_second_order_passes(std::size_t free, const Pass& pass) {
+    constexpr std::size_t n = dimension_of<M>;
+    constexpr std::size_t N = wide_chunk<M>;
+    for (std::size_t direction = 0; direction < n + free; ++direction)
+        for (std::size_t first = 0; first == 0 || first < free; first += N - n)
+            pass.template operator()<N>(first, direction);
+}
+
+namespace detail {
+template <class M, std::size_t N, std::size_t order>
+struct TrajectoryChoice {
+    using type = Trajectory<M, N, order>;
+};
+template <SurfaceModel M, std::size_t N, std::size_t order>
+struct TrajectoryChoice<M, N, order> {
+    static_assert(!StiffModel<M>, "a stiff model must be smooth: implicit steps do not look for switching surfaces");
+    using type = SurfaceTrajectory<M, N, order>;
+};
+template <class M, std::size_t N, std::size_t order>
+requires(StiffModel<M> && !SurfaceModel<M>) struct TrajectoryChoice<M, N, order> {
+    using type = ImplicitTrajectory<M, N, order>;
+};
+}  // namespace detail
+
+/// What follows the solutions of a model.
+template <Model M, std::size_t N, std::size_t order = 1>
+using TrajectoryOf = typename detail::TrajectoryChoice<M, N, order>::type;
+
+/// One solution at all durations; the columns of the sensitivities for the start and the free parameters
+/// [first, first + N - n), where they are asked for. Of order 2 also the second derivatives in `second` and those
+/// directions. Everything else in the output is overwritten with the same values at each pass.
+template <Model M, std::size_t N, std::size_t order = 1>
+FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
+                  std::size_t first, const FlowOutput& output, [[maybe_unused]] std::size_t second = 0) {
+    constexpr std::size_t n = dimension_of<M>;
+    constexpr std::size_t q = parameter_count_of<M>;
+    auto x = array_from<Scalar<N, order>, n>(start.state);
+    auto p = array_from<Scalar<N, order>, q>(start.theta);
+    if constexpr (N > 0) seed<N, n, q>(x, p, free, first);
+    if constexpr (order == 2) seed_second<N, n, q>(x, p, free, second);
+    const std::size_t directions = n + free.size();
+    TrajectoryOf<M, N, order> trajectory(p, x, start.phase, start.clock, start.options, start.input);
+    FlowEnd end;
+    for (std::size_t k = 0; k < durations.size() && end.status == FlowStatus::ok; ++k) {
+        end.status = trajectory.advance(durations[k]);
+        if (end.status != FlowStatus::ok) break;
+        for (std::size_t i = 0; i < n; ++i)
+            output.states[k * n + i] = value_of(trajectory.state()[i]);
+        if constexpr (N > 0) {
+            if (output.sensitivities != nullptr)
+                store_partials<N, n>(trajectory.state(), first, directions, output.sensitivities + k * directions * n);
+        }
+        if constexpr (order == 2)
+            store_second<N, n>(trajectory.state(), first, directions,
+                               output.second_derivatives + (k * directions + second) * directions * n);
+    }
+    if constexpr (N > 0) {
+        // Derivatives that nobody asked for, but that take part in the choice of steps, leave the range of numbers on
+        // long chaotic motion (Lorenz: after 768 s): the values alone need not.
+        if (output.sensitivities == nullptr && end.status == FlowStatus::not_finite)
+            return flow_pass<M, 0>(start, durations, free, first, output);
+    }
+    end.stopped_after = trajectory.s();
+    for (std::size_t i = 0; i < n; ++i)
+        output.stopped_state[i] = value_of(trajectory.state()[i]);
+    end.steps = trajectory.steps();
+    end.crossings = trajectory.crossings();
+    end.stickings = trajectory.stickings();
+    return end;
+}
+
+}  // namespace orbid::models

@@ -1,0 +1,313 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+
+#include "models/arithmetic/cubic_zero.hpp"
+#include "models/trajectories/controlled_step.hpp"
+#include "models/trajectories/input_knots.hpp"
+#include "models/trajectories/sticking.hpp"
+
+namespace orbid::models {
+
+/// One solution of a model on its way, with N directions of derivative (M4): error-controlled steps that end on the
+/// instants asked for, switching located and passed by (M5), sticking.
+///
+/// Every decision (step size, events, sticking) looks at the values and, when N >= n, at the derivatives with respect
+/// to the start, which are the first n directions of every trajectory with derivatives: all such trajectories take the
+/// same steps and have bit-identical values. N = 0 controls the values only.
+template <Model M, std::size_t N, std::size_t order = 1>
+class Trajectory {
+public:
+    using T = Scalar<N, order>;
+    static constexpr std::size_t n = dimension_of<M>;
+    using Point = State<T, n>;
+
+    /// @param p      parameters, with partials in the directions that are asked for
+    /// @param input  of an InputModel
+    Trajectory(const Values<T, parameter_count_of<M>>& p, const Point& x0, double phase, Clock clock,
+               const FlowOptions& options, [[maybe_unused]] const InputSignal* input = nullptr)
+        : walk_(Field<M, N, order>(p, phase, clock), options),
+          values_(values_of<N, parameter_count_of<M>>(p), phase, clock) {
+        if constexpr (InputModel<M>) {
+            knots_.emplace(*input, phase);
+            walk_.altered_field().input = values_.input = input;
+        }
+        restart(x0);
+        walk_.set_length(walk_.first_length());
+    }
+
+    /// A new start at s; the step size is kept, as the next stretch of the same solution will want a similar one.
+    void restart(const Point& x0, double s = 0.0) {
+        walk_.restart(x0, s);
+        if constexpr (InputModel<M>) {
+            knots_->enter(s);
+            set_piece();
+        }
+        stuck_ = false;
+        on_surface_ = false;
+        if constexpr (SwitchingModel<M>) {
+            const double v = value_of(x0[velocity]);
+            on_surface_ = v == 0.0;
+            face(v < 0.0 ? -1.0 : 1.0);
+        }
+    }
+
+    /// Replaces options.maximum_steps: all steps taken so far count.
+    void limit_steps(std::size_t maximum) { walk_.limit_steps(maximum); }
+
+    /// Moves on to s = target (not before the present s).
+    [[nodiscard]] FlowStatus advance(double target) {
+        FlowStatus status = FlowStatus::ok;
+        while (s() < target && status == FlowStatus::ok)
+            status = step_towards(target);
+        return status;
+    }
+
+    /// Moves on by one accepted step, at most to s = target (behind the present s): less when the switching surface is
+    /// met, where the step ends just behind it (or held by it), and at the instants of a measured input; sticking until
+    /// it ends or the target is reached.
+    /// Between the ends of a step that met nothing the solution is smooth.
+    [[nodiscard]] FlowStatus step_towards(double target) {
+        for (;;) {
+            double until = target;
+            if constexpr (InputModel<M>) {
+                if (!knots_->proceed(s(), target)) return FlowStatus::no_input;
+                until = knots_->until();
+                set_piece();
+            }
+            if constexpr (SwitchingModel<M>) {
+                if (on_surface_) leave_start();
+                if (stuck_) return release(until);
+            }
+            const FlowStatus status = walk_.attempt(until);
+            if (status != FlowStatus::ok) return status;
+            if constexpr (SwitchingModel<M>) {
+                const Meeting meeting =
+                    meeting_within(walk_.attempted(), values_of<N, n>(walk_.state()), values_of<N, n>(walk_.end()));
+                if (meeting.wrong_side) {
+                    face(-values_.side);
+                    continue;
+                }
+                if (meeting.at) return pass(*meeting.at, until);
+            }
+            walk_.accept();
+            return FlowStatus::ok;
+        }
+    }
+
+    [[nodiscard]] const Point& state() const { return walk_.state(); }
+    [[nodiscard]] double s() const { return walk_.s(); }
+    /// dx/ds with which the solution goes on from here: 0 while it sticks.
+    [[nodiscard]] Point slope() {
+        if constexpr (SwitchingModel<M>) {
+            if (on_surface_) leave_start();
+            if (stuck_) return Point{};
+        }
+        return walk_.slope();
+    }
+    [[nodiscard]] std::size_t steps() const { return walk_.steps(); }
+    [[nodiscard]] std::size_t crossings() const { return crossings_; }
+    [[nodiscard]] std::size_t stickings() const { return stickings_; }
+
+private:
+    /// Where a step meets the switching surface.
+    struct Meeting {
+        std::optional<double> at;  ///< ds of the first meeting
+        bool wrong_side = false;   ///< the motion begins to the other side
+    };
+
+    void set_piece() requires InputModel<M> {
+        if (values_.piece == knots_->piece()) return;
+        walk_.set_piece(knots_->piece());
+        values_.piece = knots_->piece();
+    }
+
+    void face(double side) {
+        walk_.set_side(side);
+        values_.side = side;
+    }
+
+    /// Held at velocity 0: its partials are 0 too.
+    void stick(Point x, double s) {
+        x[velocity] = T(0.0);
+        walk_.restart(x, s);
+        stuck_ = true;
+        ++stickings_;
+    }
+
+    /// The start lies on the surface: the side to which it leaves, or sticking.
+    void leave_start() requires SwitchingModel<M> {
+        on_surface_ = false;
+        const SurfaceAccelerations a = surface_accelerations(values_, values_of<N, n>(walk_.state()), s());
+        if (a.hold()) return stick(walk_.state(), s());
+        face(a.negative < 0.0 ? -1.0 : 1.0);
+    }
+
+    /// Sticking until it ends or the target is reached.
+    [[nodiscard]] FlowStatus release(double target) requires SwitchingModel<M> {
+        const auto end = release_after(values_, values_of<N, n>(walk_.state()), s(), target);
+        // The slopes agree on both sides of a release (both are 0), so its time moves nothing: X+ = X- in (M5).
+        walk_.restart(walk_.state(), end ? end->s : target);
+        if (!end) return FlowStatus::ok;
+        stuck_ = false;
+        face(end->side);
+        if constexpr (order == 2) return release_time();
+        return FlowStatus::ok;
+    }
+
+    /// Second derivatives at a release: the velocity grows with the square of the time since then. The event time by
+    /// one Newton step on the acceleration, its derivatives to first order being all that enters; then back by it.
+    [[nodiscard]] FlowStatus release_time() requires SwitchingModel<M> {
+        const Field<M, N, order>& field = walk_.field();
+        const Point x = walk_.state();
+        // The derivative by time: a time with partial 1 in the extra direction, less what that direction has anyway.
+        T now(s());
+        const T pull = field(x, now)[velocity];
+        now.partial[0].value = 1.0;
+        const double rate = field(x, now)[velocity].partial[0].value - pull.partial[0].value;
+        if (!(std::abs(rate) > 0.0)) return FlowStatus::grazing;
+        const T later = nilpotent(-pull / rate);
+        walk_.restart(Stepper<M, N, order>().moved(field, x, s() + later, -later), s());
+        return FlowStatus::ok;
+    }
+
+    /// The same derivatives with value 0.
+    static T nilpotent(T x) requires(order == 2) {
+        x.value.value = 0.0;
+        return x;
+    }
+
+    State<double, n> values_after(double ds) {
+        const State<double, n> x = values_of<N, n>(walk_.state());
+        State<double, n> end, error;
+        value_stepper_.step(values_, x, values_of<N, n>(walk_.slope()), s(), ds, end, error);
+        return end;
+    }
+
+    Meeting meeting_within(double ds, const State<double, n>& start,
+                           const State<double, n>& end) requires SwitchingModel<M> {
+        const double side = values_.side;
+        const double v0 = side * start[velocity], v1 = side * end[velocity];
+        // Slopes on both ends belong to steps anyway: this one's, and the next one's.
+        const double a0 = side * value_of(walk_.slope()[velocity]);
+        if (v1 < 0.0) {
+            double lo = 0.0;
+            if (!(v0 > 0.0)) {
+                // The step began on the surface. Look for a point on the right side before the end.
+                if (!(a0 > 0.0)) return {std::nullopt, true};
+                const auto speed = [&](double at) { return side * values_after(at)[velocity]; };
+                // 2^-40 of a step: the velocity there is below the rounding of the position.
+                for (lo = 0.5 * ds; lo > ds * 0x1p-40 && !(speed(lo) > 0.0);)
+                    lo *= 0.5;
+                if (!(speed(lo) > 0.0)) return {std::nullopt, true};
+            }
+            const double a1 = side * value_of(walk_.end_slope()[velocity]);
+            return {zero_of_speed(lo, ds, cubic_zero(v0, v1, a0 * ds, a1 * ds) * ds), false};
+        }
+        if (!(v0 > 0.0 && (a0 < 0.0 || v1 == 0.0))) return {};
+        const double a1 = side * value_of(walk_.end_slope()[velocity]);
+        if (v1 == 0.0 && a1 < 0.0) return {ds, false};
+        if (!(a0 < 0.0 && a1 > 0.0)) return {};
+        // Slower in between than at both ends: two crossings may hide in this step. The tangents bound the dip of a
+        // convex curve; only a dip that may reach half of the smaller end is looked at.
+        const double tangents_meet = (v1 - v0 - a1 * ds) / (a0 - a1);
+        const double bound = v0 + a0 * std::clamp(tangents_meet, 0.0, ds);
+        if (bound > 0.5 * std::min(v0, v1)) return {};
+        double lo = 0.0, hi = ds;
+        for (int i = 0; i < 50 && hi - lo > 1e-12 * ds; ++i) {
+            const double middle = 0.5 * (lo + hi);
+            const State<double, n> x = values_after(middle);
+            if (side * x[velocity] < 0.0) return {zero_of_speed(0.0, middle, 0.5 * middle), false};
+            (side * values_(x, s() + middle)[velocity] < 0.0 ? lo : hi) = middle;
+        }
+        return {};
+    }
+
+    /// Zero of the velocity between lo (right side of the surface) and hi (wrong side), to machine accuracy: Newton's
+    /// method on the length of the step, held inside the bracket by bisection.
+    double zero_of_speed(double lo, double hi, double guess) requires SwitchingModel<M> {
+        const double side = values_.side;
+        const double step = hi;
+        double at = guess > lo && guess < hi ? guess : 0.5 * (lo + hi);
+        // Newton needs about three; 200 is what bisection alone may need to shrink any bracket to neighbouring doubles.
+        for (int i = 0; i < 200; ++i) {
+            const State<double, n> x = values_after(at);
+            const double v = side * x[velocity];
+            if (v == 0.0) break;
+            (v > 0.0 ? lo : hi) = at;
+            double next = at - v / (side * values_(x, s() + at)[velocity]);
+            if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
+            // A correction of 1e-8 of the step leaves an error of its square.
+            const bool settled = std::abs(next - at) <= 1e-8 * step;
+            at = next;
+            if (settled) break;
+        }
+        return at;
+    }
+
+    /// Steps to the surface and through it, or sticks.
+    [[nodiscard]] FlowStatus pass(double ds, double target) requires SwitchingModel<M> {
+        Point end = walk_.after(ds);
+        const Point start = walk_.state();
+        const double side = values_.side, from = s();
+        const double at = std::min(from + ds, target);
+        walk_.restart(end, at);
+        const SurfaceAccelerations a = surface_accelerations(values_, values_of<N, n>(end), at);
+        const double arriving = side > 0.0 ? a.positive : a.negative;
+        const double leaving = side > 0.0 ? a.negative : a.positive;
+        const double jump = a.negative - a.positive;
+        // Arriving without acceleration, where dry friction makes it jump: rounding would decide between touching and
+        // being held, and the instant is lost to it. 1e-8 of the jump: half of the digits.
+        if (jump > 0.0 && !(side * arriving < -1e-8 * jump)) return FlowStatus::grazing;
+        ++crossings_;
+        if constexpr (order == 2) {
+            // (M5) to second order: the event time made a dual number by two Newton steps on v = 0.
+            const Stepper<M, N, order> stepper;
+            T later(0.0);
+            for (int newton = 0; newton < 2; ++newton) {
+                end = stepper.moved(walk_.field(), start, from, ds + later);
+                later = later - nilpotent(end[velocity] / walk_.field()(end, from + ds + later)[velocity]);
+            }
+            end = stepper.moved(walk_.field(), start, from, ds + later);
+            end[velocity] = T(0.0);
+            if (!a.hold()) {
+                // On from there by the other equations, back to the present instant.
+                face(-side);
+                walk_.restart(stepper.moved(walk_.field(), end, at + later, -later), at);
+                return FlowStatus::ok;
+            }
+        }
+        if (a.hold()) {
+            stick(end, at);
+            return FlowStatus::ok;
+        }
+        if constexpr (order == 2) {
+            // Done above.
+        } else if constexpr (N > 0) {
+            // (M5): event time made a dual number by one Newton step, dt* = -v / a-; the slopes of the position agree.
+            const double factor = jump > 0.0 ? leaving / arriving : 1.0;
+            for (double& partial : end[velocity].partial)
+                partial *= factor;
+            end[velocity].value = 0.0;
+        } else {
+            end[velocity] = 0.0;
+        }
+        walk_.restart(end, at);
+        face(-side);
+        return FlowStatus::ok;
+    }
+
+    ControlledStep<M, N, order> walk_;
+    Field<M, 0> values_;  ///< the same field without derivatives: events are located on it
+    Stepper<M, 0> value_stepper_;
+    std::optional<InputKnots> knots_;  ///< of an InputModel
+    bool stuck_ = false;
+    bool on_surface_ = false;
+    std::size_t crossings_ = 0;
+    std::size_t stickings_ = 0;
+};
+
+}  // namespace orbid::models

@@ -1,0 +1,97 @@
+// Which records a cycle has, their values and derivatives.
+#include <algorithm>
+#include <cmath>
+
+#include "orbits/cycle_residuals/cycle_residual.hpp"
+#include "periodic/stability/stability.hpp"
+
+namespace orbid::orbits {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using periodic::PeriodicOrbit;
+
+bool CycleResidual::lay_out(std::size_t block, const PeriodicOrbit& orbit) {
+    const CycleTarget& target = targets_.targets[block];
+    const auto vanishes = [&](std::size_t m) { return m < orbit.multipliers.size() && orbit.multipliers[m] == 0.0; };
+    known_[block].multipliers =
+        std::none_of(target.multipliers.begin(), target.multipliers.end(), vanishes) && !target.multipliers.empty();
+    const Index n = target.points.rows();
+    const Index positions = target.positions ? target.points.size() : 0;
+    const Index multipliers = known_[block].multipliers ? target.ln_multiplier.size() : 0;
+    const Index times = std::isfinite(target.time) ? 1 : 0;
+    estimator::BlockLayout& layout = layout_[block];
+    layout.group.clear();
+    if (target.positions) layout.group = record_groups(n, target.points.cols(), 0);
+    const int of_multipliers = options_.targets.positions ? static_cast<int>(n) : 0;
+    layout.group.insert(layout.group.end(), static_cast<std::size_t>(multipliers), of_multipliers);
+    if (times > 0) layout.group.push_back(of_multipliers + (options_.targets.multipliers ? 1 : 0));
+    layout.shape.resize(0, 0);
+    if (options_.targets.weights == CycleWeights::covariance) {
+        layout.shape.setZero(std::ssize(layout.group), std::ssize(layout.group));
+        if (positions > 0) layout.shape.topLeftCorner(positions, positions) = target.covariance;
+        if (multipliers > 0)
+            layout.shape.block(positions, positions, multipliers, multipliers) = target.multiplier_covariance;
+        if (times > 0) layout.shape.bottomRightCorner<1, 1>()(0, 0) = target.time_sd * target.time_sd;
+    }
+    return !layout.group.empty();
+}
+
+std::optional<VectorXd> CycleResidual::residual(std::size_t block, const PeriodicOrbit& orbit,
+                                                const PointReadings& readings) const {
+    const CycleTarget& target = targets_.targets[block];
+    const Index positions = target.positions ? target.points.size() : 0;
+    VectorXd e(static_cast<Index>(layout_[block].group.size()));
+    if (target.positions) e.head(positions) = map_.difference(target.points, readings.values).reshaped();
+    if (std::isfinite(target.time)) e(e.size() - 1) = target.time - orbit.time;
+    for (std::size_t k = 0; known_[block].multipliers && k < target.multipliers.size(); ++k) {
+        const std::size_t m = target.multipliers[k];
+        const std::size_t last = target.pair[k] ? m + 1 : m;
+        if (!(last < orbit.multipliers.size())) return std::nullopt;
+        // Of a measured pair the mean: it stays smooth where the model's two become real.
+        const double computed =
+            0.5 * (std::log(std::abs(orbit.multipliers[m])) + std::log(std::abs(orbit.multipliers[last])));
+        if (!std::isfinite(computed)) return std::nullopt;
+        e(positions + static_cast<Index>(k)) = target.ln_multiplier(static_cast<Index>(k)) - computed;
+    }
+    return e;
+}
+
+std::optional<VectorXd> CycleResidual::residual(std::size_t block, const PeriodicOrbit& orbit,
+                                                const VectorXd& theta) const {
+    const auto readings = reading_(map_.points(orbit.points), binding_.values(theta), {}, false);
+    if (!readings) return std::nullopt;
+    return residual(block, orbit, *readings);
+}
+
+std::optional<MatrixXd> CycleResidual::derivative(std::size_t block, const PeriodicOrbit& orbit,
+                                                  const PointReadings& readings, const VectorXd& values) const {
+    const CycleTarget& target = targets_.targets[block];
+    const Index n = target.points.rows();
+    const Index positions = target.positions ? target.points.size() : 0;
+    MatrixXd by_free(static_cast<Index>(layout_[block].group.size()), static_cast<Index>(binding_.parameter.size()));
+    const MatrixXd moved = map_.points(orbit.sensitivities);
+    for (Index j = 0; n * j < positions; ++j) {
+        const auto slot = static_cast<std::size_t>(j);
+        by_free.middleRows(n * j, n) = -(readings.by_x[slot] * moved.middleRows(n * j, n) + readings.by_free[slot]);
+    }
+    if (std::isfinite(target.time)) by_free.bottomRows(1) = -orbit.time_sensitivities;
+    if (known_[block].multipliers) {
+        periodic::StabilityOptions options;
+        options.flow = options_.flow;
+        const periodic::Stability stability =
+            periodic::stability(*system_, values, map_.phase(), orbit, binding_.parameter, options);
+        if (!stability.simulated) return std::nullopt;
+        for (std::size_t k = 0; k < target.multipliers.size(); ++k) {
+            const auto m = static_cast<Index>(target.multipliers[k]);
+            const Index last = target.pair[k] ? m + 1 : m;
+            by_free.row(positions + static_cast<Index>(k)) =
+                -0.5 * (stability.ln_multiplier_sensitivities.row(m) + stability.ln_multiplier_sensitivities.row(last));
+        }
+    }
+    if (!by_free.allFinite()) return std::nullopt;
+    return binding_.spread(by_free);
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,117 @@
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/residual.hpp"
+#include "models/arithmetic/matrix_layout.hpp"
+#include "models/system/system.hpp"
+#include "orbits/cycles/cycle.hpp"
+#include "orbits/records/error_form.hpp"
+#include "orbits/simulation/section_map.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::orbits {
+
+/// What the measured cycles weigh with (mathematics.md, section 5).
+///
+/// covariance  V_c = D Sigma_c D: Sigma_c from the orbit analysis, D one unknown factor per coordinate
+/// equal       Sigma_c = I: D is the sd of a point in the coordinate's unit
+enum class CycleWeights { covariance, equal };
+
+/// Which measured cycles take part, and how.
+struct CycleTargetOptions {
+    std::vector<int> periods;  ///< prime periods that take part; empty: all
+    CycleWeights weights = CycleWeights::covariance;
+    bool positions = true;     ///< the points take part
+    bool multipliers = false;  ///< ln|multiplier| takes part, group "cycles.ln_multiplier"
+    /// Error of ln|multiplier|: a factor on the analysis' covariance, or with weights "equal" its sd.
+    estimator::ErrorScale multiplier_error;
+    /// T takes part where it was measured (Cycle::time): autonomous flows; group "cycles.time" [s].
+    bool times = false;
+    estimator::ErrorScale time_error;  ///< likewise
+    /// How the series was read that the points come from: they are readings of the model's states.
+    models::Sensor sensor;
+    std::vector<estimator::ErrorScale> errors;  ///< one per coordinate; empty: estimated, started from the residuals
+    /// One per coordinate; empty: normal. With weights "covariance" normal only, for the analysis' covariance links the
+    /// coordinates; normal, Student's t and Laplace with "equal".
+    std::vector<ErrorForm> forms;
+    /// Coordinates (as groups) with one full covariance; weights "equal" only.
+    std::vector<estimator::JointCovariance> covariances;
+};
+
+/// A measured cycle as the target of a residual.
+struct CycleTarget {
+    std::size_t cycle = 0;  ///< index into the list that was given
+    std::string label;      ///< "cycle 3 (period 2)"
+    std::vector<int> rotation;
+    Eigen::MatrixXd points;  ///< shape (n, p): as read
+    Eigen::MatrixXd nodes;   ///< shape (n, p): the states that are read so at the start parameters
+    bool positions = true;   ///< the points take part; false: withheld, or a state of rest
+    /// Sigma_c of the points with the error of a computed orbit added, shape (n p, n p); empty = identity
+    Eigen::MatrixXd covariance;
+    /// The multipliers that take part, as indices into those of the model's orbit (largest modulus first): of a complex
+    /// pair the first; empty: none.
+    std::vector<std::size_t> multipliers;
+    std::vector<bool> pair;                                  ///< whether each is the first of a complex pair
+    Eigen::VectorXd ln_multiplier;                           ///< ln|multiplier| as measured, same length
+    Eigen::MatrixXd multiplier_covariance;                   ///< of these; empty = identity
+    double time = std::numeric_limits<double>::quiet_NaN();  ///< [s]; nan: takes no part
+    double time_sd = 1.0;                                    ///< weights "equal": 1
+};
+
+/// The targets of an estimate, and the cycles that say nothing about parameters.
+struct CycleTargets {
+    std::vector<CycleTarget> targets;
+    /// States of rest: (0, 0) and (pi, 0) of a pendulum are orbits for all parameters, or with dry friction a
+    /// continuum; their positions carry no information, but would count as if they measured the error scale. Left out
+    /// unless their multipliers take part; then among the targets too, without positions.
+    std::vector<std::size_t> at_rest;
+    /// Mirror images of cycles earlier in the list, left out: the search finds both from the same points, so the second
+    /// says nothing new, and would make every sd too small by sqrt(2).
+    std::vector<std::size_t> mirrored;
+};
+
+/// Chooses the cycles that take part. A cycle of period 1 is a state of rest when the orbit solved from its point at
+/// the start parameters, or the point one period later, is at rest for ever (System::at_rest), or when that orbit does
+/// not move with any of the free parameters; a fixed point of a map only by the latter. (Longer prime periods cannot be
+/// at rest, nor can what crosses a plane.)
+///
+/// A multiplier takes part when it was measured: finite, and with weights "covariance" known within a sd of
+/// `largest_multiplier_sd` (the logarithm of a value with larger normal errors is biased, and skew). Of complex pairs
+/// ln|mu| counts once.
+///
+/// @param theta  full parameter vector of the system (start of the estimate).
+/// @param free   free parameters.
+/// @throws std::invalid_argument naming the cycle and the rule: wrong shapes, not finite, a covariance that is missing
+///         or not symmetric positive definite (weights "covariance"), wrong number of errors, a distribution or a full
+///         covariance that does not go with the weights, multipliers or times that no cycle has, neither positions nor
+///         multipliers nor times, times of another than an autonomous flow, a sensor that reads formulas.
+[[nodiscard]] CycleTargets select_targets(const SectionMap& map, const Eigen::VectorXd& theta,
+                                          std::span<const Eigen::Index> free, const std::vector<Cycle>& cycles,
+                                          const CycleTargetOptions& options);
+
+inline constexpr double largest_multiplier_sd = 0.5;
+
+/// Group "prefix.coordinate" per coordinate (unless positions are withheld), with the errors of the options: factors
+/// (unit 1) for weights "covariance", sds in the coordinate's unit for "equal". With multipliers also
+/// "prefix.ln_multiplier", with times "prefix.time".
+[[nodiscard]] std::vector<estimator::Group> target_groups(const SectionMap& map, const std::string& prefix,
+                                                          const CycleTargetOptions& options);
+
+/// Groups of n p records in the order of points, coordinate fastest: first, first + 1, .., again and again.
+[[nodiscard]] std::vector<int> record_groups(Eigen::Index dimension, Eigen::Index points, int first);
+
+/// Typical size of each coordinate: 2 pi for angles, else the range of the measured points about 0 (1 when all are 0).
+[[nodiscard]] Eigen::VectorXd target_scale(std::span<const models::Coordinate> coordinates,
+                                           const std::vector<Cycle>& cycles);
+
+}  // namespace orbid::orbits
+
+#pragma GCC visibility pop

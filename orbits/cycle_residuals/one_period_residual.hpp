@@ -1,0 +1,80 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "orbits/cycle_residuals/cycle_target.hpp"
+#include "orbits/simulation/point_reading.hpp"
+
+namespace orbid::orbits {
+
+struct OnePeriodOptions {
+    CycleTargetOptions targets;  ///< weights and errors are not used: the error of a prediction is the model's
+    /// Error of a prediction that does not grow with the local amplification, relative to that which does, in
+    /// coordinates of unit range. > 0.
+    double floor = 0.1;
+    /// Cauchy's: predictions that are far off, of orbits on another branch of a fold, hardly count.
+    estimator::ErrorDistribution errors = estimator::StudentErrors{{false, 1.0, estimator::FlatPrior{}}};
+    /// 1e-10: predictions over one period need no more, the parameters are still far off.
+    models::FlowOptions flow{1e-10, 1e-10, 2000};
+};
+
+/// One-period prediction: every measured point of a cycle starts at the one before it.
+///
+///     e_j = x^meas_{j+1} - Phi(x^meas_j; theta),   j mod p, angles wrapped
+///
+/// No latent states, no orbit that could be lost, and no trajectory longer than a period: the first stage, for starts
+/// far from the truth. A block per cycle, groups "one_period.<coordinate>". The deviation of a record is
+/// sqrt(floor^2 + |its row of X_j|^2) (scaled to unit ranges), X_j the derivative of the section map: what a point is
+/// worth falls with how strongly its error and the model's are amplified. Scales are 1.4826 times the median of |e|
+/// over its deviation, but at least 1e-4 of the range. Both, and the states of points that are readings, are those at
+/// the start parameters or the last refresh(); provisional() until neither moves by a tenth.
+class OnePeriodResidual final : public estimator::Residual {
+public:
+    /// @param system, cycles  the system is kept by pointer, what is needed of the cycles is copied.
+    /// @param start           the estimator's vector at the start.
+    /// @throws std::invalid_argument as select_targets, or floor not > 0.
+    OnePeriodResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
+                      const std::vector<Cycle>& cycles, const SectionPlace& place, const Eigen::VectorXd& start,
+                      const OnePeriodOptions& options = {});
+
+    [[nodiscard]] std::string_view type() const override { return "one_period"; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+                                                              const std::vector<Eigen::VectorXd>& latents,
+                                                              bool derivatives) const override;
+    /// States, amplifications and scales at theta.
+    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                                     const Eigen::VectorXd& scales) override;
+    [[nodiscard]] bool provisional() const override { return provisional_; }
+    void suspend(std::size_t block) override { layout_.at(block).active = false; }
+
+    /// How badly theta predicts, robustly: sum over all records of ln(1 + (e / (0.02 range))^2). A prediction that is
+    /// far off counts little more than one that is just off, so that the minimum is broad and few points decide
+    /// nothing; a block that cannot be evaluated counts as off by half the range.
+    [[nodiscard]] double misfit(const Eigen::VectorXd& theta) const;
+
+    /// Cycles left out because they are states of rest.
+    [[nodiscard]] const std::vector<std::size_t>& at_rest() const { return targets_.at_rest; }
+
+private:
+    /// Deviations of all records and scales at these parameters; how much the typical one moved (ln).
+    double weigh(const Eigen::VectorXd& values);
+
+    std::shared_ptr<const models::System> system_;
+    models::ParameterBinding binding_;
+    SectionMap map_;
+    PointReading reading_;
+    double floor_;
+    int refreshed_ = 0;
+    bool provisional_ = true;
+    CycleTargets targets_;
+    Eigen::VectorXd range_;
+    std::vector<estimator::Group> groups_;
+    std::vector<estimator::BlockLayout> layout_;
+};
+
+}  // namespace orbid::orbits

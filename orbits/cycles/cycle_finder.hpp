@@ -1,0 +1,61 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "orbits/cycles/cycle_draft.hpp"
+#include "orbits/cycles/cycle_search.hpp"
+#include "orbits/sections/section_points.hpp"
+
+namespace orbid::orbits {
+
+/// One way of telling the map of a section onto itself from a series, and of closing orbits on it.
+///
+/// Const and thread-safe after construction; keeps a reference to the section.
+class CycleFinder {
+public:
+    virtual ~CycleFinder() = default;
+
+    /// The accepted cycles of one prime period, one of every mirror pair, most recurrences first. Adds to the counts
+    /// (candidates, rejected) and remarks of `search`. The same with any number of threads.
+    [[nodiscard]] virtual std::vector<CycleDraft> find(int period, CycleSearch& search) const = 0;
+
+    /// Cycles refined on these data from points that lie near them: one entry per start, empty where it is not
+    /// accepted. A finder that has nothing to add leaves all empty.
+    [[nodiscard]] virtual std::vector<std::optional<CycleDraft>> polish(const std::vector<CycleDraft>& starts) const {
+        return std::vector<std::optional<CycleDraft>>(starts.size());
+    }
+
+protected:
+    CycleFinder() = default;
+    CycleFinder(const CycleFinder&) = default;
+    CycleFinder& operator=(const CycleFinder&) = default;
+};
+
+/// Polynomials fitted to the nearest neighbours of every point (CycleSearchOptions::Method::local_maps).
+/// @throws std::invalid_argument for too few points or neighbours.
+[[nodiscard]] std::unique_ptr<CycleFinder> local_map_finder(const SectionPoints& section,
+                                                            const CycleSearchOptions& options);
+
+/// The paper's analysis (CycleSearchOptions::Method::closest_return): of every group of recurrent points the one that
+/// returns closest is the reference x_t, and a linear map without intercept relative to it is fitted at each of its p
+/// points (P5); (P8) for all points.
+/// @throws std::invalid_argument for too few points or neighbours, or an order beyond 1.
+[[nodiscard]] std::unique_ptr<CycleFinder> closest_return_finder(const SectionPoints& section,
+                                                                 const CycleSearchOptions& options);
+
+/// One smooth map fitted to all data at once, errors in both of its sides (CycleSearchOptions::Method::patch_map).
+/// @param reading_covariance_scaled  of the reading errors of a point, shape (n, n), in scaled units.
+[[nodiscard]] std::unique_ptr<CycleFinder> patch_map_finder(const SectionPoints& section,
+                                                            const CycleSearchOptions& options,
+                                                            const Eigen::MatrixXd& reading_covariance_scaled);
+
+/// Local polynomials along the sheet of fewer dimensions that the points of a section of a strongly contracting flow
+/// lie on within their reading errors (SheetMap). Its cycles have the multipliers along the sheet only.
+/// @param reading_covariance  shape (n, n), scaled units, positive definite.
+[[nodiscard]] std::unique_ptr<CycleFinder> sheet_map_finder(const SectionPoints& section,
+                                                            const CycleSearchOptions& options,
+                                                            const Eigen::MatrixXd& reading_covariance);
+
+}  // namespace orbid::orbits

@@ -1,0 +1,164 @@
+#include "orbits/cycles/cycle_refinement.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "periodic/discretisation/cyclic_system.hpp"
+
+namespace orbid::orbits {
+
+namespace {
+
+// Largest coordinate of a Newton step: beyond a few boxes local maps say nothing.
+constexpr double step_cap = 0.04;
+
+// Newton has converged when its step is down to rounding, or when steps this small do not become smaller any more
+// (nearly singular cycles amplify rounding). It needs 4-6 steps, more means that it wanders.
+constexpr double converged_step = 1e-14;
+constexpr double rounding_step = 1e-10;
+constexpr int maximum_steps = 25;
+
+// New fits until the points lie within this part of the radius around the fits' centres: the fit is then as good as
+// one centred exactly.
+constexpr double centred = 0.02;
+constexpr int maximum_rounds = 5;
+
+// Points that have moved farther than this part of a radius choose their fits again.
+constexpr double moved_away = 0.5;
+
+// Farther from the centre than this, in radii, a map is not asked any more.
+constexpr double extrapolation = 3.0;
+
+Eigen::VectorXd offset_of(const SectionPoints& section, const Eigen::MatrixXd& points, const LocalMap& map,
+                          Eigen::Index j) {
+    return section.difference(Eigen::VectorXd(points.col(j)), map.centre);
+}
+
+// Fits around the points, of the sizes chosen before where there are any.
+bool fit_all(const FitChoice& choice, RefinedCycle& cycle) {
+    const auto p = static_cast<std::size_t>(cycle.points.cols());
+    cycle.maps.clear();
+    cycle.sizes.resize(p);
+    for (std::size_t j = 0; j < p; ++j) {
+        const Eigen::VectorXd place = cycle.points.col(static_cast<Eigen::Index>(j));
+        if (cycle.sizes[j].empty()) cycle.sizes[j] = choice.best(place);
+        if (cycle.sizes[j].empty()) return false;
+        cycle.maps.push_back(choice.fitted(place, {cycle.sizes[j].front()}).fits.front());
+        if (!cycle.maps.back().usable) return false;
+    }
+    return true;
+}
+
+// Newton with the maps as they are; the points are left at the solution.
+bool close_orbit(const SectionPoints& section, RefinedCycle& cycle) {
+    const Eigen::Index n = cycle.points.rows(), p = cycle.points.cols();
+    Eigen::VectorXd defect(n * p);
+    double previous = std::numeric_limits<double>::infinity();
+    for (int step = 0; step < maximum_steps; ++step) {
+        std::vector<Eigen::MatrixXd> jacobians;
+        for (Eigen::Index j = 0; j < p; ++j) {
+            const LocalMap& map = cycle.maps[static_cast<std::size_t>(j)];
+            const Eigen::VectorXd d = offset_of(section, cycle.points, map, j);
+            if (!(d.cwiseAbs().maxCoeff() <= std::max(step_cap, extrapolation * map.radius))) return false;
+            jacobians.push_back(map.jacobian_at(d));
+            defect.segment(j * n, n) = section.difference(Eigen::VectorXd(map.value + map.displacement(d)),
+                                                          Eigen::VectorXd(cycle.points.col((j + 1) % p)));
+        }
+        Eigen::VectorXd change = periodic::CyclicSystem(jacobians).solve(defect);
+        if (!change.allFinite()) return false;
+        const double size = change.cwiseAbs().maxCoeff();
+        if (size > step_cap) change *= step_cap / size;
+        for (Eigen::Index j = 0; j < p; ++j)
+            cycle.points.col(j) = section.wrapped(cycle.points.col(j) + change.segment(j * n, n));
+        if (size < converged_step || (size < rounding_step && size > 0.1 * previous)) return true;
+        previous = size;
+    }
+    return false;
+}
+
+bool is_centred(const SectionPoints& section, const RefinedCycle& cycle, double share) {
+    for (Eigen::Index j = 0; j < cycle.points.cols(); ++j) {
+        const LocalMap& map = cycle.maps[static_cast<std::size_t>(j)];
+        if (!(offset_of(section, cycle.points, map, j).norm() <= share * map.radius)) return false;
+    }
+    return true;
+}
+
+// From the points of `cycle`, on fits of its sizes; where it has none they are chosen.
+void refine(const SectionPoints& section, const FitChoice& choice, bool fixed_sizes, RefinedCycle& cycle) {
+    for (int round = 0; round < maximum_rounds; ++round) {
+        if (!fit_all(choice, cycle)) {
+            cycle.status = RefinementStatus::no_neighbours;
+            return;
+        }
+        if (!close_orbit(section, cycle)) {
+            cycle.status = RefinementStatus::no_solution;
+            return;
+        }
+        if (is_centred(section, cycle, centred)) {
+            cycle.status = RefinementStatus::converged;
+            return;
+        }
+        // Sizes chosen for other places may not suit these.
+        if (!fixed_sizes && !is_centred(section, cycle, moved_away)) cycle.sizes.clear();
+    }
+    // Neighbours that come and go can keep the points moving a little for ever; well inside the fits that is harmless
+    // and part of the differences between fits.
+    cycle.status =
+        is_centred(section, cycle, 10.0 * centred) ? RefinementStatus::converged : RefinementStatus::unsettled;
+    return;
+}
+
+}  // namespace
+
+Eigen::MatrixXd coupled_matrix(const std::vector<Eigen::MatrixXd>& jacobians) {
+    const auto p = static_cast<Eigen::Index>(jacobians.size());
+    const Eigen::Index n = jacobians.front().rows();
+    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(n * p, n * p);
+    for (Eigen::Index j = 0; j < p; ++j) {
+        result.block(j * n, j * n, n, n) += jacobians[static_cast<std::size_t>(j)];
+        result.block(j * n, ((j + 1) % p) * n, n, n) -= Eigen::MatrixXd::Identity(n, n);
+    }
+    return result;
+}
+
+std::vector<Eigen::MatrixXd> RefinedCycle::jacobians(const SectionPoints& section) const {
+    std::vector<Eigen::MatrixXd> result;
+    for (Eigen::Index j = 0; j < points.cols(); ++j) {
+        const LocalMap& map = maps[static_cast<std::size_t>(j)];
+        result.push_back(map.jacobian_at(offset_of(section, points, map, j)));
+    }
+    return result;
+}
+
+RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice, const Eigen::MatrixXd& start) {
+    RefinedCycle cycle;
+    cycle.points = start;
+    refine(section, choice, false, cycle);
+    return cycle;
+}
+
+RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice, const Eigen::MatrixXd& start,
+                          const FitSize& size) {
+    RefinedCycle cycle;
+    cycle.points = start;
+    cycle.sizes.assign(static_cast<std::size_t>(start.cols()), {size});
+    refine(section, choice, true, cycle);
+    return cycle;
+}
+
+RefinedCycle alternative_cycle(const SectionPoints& section, const RefinedCycle& cycle,
+                               const std::vector<PlacedFits>& fits, std::size_t which) {
+    RefinedCycle result;
+    result.points = cycle.points;
+    for (std::size_t j = 0; j < cycle.maps.size(); ++j) {
+        const bool there = fits[j].fits.size() > which && fits[j].fits[which].usable;
+        result.maps.push_back(there ? fits[j].fits[which] : cycle.maps[j]);
+    }
+    result.status = close_orbit(section, result) ? RefinementStatus::converged : RefinementStatus::no_solution;
+    return result;
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "orbits/local_maps/cycle_multiplier.hpp"
+#include "orbits/local_maps/fit_choice.hpp"
+#include "orbits/local_maps/local_map.hpp"
+#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/section_points.hpp"
+
+namespace orbid::orbits {
+
+/// How the refinement of a start ended.
+enum class RefinementStatus {
+    converged,
+    no_neighbours,  ///< too few untorn neighbours at a point of the cycle
+    no_solution,    ///< Newton on the frozen local maps did not converge or ran away
+    unsettled       ///< the points kept moving when the fits were renewed around them
+};
+
+/// A closed orbit of the local maps.
+struct RefinedCycle {
+    RefinementStatus status = RefinementStatus::no_solution;
+    Eigen::MatrixXd points;                   ///< shape (n, p), scaled units, wrapped
+    std::vector<LocalMap> maps;               ///< one per point, centred there up to the last correction
+    std::vector<std::vector<FitSize>> sizes;  ///< of every point: of its map, then those of other fits
+    [[nodiscard]] int period() const { return static_cast<int>(points.cols()); }
+    [[nodiscard]] std::vector<Eigen::MatrixXd> jacobians(const SectionPoints& section) const;  ///< at the points
+};
+
+/// Newton on all p points together,  F_j(x_j) - x_{j+1} = 0, j mod p  (P8 for all points at once), on local maps that
+/// stay frozen while it runs and are fitted anew around the result until the points stay within a small part of the
+/// neighbourhoods' radius.
+///
+/// @param start  shape (n, p), scaled units: points that nearly close.
+[[nodiscard]] RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice,
+                                        const Eigen::MatrixXd& start);
+
+/// The same with fits of one size.
+[[nodiscard]] RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice,
+                                        const Eigen::MatrixXd& start, const FitSize& size);
+
+/// The cycle on other fits of the same points, not renewed: how far the answer depends on the fit.
+///
+/// @param fits  of every point, as fitted to RefinedCycle::sizes.
+/// @param which the fit to take; points that have no such fit keep their map.
+[[nodiscard]] RefinedCycle alternative_cycle(const SectionPoints& section, const RefinedCycle& cycle,
+                                             const std::vector<PlacedFits>& fits, std::size_t which);
+
+/// J of Newton's method: A_j on the diagonal, -1 from each point to the next, cyclic; shape (n p, n p).
+[[nodiscard]] Eigen::MatrixXd coupled_matrix(const std::vector<Eigen::MatrixXd>& jacobians);
+
+/// Errors of a refined cycle, scaled units.
+struct CycleUncertainty {
+    Eigen::MatrixXd covariance;  ///< shape (n p, n p), coordinate fastest
+    CycleMultipliers multipliers;
+    Eigen::MatrixXd ln_multiplier_covariance;  ///< shape (n, n)
+    /// Largest over the points: how far other fits are away, over what their predicted errors allow; at least 1.
+    double disagreement = 1.0;
+};
+
+/// Covariance of all points together and of ln|multipliers|.
+///
+/// Errors e_j of the fits' values and E_j of their jacobians (local_map_covariance) move the points by the coupled
+/// system dx_{j+1} - A_j dx_j = e_j (for p = 1 and independent reading errors this is (M6)), and ln|multipliers| by
+/// their derivative along E_j + F''_j dx_j. Where other fits of a point are farther away than their predicted errors
+/// allow, its errors grow accordingly: what the residuals of one fit do not show. The ln|multipliers| of the cycles on
+/// other fits (`refits`) are added as outer products. Never zero; see covariance_floor in the source for how small
+/// eigenvalues are kept away from it.
+///
+/// @param fits  of every point around it, as fitted to RefinedCycle::sizes.
+[[nodiscard]] CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCycle& cycle,
+                                                 const std::vector<PlacedFits>& fits,
+                                                 const std::vector<RefinedCycle>& refits);
+
+}  // namespace orbid::orbits

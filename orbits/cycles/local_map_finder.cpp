@@ -1,0 +1,298 @@
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <numbers>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include "orbits/cycles/cell_newton.hpp"
+#include "orbits/cycles/cycle_finder.hpp"
+#include "orbits/cycles/cycle_refinement.hpp"
+#include "orbits/cycles/itinerary.hpp"
+#include "orbits/local_maps/cell_map.hpp"
+#include "orbits/local_maps/fit_choice.hpp"
+#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/section_check.hpp"
+
+namespace orbid::orbits {
+
+namespace {
+
+// Points that a series must have ten times as many of, where the options say nothing.
+constexpr int default_neighbours = 32;
+
+// A neighbourhood of which a fit, the point itself left out, explains less than 91 % of the variance is no map:
+// shuffled points leave all of it, the clean pendulum less than 1e-6.
+constexpr double unexplained = 0.3;
+
+// Standard deviation (scaled units) beyond which a cycle is not told from its neighbours (trials: 2e-3).
+constexpr double largest_sd = 2e-3;
+
+// Other fits of the same points may move a point by this much (scaled units; trials: 3e-3).
+constexpr double largest_disagreement = 3e-3;
+
+// Edge of the cells (scaled units) that tell the itineraries of starts apart (trials: 1.2 %).
+constexpr double itinerary_cell = 0.012;
+
+// Two solutions are one before their sds are known when they lie within this distance (scaled units): starts of one
+// cycle end within 1e-7 of each other on clean data.
+constexpr double same_distance = 1e-6;
+
+// Other fits that differ by more than this many standard deviations are remarked on.
+constexpr double remarkable = 3.0;
+
+// A cycle that fewer points of the series recur to is called isolated.
+constexpr std::size_t few_recurrences = 3;
+
+// ln|multiplier| nearer to zero than this many sds, or than this, is near-degenerate.
+constexpr double degenerate_sds = 3.0;
+constexpr double degenerate = 0.05;
+
+// Leave-one-out predictions that leave more than this part of the images' spread at a point of a cycle are remarked on.
+constexpr double weak = 0.1;
+
+struct Trial {
+    CycleDraft draft;
+    bool accepted = false;
+};
+
+// Largest part of the images' spread that a point's fit leaves when the point itself is left out.
+double unexplained_part(const RefinedCycle& cycle) {
+    double largest = 0.0;
+    for (const LocalMap& map : cycle.maps)
+        largest = std::max(largest, map.left_out / map.image_spread);
+    return largest;
+}
+
+// Starts that are closed before those that ended in one orbit are joined: a draft takes half a kilobyte.
+constexpr std::size_t starts_at_once = 1 << 14;
+
+template <class Body>
+void each(std::size_t count, const Body& body) {
+    // Every index writes its own slot: the same bytes with any number of threads.
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count), [&](const tbb::blocked_range<std::size_t>& range) {
+        for (std::size_t i = range.begin(); i < range.end(); ++i)
+            body(i);
+    });
+}
+
+std::vector<CycleDraft> accepted(std::vector<Trial>& trials, CycleSearch& search) {
+    std::vector<CycleDraft> drafts;
+    for (Trial& trial : trials)
+        if (trial.accepted)
+            drafts.push_back(std::move(trial.draft));
+        else
+            ++search.rejected;
+    return drafts;
+}
+
+// A number that does not depend on the point that comes first or on mirroring: what closed orbits are sorted by.
+double fingerprint(const SectionPoints& section, const Eigen::MatrixXd& points) {
+    double sum = 0.0;
+    for (Eigen::Index j = 0; j < points.cols(); ++j)
+        for (Eigen::Index d = 0; d < points.rows(); ++d) {
+            const double x = points(d, j);
+            const bool even = section.symmetric() && section.signs()[d] < 0.0;
+            const double turn = 2.0 * std::numbers::pi * x;
+            const double value = section.angle()[static_cast<std::size_t>(d)]
+                                     ? std::cos(turn) + (even ? 0.0 : std::sin(turn))
+                                     : (even ? x * x : x);
+            sum += static_cast<double>(d + 1) * value;
+        }
+    return sum;
+}
+
+// One draft for starts that ended in one orbit, the same to rounding: thousands of starts end in some hundred orbits.
+// What this leaves apart, merged() joins.
+std::vector<CycleDraft> distinct(const SectionPoints& section, const std::vector<CycleDraft>& drafts) {
+    std::vector<std::pair<double, std::size_t>> order;
+    for (std::size_t i = 0; i < drafts.size(); ++i)
+        order.emplace_back(fingerprint(section, drafts[i].points), i);
+    std::sort(order.begin(), order.end());
+    std::vector<CycleDraft> result;
+    double last = 0.0;
+    for (const auto& [number, i] : order) {
+        if (!result.empty() && number - last < same_distance &&
+            same_cycle(section, result.back().points, drafts[i].points, same_distance)) {
+            result.back().recurrences += drafts[i].recurrences;
+            continue;
+        }
+        last = number;
+        result.push_back(drafts[i]);
+    }
+    return result;
+}
+
+// Starts that get fits of their own where cells fail. Measured on 2^20 sections of the pendulum: up to 0.15 ms of one
+// core each, 1 to 18 ms per period on four; ten of them led to an orbit with 10 % boxes, seven with 40 %.
+constexpr std::size_t direct_starts = 512;
+
+class LocalMapFinder final : public CycleFinder {
+public:
+    LocalMapFinder(const SectionPoints& section, const CycleSearchOptions& options)
+        : options_(checked(section, options)),
+          section_(section),
+          grid_(section),
+          cells_(section, grid_, std::min(options.order, 2), static_cast<std::size_t>(options.neighbours)),
+          choice_(section, grid_, options.order, static_cast<std::size_t>(options.neighbours)) {}
+
+    [[nodiscard]] std::vector<CycleDraft> find(int period, CycleSearch& search) const override {
+        const std::vector<RecurrenceSeed> seeds = itinerary_seeds(section_, period, options_.box, itinerary_cell);
+        search.candidates += seeds.size();
+        std::vector<CycleDraft> orbits;
+        std::vector<std::size_t> lost;  // starts that do not close on cells
+        // In blocks: wide boxes have a hundred times more starts than orbits.
+        for (std::size_t first = 0; first < seeds.size(); first += starts_at_once) {
+            std::vector<Trial> closed(std::min(starts_at_once, seeds.size() - first));
+            each(closed.size(), [&](std::size_t i) { closed[i] = close(seeds[first + i], period); });
+            for (std::size_t i = 0; i < closed.size(); ++i)
+                if (!closed[i].accepted) lost.push_back(first + i);
+            std::vector<CycleDraft> some = accepted(closed, search);
+            std::move(some.begin(), some.end(), std::back_inserter(orbits));
+            orbits = distinct(section_, orbits);
+        }
+        // Starts that met other cells ended a little apart: one centred fit each brings them together.
+        each(orbits.size(), [&](std::size_t i) { (void)settle(orbits[i]); });
+        for (CycleDraft& draft : closed_directly(seeds, std::move(lost), period))
+            orbits.push_back(std::move(draft));
+        std::vector<CycleDraft> drafts =
+            merged(section_, distinct(section_, orbits), [](const auto&, const auto&) { return same_distance; });
+        std::erase_if(drafts,
+                      [&](const CycleDraft& draft) { return !is_prime(section_, draft.points, same_distance); });
+        std::vector<Trial> judged(drafts.size());
+        each(drafts.size(), [&](std::size_t i) { judged[i] = judge(drafts[i]); });
+        drafts = merged(section_, accepted(judged, search), [&](const CycleDraft& a, const CycleDraft& b) {
+            return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), merging_boxes * options_.box);
+        });
+        std::erase_if(drafts, [&](const CycleDraft& draft) {
+            const double sd = draft.largest_sd();
+            return draft.recurrences < static_cast<std::size_t>(options_.minimum_recurrences) ||
+                   !is_prime(section_, draft.points, same_cycle_tolerance(sd, sd, merging_boxes * options_.box));
+        });
+        return drafts;
+    }
+
+    [[nodiscard]] std::vector<std::optional<CycleDraft>> polish(const std::vector<CycleDraft>& starts) const override {
+        std::vector<std::optional<CycleDraft>> result(starts.size());
+        each(starts.size(), [&](std::size_t i) {
+            Trial trial = judge(starts[i]);
+            if (trial.accepted) result[i] = std::move(trial.draft);
+        });
+        return result;
+    }
+
+private:
+    static CycleSearchOptions checked(const SectionPoints& section, const CycleSearchOptions& options) {
+        check_neighbours(section.image_count(), options.neighbours, default_neighbours,
+                         coefficient_count(section.dimension(), std::max(options.order, 1)) + 2);
+        return options;
+    }
+
+    [[nodiscard]] Trial close(const RecurrenceSeed& seed, int period) const {
+        Trial trial;
+        trial.draft = start_of(seed, period);
+        trial.accepted = close_on_cells(section_, cells_, trial.draft.points);
+        return trial;
+    }
+
+    [[nodiscard]] bool settle(CycleDraft& draft) const {
+        const RefinedCycle cycle =
+            refine_cycle(section_, choice_, draft.points, FitSize{cells_.order(), cells_.neighbours()});
+        const bool converged = cycle.status == RefinementStatus::converged;
+        if (converged) draft.points = cycle.points;
+        return converged && unexplained_part(cycle) <= unexplained;
+    }
+
+    // Where the map bends within a cell (next to the fold of a Lorenz section) only fits centred on the points close an
+    // orbit. Wide boxes lose 1e5 starts, most of which lead nowhere: those with most recurrences alone get them.
+    [[nodiscard]] std::vector<CycleDraft> closed_directly(const std::vector<RecurrenceSeed>& seeds,
+                                                          std::vector<std::size_t> lost, int period) const {
+        const auto more = [&](std::size_t a, std::size_t b) {
+            return seeds[a].recurrences != seeds[b].recurrences ? seeds[a].recurrences > seeds[b].recurrences : a < b;
+        };
+        const std::size_t count = std::min(direct_starts, lost.size());
+        std::partial_sort(lost.begin(), lost.begin() + static_cast<std::ptrdiff_t>(count), lost.end(), more);
+        std::vector<Trial> trials(count);
+        each(count, [&](std::size_t i) {
+            trials[i].draft = start_of(seeds[lost[i]], period);
+            trials[i].accepted = settle(trials[i].draft);
+        });
+        std::vector<CycleDraft> drafts;
+        for (Trial& trial : trials)
+            if (trial.accepted) drafts.push_back(std::move(trial.draft));
+        return drafts;
+    }
+
+    [[nodiscard]] CycleDraft start_of(const RecurrenceSeed& seed, int period) const {
+        CycleDraft draft;
+        draft.recurrences = seed.recurrences;
+        draft.points.resize(section_.dimension(), period);
+        for (int j = 0; j < period; ++j)
+            draft.points.col(j) = Eigen::Map<const Eigen::VectorXd>(
+                section_.point(seed.start + static_cast<std::size_t>(j)), section_.dimension());
+        return draft;
+    }
+
+    // The best fits that the data allow, covariance, and whether the cycle can be believed.
+    [[nodiscard]] Trial judge(const CycleDraft& start) const {
+        Trial trial;
+        const RefinedCycle cycle = refine_cycle(section_, choice_, start.points);
+        if (cycle.status != RefinementStatus::converged || !(unexplained_part(cycle) <= unexplained)) return trial;
+        std::vector<PlacedFits> fits;
+        for (std::size_t j = 0; j < cycle.maps.size(); ++j)
+            fits.push_back(choice_.fitted(cycle.points.col(static_cast<Eigen::Index>(j)), cycle.sizes[j]));
+        const std::vector<RefinedCycle> refits{alternative_cycle(section_, cycle, fits, 1),
+                                               alternative_cycle(section_, cycle, fits, 2)};
+        for (const RefinedCycle& refit : refits)
+            if (!(refit.status == RefinementStatus::converged &&
+                  cycle_distance(section_, cycle.points, refit.points, 0, false) <= largest_disagreement))
+                return trial;
+        const CycleUncertainty uncertainty = cycle_uncertainty(section_, cycle, fits, refits);
+        CycleDraft& draft = trial.draft;
+        draft.points = cycle.points;
+        draft.recurrences = start.recurrences;
+        draft.covariance = uncertainty.covariance;
+        draft.multipliers = uncertainty.multipliers;
+        draft.ln_multiplier_covariance = uncertainty.ln_multiplier_covariance;
+        draft.advance = count_turns(section_, grid_, draft.points);
+        trial.accepted = draft.largest_sd() <= largest_sd && draft.multipliers.ln_modulus.size() > 0;
+        remark(draft, cycle, uncertainty.disagreement);
+        return trial;
+    }
+
+    void remark(CycleDraft& draft, const RefinedCycle& cycle, double disagreement) const {
+        const Eigen::Index n = section_.dimension();
+        if (disagreement > remarkable)
+            draft.quality.emplace_back("depends on the neighbourhoods' size beyond its error");
+        if (draft.recurrences < few_recurrences)
+            draft.quality.emplace_back("isolated: fewer than " + std::to_string(few_recurrences) +
+                                       " points of the series recur to it");
+        for (Eigen::Index a = 0; a < n; ++a)
+            if (std::abs(draft.multipliers.ln_modulus[a]) <
+                std::max(degenerate, degenerate_sds * std::sqrt(draft.ln_multiplier_covariance(a, a)))) {
+                draft.quality.emplace_back("near-degenerate: a multiplier is near the unit circle");
+                break;
+            }
+        if (unexplained_part(cycle) > weak)
+            draft.quality.emplace_back("possibly spurious: the map explains little of the images at one of its points");
+    }
+
+    CycleSearchOptions options_;
+    const SectionPoints& section_;
+    BoxGrid grid_;
+    CellMap cells_;
+    FitChoice choice_;
+};
+
+}  // namespace
+
+std::unique_ptr<CycleFinder> local_map_finder(const SectionPoints& section, const CycleSearchOptions& options) {
+    return std::make_unique<LocalMapFinder>(section, options);
+}
+
+}  // namespace orbid::orbits

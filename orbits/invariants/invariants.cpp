@@ -1,0 +1,27 @@
+#include "orbits/invariants/invariants.hpp"
+
+#include <stdexcept>
+
+namespace orbid::orbits {
+
+Invariants find_invariants(const Series& series, const CycleSearch& search, const InvariantOptions& options) {
+    const int complete_to = options.expansion.complete_to;
+    if (!(complete_to >= 0 && complete_to <= 64))
+        throw std::invalid_argument("find_invariants: complete_to must be in [0, 64], got " +
+                                    std::to_string(complete_to));
+    Invariants result;
+    if (complete_to == 0) {
+        result.expansion_refused = "it is not stated up to which period the list of cycles is complete";
+    } else {
+        try {
+            result.expansion = expand_cycles(search.cycles, options.expansion);
+        } catch (const std::invalid_argument& refusal) {
+            result.expansion_refused = refusal.what();
+        }
+    }
+    result.lyapunov = lyapunov_spectrum(series, options.lyapunov);
+    result.correlation = correlation_dimension(series, options.correlation);
+    return result;
+}
+
+}  // namespace orbid::orbits

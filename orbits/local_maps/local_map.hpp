@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "orbits/local_maps/monomials.hpp"
+#include "orbits/local_maps/polynomial_fit.hpp"
+#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/section_points.hpp"
+
+namespace orbid::orbits {
+
+/// Neighbours of a place and their images, as differences that no longer know of circles.
+struct Neighbourhood {
+    Eigen::VectorXd centre;     ///< shape (n), scaled units
+    Eigen::VectorXd reference;  ///< shape (n): image of the nearest neighbour; images are unwrapped relative to it
+    Eigen::MatrixXd offsets;    ///< shape (k, n): neighbour - centre
+    Eigen::MatrixXd images;     ///< shape (k, n): image of the neighbour - reference
+    double radius = 0.0;        ///< just beyond the farthest neighbour, scaled units; weights vanish there
+    std::vector<Neighbour> members;
+};
+
+/// Gathers the k nearest neighbours of a place with their images (mirrored copies included).
+///
+/// Neighbours whose images tear apart on a circle are dropped: from the first (nearest first) whose image lies a
+/// quarter turn or more from the nearest neighbour's. `offsets` has fewer than k rows then.
+[[nodiscard]] Neighbourhood gather_neighbourhood(const SectionPoints& points, const BoxGrid& grid,
+                                                 const Eigen::VectorXd& centre, std::size_t k);
+
+/// The map near a place, fitted to data, a polynomial of order 1 to 6 (P5 with intercept and curvature):
+///
+///     F(c + d) = reference + sum_m b_m (d / radius)^m = value + A d + ...
+struct LocalMap {
+    Eigen::VectorXd centre;    ///< c, shape (n)
+    Eigen::VectorXd value;     ///< F(c), shape (n), wrapped
+    Eigen::MatrixXd jacobian;  ///< A, shape (n, n)
+    int order = 0;
+    Eigen::MatrixXd coefficients;  ///< b, shape (n, count), monomials as in Monomials, the constant included
+    std::shared_ptr<const Monomials> monomials;
+    double radius = 0.0;    ///< of the neighbourhood
+    double residual = 0.0;  ///< weighted rms of the residuals over all coordinates, scaled units
+    double left_out = 0.0;  ///< the same of predictions of every neighbour from all others
+    /// Predicted error of the value, rms over the coordinates: independent errors and truncation as
+    /// PolynomialFit::part_residuals tells them apart; without tables of two orders more, `left_out` as independent
+    /// errors alone.
+    double value_sd = 0.0;
+    double image_spread = 0.0;  ///< weighted rms of the images about their mean, scaled units
+    bool usable = false;        ///< false: too few neighbours or a neighbourhood without n dimensions
+
+    /// F(c + d) - F(c), shape (n).
+    [[nodiscard]] Eigen::VectorXd displacement(const Eigen::VectorXd& d) const;
+    /// dF/dd at c + d, shape (n, n).
+    [[nodiscard]] Eigen::MatrixXd jacobian_at(const Eigen::VectorXd& d) const;
+};
+
+/// Weighted least squares fit with intercept, weights (1 - (d / radius)^2)^2 on the squared residuals.
+///
+/// In units of the radius. Exact for polynomial maps of the order.
+/// @param order  1 to 6.
+/// @return usable = false with fewer neighbours than coefficients + 2, or rank lost to rounding.
+[[nodiscard]] LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbourhood, int order);
+
+/// The same to the nearest k neighbours only, with memory and tables that are kept between fits.
+[[nodiscard]] LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbourhood, int order,
+                                     std::size_t k, const std::shared_ptr<const Monomials>& monomials,
+                                     PolynomialFit& workspace);
+
+/// The neighbourhood of the nearest k neighbours only.
+[[nodiscard]] Neighbourhood nearest_part(const Neighbourhood& neighbourhood, std::size_t k);
+
+/// Covariance of the errors of (value, jacobian) of a fit, shape (n (1 + n), n (1 + n)), order: value (n), then the
+/// columns of the jacobian.
+///
+/// Two models of what the fit leaves over, both scaled so that they explain its residuals, are added: independent
+/// errors (reading noise, rounding), and a smooth remainder, random coefficients of the next two orders (truncation:
+/// it does not average out and is largest where the neighbours lie to one side). Reading errors also sit in the
+/// neighbours' places: the curvature turns their variance into a shift of the value and their spread attenuates the
+/// jacobian; both shifts are added squared.
+[[nodiscard]] Eigen::MatrixXd local_map_covariance(const Neighbourhood& neighbourhood, const LocalMap& map);
+
+}  // namespace orbid::orbits

@@ -1,0 +1,308 @@
+#include "orbits/local_maps/noise_level.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include "orbits/local_maps/held_out_fit.hpp"
+#include "orbits/local_maps/monomials.hpp"
+
+namespace orbid::orbits {
+
+namespace {
+
+constexpr std::size_t least_points = 64;
+
+// Places of the final fits: the standard error of a variance is then about 2 %. Runs of consecutive points, because
+// every point but a run's ends serves two products.
+constexpr std::size_t most_places = 1 << 13;
+constexpr std::size_t run_length = 64;
+
+// Places at which sizes of neighbourhoods are compared.
+constexpr std::size_t trial_places = 256;
+
+// Blocks of places whose scatter gives the standard error.
+constexpr std::size_t blocks = 16;
+
+// Of fits whose median squared residuals lie within this factor of the smallest the one with most neighbours is used:
+// its gradients scatter least.
+constexpr double equally_good = 1.05;
+
+// Sizes of neighbourhoods, in numbers of coefficients. Most neighbours: more average nothing that matters here.
+constexpr std::array<std::size_t, 7> sizes{3, 6, 12, 24, 48, 96, 192};
+constexpr std::size_t most_neighbours = 800;
+
+// Variance of rounding in scaled units: keeps every covariance positive definite.
+constexpr double rounding = 1e-28;
+
+// A residual beyond this many local sds is a torn neighbourhood or a wild reading.
+constexpr double gate = 5.0;
+
+// Reading errors that explain less than this share of the residuals are only bounded.
+constexpr double resolved_share = 0.5;
+
+// Correlations beyond 0.98 between two coordinates are not believed: their standard errors are of that order.
+constexpr double least_eigenvalue = 0.01;
+
+// Standard errors by which some variance must exceed zero.
+constexpr double significant = 3.0;
+
+// Starts of the runs: evenly over the series.
+std::vector<std::size_t> places_in_runs(const SectionPoints& points) {
+    const std::size_t runs = most_places / run_length;
+    std::vector<std::size_t> places;
+    const std::size_t stride = std::max(run_length, points.size() / runs);
+    for (std::size_t start = 0; start < points.size(); start += stride)
+        for (std::size_t t = start; t < std::min(start + run_length, points.size()); ++t)
+            if (points.has_image(t)) places.push_back(t);
+    return places;
+}
+
+std::vector<HeldOutFit> fits_at(const SectionPoints& points, const BoxGrid& grid,
+                                const std::vector<std::size_t>& places, int order, std::size_t k) {
+    std::vector<HeldOutFit> fits(places.size());
+    // Every index writes its own slot: the same bytes with any number of threads.
+    tbb::parallel_for(std::size_t{0}, places.size(),
+                      [&](std::size_t i) { fits[i] = held_out_fit(points, grid, places[i], order, k); });
+    return fits;
+}
+
+double median(std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+struct Trial {
+    double square;  // median of the squared residuals
+    int order;
+    std::size_t neighbours;
+};
+
+std::optional<Trial> best_choice(const SectionPoints& points, const BoxGrid& grid,
+                                 const std::vector<std::size_t>& places) {
+    std::vector<std::size_t> some;
+    const std::size_t step = std::max<std::size_t>(1, places.size() / trial_places);
+    for (std::size_t i = 0; i < places.size(); i += step)
+        some.push_back(places[i]);
+    std::vector<Trial> trials;
+    for (const int order : {1, 2, 3})
+        for (const std::size_t size : sizes) {
+            const std::size_t k = size * static_cast<std::size_t>(coefficient_count(points.dimension(), order));
+            if (k > most_neighbours || 4 * k > points.image_count()) continue;
+            std::vector<double> squares;
+            for (const HeldOutFit& fit : fits_at(points, grid, some, order, k))
+                if (fit.usable) squares.push_back(fit.residual.squaredNorm());
+            if (2 * squares.size() < some.size()) continue;
+            const double typical = median(std::move(squares));
+            trials.push_back({typical, order, k});
+        }
+    if (trials.empty()) return std::nullopt;
+    const double smallest = std::min_element(trials.begin(), trials.end(), [](const Trial& a, const Trial& b) {
+                                return a.square < b.square;
+                            })->square;
+    Trial best = trials.front();
+    best.neighbours = 0;
+    for (const Trial& trial : trials)
+        if (trial.square <= equally_good * smallest && trial.neighbours > best.neighbours) best = trial;
+    return best;
+}
+
+// The i-th of the n (n + 1) / 2 unit matrices of symmetric matrices.
+std::vector<Eigen::MatrixXd> symmetric_units(Eigen::Index n) {
+    std::vector<Eigen::MatrixXd> units;
+    for (Eigen::Index a = 0; a < n; ++a)
+        for (Eigen::Index b = a; b < n; ++b) {
+            Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(n, n);
+            unit(a, b) = unit(b, a) = 1.0;
+            units.push_back(std::move(unit));
+        }
+    return units;
+}
+
+// Normal equations of the least-squares problem for S, its distinct entries as unknowns.
+struct Normal {
+    Eigen::MatrixXd matrix;
+    Eigen::VectorXd right;
+    explicit Normal(Eigen::Index unknowns)
+        : matrix(Eigen::MatrixXd::Zero(unknowns, unknowns)), right(Eigen::VectorXd::Zero(unknowns)) {}
+    void add(const std::vector<Eigen::MatrixXd>& columns, const Eigen::MatrixXd& target) {
+        for (std::size_t i = 0; i < columns.size(); ++i) {
+            const auto row = static_cast<Eigen::Index>(i);
+            right[row] += columns[i].cwiseProduct(target).sum();
+            for (std::size_t j = 0; j < columns.size(); ++j)
+                matrix(row, static_cast<Eigen::Index>(j)) += columns[i].cwiseProduct(columns[j]).sum();
+        }
+    }
+};
+
+class Whitening {
+public:
+    explicit Whitening(const HeldOutFit& fit) : factor_(fit.covariance) {}
+    [[nodiscard]] Eigen::MatrixXd operator()(const Eigen::MatrixXd& m) const { return factor_.matrixL().solve(m); }
+
+private:
+    Eigen::LLT<Eigen::MatrixXd> factor_;
+};
+
+bool within_gate(const HeldOutFit& fit) {
+    const double square = Whitening(fit)(fit.residual).squaredNorm();
+    return square <= gate * gate * static_cast<double>(fit.residual.size());
+}
+
+Eigen::MatrixXd assembled(const Eigen::VectorXd& entries, const std::vector<Eigen::MatrixXd>& units) {
+    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(units.front().rows(), units.front().cols());
+    for (std::size_t i = 0; i < units.size(); ++i)
+        result += entries[static_cast<Eigen::Index>(i)] * units[i];
+    return result;
+}
+
+// Positive definite matrix near an estimate: a variance is at least its standard error, eigenvalues of the correlation
+// at least a small part of the largest, which the scatter of an estimate would not respect.
+Eigen::MatrixXd raised(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& standard_errors) {
+    const Eigen::VectorXd variances = matrix.diagonal().cwiseMax(standard_errors).cwiseMax(rounding);
+    const Eigen::VectorXd unit = variances.cwiseSqrt();
+    Eigen::MatrixXd correlation = unit.cwiseInverse().asDiagonal() * matrix * unit.cwiseInverse().asDiagonal();
+    correlation.diagonal().setOnes();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(correlation);
+    const Eigen::VectorXd values = solver.eigenvalues().cwiseMax(least_eigenvalue * static_cast<double>(matrix.rows()));
+    correlation = solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
+    const Eigen::VectorXd back = unit.cwiseQuotient(correlation.diagonal().cwiseSqrt());
+    return back.asDiagonal() * correlation * back.asDiagonal();
+}
+
+// A diagonal S for which S + A S A' has the size of the residuals: a few rounds of multiplicative updates, which keep
+// it positive.
+Eigen::VectorXd bounding_variances(const std::vector<HeldOutFit>& fits) {
+    const Eigen::Index n = fits.front().residual.size();
+    Eigen::VectorXd variances = Eigen::VectorXd::Zero(n);
+    for (Eigen::Index d = 0; d < n; ++d) {
+        std::vector<double> values;
+        for (const HeldOutFit& fit : fits)
+            values.push_back(fit.covariance(d, d) / (1.0 + fit.gradient.row(d).squaredNorm()));
+        variances[d] = std::max(median(std::move(values)), rounding);
+    }
+    constexpr int rounds = 20;
+    for (int round = 0; round < rounds; ++round) {
+        Eigen::VectorXd found = Eigen::VectorXd::Zero(n), expected = Eigen::VectorXd::Zero(n);
+        for (const HeldOutFit& fit : fits) {
+            const Eigen::VectorXd own = variances + fit.gradient.cwiseAbs2() * variances;
+            for (Eigen::Index d = 0; d < n; ++d) {
+                // Share of coordinate d in the expected square of every component of the residual.
+                const Eigen::VectorXd weight = fit.gradient.col(d).cwiseAbs2() + Eigen::VectorXd::Unit(n, d);
+                const Eigen::VectorXd share = weight.cwiseQuotient(own);
+                found[d] += share.dot(fit.covariance.diagonal().cwiseQuotient(own).cwiseMin(gate * gate));
+                expected[d] += share.sum();
+            }
+        }
+        variances = variances.cwiseProduct(found.cwiseQuotient(expected)).cwiseMax(rounding);
+    }
+    return variances;
+}
+
+// Mean over the coordinates of the residuals' median square over that of the difference of unrelated images.
+double unexplained_share(const SectionPoints& points, const std::vector<std::size_t>& places,
+                         const std::vector<HeldOutFit>& fits) {
+    const Eigen::Index n = points.dimension();
+    double sum = 0.0;
+    for (Eigen::Index d = 0; d < n; ++d) {
+        std::vector<double> residuals, differences;
+        for (std::size_t i = 0; i < places.size(); ++i) {
+            if (!fits[i].usable) continue;
+            const std::size_t other = places[(i + places.size() / 2) % places.size()];
+            const double difference = points.difference(points.point(places[i] + 1)[d], points.point(other + 1)[d], d);
+            residuals.push_back(fits[i].residual[d] * fits[i].residual[d]);
+            differences.push_back(0.5 * difference * difference);
+        }
+        if (residuals.empty()) return 1.0;
+        sum += median(std::move(residuals)) / std::max(median(std::move(differences)), rounding);
+    }
+    return sum / static_cast<double>(n);
+}
+
+}  // namespace
+
+NoiseLevel noise_level(const SectionPoints& points, const BoxGrid& grid) {
+    if (!(points.image_count() >= least_points))
+        throw std::invalid_argument("noise_level: needs at least " + std::to_string(least_points) +
+                                    " points with an image, got " + std::to_string(points.image_count()));
+    const Eigen::Index n = points.dimension();
+    const Eigen::VectorXd& scale = points.scale();
+    const std::vector<std::size_t> places = places_in_runs(points);
+    NoiseLevel level;
+    level.covariance = scale.cwiseAbs2().asDiagonal();
+    level.relative_error = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
+    const std::optional<Trial> choice = best_choice(points, grid, places);
+    if (!choice) return level;
+    level.order = choice->order;
+    level.neighbours = choice->neighbours;
+
+    const std::vector<HeldOutFit> fits = fits_at(points, grid, places, choice->order, choice->neighbours);
+    std::vector<HeldOutFit> usable;
+    std::vector<char> good(fits.size(), 0);
+    for (std::size_t i = 0; i < fits.size(); ++i)
+        if (fits[i].usable && within_gate(fits[i])) {
+            good[i] = 1;
+            usable.push_back(fits[i]);
+        }
+    level.places = usable.size();
+    level.unexplained = unexplained_share(points, places, fits);
+    if (usable.size() < blocks) return level;
+
+    const std::vector<Eigen::MatrixXd> units = symmetric_units(n);
+    const auto unknowns = static_cast<Eigen::Index>(units.size());
+    std::vector<Normal> parts(blocks, Normal(unknowns));
+    for (std::size_t i = 0; i + 1 < fits.size(); ++i) {
+        if (!good[i] || !good[i + 1] || places[i + 1] != places[i] + 1) continue;
+        const Whitening here(fits[i]), next(fits[i + 1]);
+        const Eigen::MatrixXd target = -next(fits[i + 1].residual) * here(fits[i].residual).transpose();
+        std::vector<Eigen::MatrixXd> columns;
+        for (const Eigen::MatrixXd& unit : units)
+            columns.emplace_back(here((next(fits[i + 1].gradient * unit)).transpose()).transpose());
+        parts[i * blocks / fits.size()].add(columns, target);
+    }
+    Normal all(unknowns);
+    for (const Normal& part : parts) {
+        all.matrix += part.matrix;
+        all.right += part.right;
+    }
+    const Eigen::LDLT<Eigen::MatrixXd> solver(all.matrix);
+    const Eigen::MatrixXd estimate = assembled(solver.solve(all.right), units);
+    // Scatter of the blocks' contributions about the common solution.
+    Eigen::VectorXd scatter = Eigen::VectorXd::Zero(unknowns);
+    for (const Normal& part : parts)
+        scatter += solver.solve(part.right - part.matrix * solver.solve(all.right)).cwiseAbs2();
+
+    std::vector<double> shares;
+    for (const HeldOutFit& fit : usable) {
+        const Eigen::MatrixXd expected = estimate + fit.gradient * estimate * fit.gradient.transpose();
+        const Whitening white(fit);
+        shares.push_back(white(white(expected).transpose()).trace() / static_cast<double>(n));
+    }
+    const Eigen::VectorXd variances = estimate.diagonal();
+    Eigen::VectorXd sds(n);
+    for (Eigen::Index d = 0, i = 0; d < n; i += n - d, ++d)
+        sds[d] = std::sqrt(scatter[i]);
+    level.resolved = (variances.array() > significant * sds.array()).any() && median(shares) > resolved_share;
+    Eigen::MatrixXd scaled;
+    if (level.resolved) {
+        scaled = raised(estimate, sds);
+        level.relative_error = sds.cwiseQuotient(scaled.diagonal());
+    } else {
+        scaled = bounding_variances(usable).asDiagonal();
+    }
+    level.covariance = scale.asDiagonal() * scaled * scale.asDiagonal();
+    return level;
+}
+
+}  // namespace orbid::orbits

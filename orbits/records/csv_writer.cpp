@@ -1,0 +1,96 @@
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <set>
+#include <stdexcept>
+#include <string>
+
+#include <fmt/format.h>
+
+#include "orbits/records/series_file.hpp"
+
+namespace orbid::orbits {
+namespace {
+
+/// Text in quotes where a reader would take it apart otherwise.
+std::string cell(const std::string& text) {
+    if (text.find_first_of("\r\n") != std::string::npos) {
+        throw std::invalid_argument(fmt::format("\"{}\" holds a line break and cannot be a cell of a table", text));
+    }
+    const bool plain = !text.empty() && text.find_first_of(",;\t\" #") == std::string::npos;
+    if (plain) return text;
+    std::string quoted = "\"";
+    for (const char c : text) {
+        if (c == '"') quoted += '"';
+        quoted += c;
+    }
+    return quoted + '"';
+}
+
+void append_number(fmt::memory_buffer& out, double value, const Segment& segment, Eigen::Index k) {
+    if (std::isnan(value)) return;
+    if (!std::isfinite(value)) {
+        throw std::invalid_argument(
+            fmt::format("segment \"{}\", point {}: an infinite value cannot be stored", segment.label, k));
+    }
+    fmt::format_to(std::back_inserter(out), "{}", value);
+}
+
+std::string header_of(const Series& series) {
+    std::set<std::string> names{"segment", "t"};
+    std::string header = series.timed() ? "segment,t" : "segment";
+    for (const SeriesCoordinate& coordinate : series.coordinates) {
+        if (!names.insert(coordinate.name).second) {
+            throw std::invalid_argument(
+                fmt::format("coordinate {} cannot be a column: the name is taken", coordinate.name));
+        }
+        header += ',' + cell(coordinate.name);
+    }
+    return header + '\n';
+}
+
+}  // namespace
+
+void write_csv(const std::filesystem::path& file, const Series& series) {
+    struct Closer {
+        void operator()(std::FILE* stream) const { std::fclose(stream); }
+    };
+    const std::string header = header_of(series);
+    if (series.origin.find_first_of("\r\n") != std::string::npos) {
+        throw std::invalid_argument("origin of a series must be one line of text");
+    }
+    std::unique_ptr<std::FILE, Closer> stream(std::fopen(file.c_str(), "wb"));
+    if (!stream) throw DataError(fmt::format("{}: cannot be opened for writing", file.string()));
+    bool good = true;
+    const auto flush = [&](fmt::memory_buffer& text) {
+        good = good && std::fwrite(text.data(), 1, text.size(), stream.get()) == text.size();
+        text.clear();
+    };
+
+    constexpr std::size_t chunk = 1 << 20;  // bytes between two writes: large enough that they cost nothing
+    const bool timed = series.timed();
+    fmt::memory_buffer text;
+    if (!series.origin.empty()) text.append("# origin: " + series.origin + '\n');
+    text.append(header);
+    for (const Segment& segment : series.segments) {
+        const std::string label = cell(segment.label);
+        for (Eigen::Index k = 0; k < segment.values.cols(); ++k) {
+            text.append(label);
+            if (timed) {
+                text.push_back(',');
+                append_number(text, segment.times[k], segment, k);
+            }
+            for (Eigen::Index i = 0; i < segment.values.rows(); ++i) {
+                text.push_back(',');
+                append_number(text, segment.values(i, k), segment, k);
+            }
+            text.push_back('\n');
+            if (text.size() >= chunk) flush(text);
+        }
+    }
+    flush(text);
+    good = std::fflush(stream.get()) == 0 && good;
+    if (!good) throw DataError(fmt::format("{}: cannot be written to its end (is the disk full?)", file.string()));
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <variant>
+
+#include "estimator/interface/residual.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::orbits {
+
+/// How the errors of one coordinate are distributed, beside their scale.
+struct ErrorForm {
+    estimator::ErrorDistribution distribution = estimator::NormalErrors{};
+    double floor = 0.0;  ///< least value of an estimated scale, >= 0
+    /// The sds of the readings are known (Segment::deviations): the scale is a factor on them.
+    bool known_sds = false;
+};
+
+/// Errors that refer to the size of what is read.
+[[nodiscard]] inline bool is_sized(const estimator::ErrorDistribution& distribution) {
+    return std::holds_alternative<estimator::LogNormalErrors>(distribution) ||
+           std::holds_alternative<estimator::RelativeErrors>(distribution);
+}
+
+}  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -1,0 +1,155 @@
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "orbits/records/hdf5_handle.hpp"
+#include "orbits/records/series_file.hpp"
+
+namespace orbid::orbits {
+namespace {
+
+/// Objects are created through this: every failure names file and object.
+class Writer {
+public:
+    explicit Writer(std::string file) : file_(std::move(file)) {}
+
+    Hdf5Handle checked(hid_t id, herr_t (*close)(hid_t), const std::string& object) const {
+        if (id < 0) fail(object);
+        return {id, close};
+    }
+    void check(herr_t status, const std::string& object) const {
+        if (status < 0) fail(object);
+    }
+    [[noreturn]] void fail(const std::string& object) const {
+        throw DataError(fmt::format("{}: {} cannot be written (is the disk full?)", file_, object));
+    }
+
+    void attribute(hid_t owner, const char* name, hid_t type, const Hdf5Handle& space, const void* data) const {
+        const Hdf5Handle made =
+            checked(H5Acreate2(owner, name, type, space.id(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose, name);
+        check(H5Awrite(made.id(), type, data), name);
+    }
+
+    /// Strings of one fixed length, padded with zeros: those of variable length live in a heap whose layout is HDF5's
+    /// own affair.
+    void strings(hid_t owner, const char* name, const std::vector<std::string>& values, bool scalar) const {
+        std::size_t length = 1;
+        for (const std::string& value : values)
+            length = std::max(length, value.size());
+        std::string padded;
+        for (const std::string& value : values)
+            padded += value + std::string(length - value.size(), '\0');
+        const Hdf5Handle type = checked(H5Tcopy(H5T_C_S1), H5Tclose, name);
+        check(H5Tset_size(type.id(), length), name);
+        check(H5Tset_strpad(type.id(), H5T_STR_NULLPAD), name);
+        check(H5Tset_cset(type.id(), H5T_CSET_UTF8), name);
+        attribute(owner, name, type.id(), scalar ? single(name) : simple({values.size()}, name), padded.data());
+    }
+
+    Hdf5Handle single(const std::string& name) const { return checked(H5Screate(H5S_SCALAR), H5Sclose, name); }
+    Hdf5Handle simple(const std::vector<hsize_t>& shape, const std::string& name) const {
+        return checked(H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr), H5Sclose, name);
+    }
+
+    Hdf5Handle group(hid_t file, const char* name) const {
+        const Hdf5Handle properties = checked(H5Pcreate(H5P_GROUP_CREATE), H5Pclose, name);
+        check(H5Pset_obj_track_times(properties.id(), false), name);
+        return checked(H5Gcreate2(file, name, H5P_DEFAULT, properties.id(), H5P_DEFAULT), H5Gclose, name);
+    }
+
+    Hdf5Handle dataset(hid_t group, const std::string& name, const std::vector<hsize_t>& shape,
+                       const double* data) const {
+        const Hdf5Handle properties = checked(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
+        check(H5Pset_obj_track_times(properties.id(), false), name);
+        const Hdf5Handle space = simple(shape, name);
+        Hdf5Handle made = checked(
+            H5Dcreate2(group, name.c_str(), H5T_IEEE_F64LE, space.id(), H5P_DEFAULT, properties.id(), H5P_DEFAULT),
+            H5Dclose, name);
+        check(H5Dwrite(made.id(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, data), name);
+        return made;
+    }
+
+    /// A text of any length: attributes end at 64 KiB.
+    void text_dataset(hid_t group, const char* name, const std::string& text) const {
+        const Hdf5Handle properties = checked(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
+        check(H5Pset_obj_track_times(properties.id(), false), name);
+        const Hdf5Handle type = checked(H5Tcopy(H5T_C_S1), H5Tclose, name);
+        check(H5Tset_size(type.id(), text.size()), name);
+        check(H5Tset_strpad(type.id(), H5T_STR_NULLPAD), name);
+        check(H5Tset_cset(type.id(), H5T_CSET_UTF8), name);
+        const Hdf5Handle made =
+            checked(H5Dcreate2(group, name, type.id(), single(name).id(), H5P_DEFAULT, properties.id(), H5P_DEFAULT),
+                    H5Dclose, name);
+        check(H5Dwrite(made.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()), name);
+    }
+
+private:
+    std::string file_;
+};
+
+void validate(const Series& series) {
+    if (series.coordinates.empty()) throw std::invalid_argument("series: at least one coordinate is needed");
+    const bool timed = series.timed();
+    for (const Segment& segment : series.segments) {
+        if (segment.values.rows() != series.dimension()) {
+            throw std::invalid_argument(fmt::format("segment \"{}\" has {} rows of values, the series {} coordinates",
+                                                    segment.label, segment.values.rows(), series.dimension()));
+        }
+        if (segment.times.size() != (timed ? segment.values.cols() : 0)) {
+            throw std::invalid_argument(fmt::format("segment \"{}\" has {} times and {} points{}", segment.label,
+                                                    segment.times.size(), segment.values.cols(),
+                                                    timed ? "" : "; all crossings of a section have times, or none"));
+        }
+    }
+}
+
+}  // namespace
+
+void write_hdf5(const std::filesystem::path& file, const Series& series) {
+    validate(series);
+    const Hdf5Silence silence;
+    const Writer write(file.string());
+    const bool sampled = series.sampling == Series::Sampling::samples;
+
+    const hid_t created = H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    if (created < 0) throw DataError(fmt::format("{}: cannot be opened for writing", file.string()));
+    const Hdf5Handle out(created, H5Fclose);
+
+    std::vector<std::string> names;
+    std::vector<std::string> units;
+    std::vector<signed char> angles;
+    for (const SeriesCoordinate& coordinate : series.coordinates) {
+        names.push_back(coordinate.name);
+        units.push_back(coordinate.unit);
+        angles.push_back(coordinate.angle ? 1 : 0);
+    }
+    const Hdf5Handle root = write.checked(H5Gopen2(out.id(), "/", H5P_DEFAULT), H5Gclose, "/");
+    write.strings(root.id(), "format", {"orbid-series/1"}, true);
+    write.strings(root.id(), "sampling", {sampled ? "samples" : "section"}, true);
+    write.attribute(root.id(), "phase", H5T_NATIVE_DOUBLE, write.single("phase"), &series.phase);
+    write.strings(root.id(), "coordinates", names, false);
+    write.strings(root.id(), "units", units, false);
+    write.attribute(root.id(), "angles", H5T_NATIVE_SCHAR, write.simple({angles.size()}, "angles"), angles.data());
+
+    if (!series.origin.empty()) write.text_dataset(out.id(), "origin", series.origin);
+
+    const Hdf5Handle segments = write.group(out.id(), "segments");
+    const bool timed = series.timed();
+    const Hdf5Handle times = timed ? write.group(out.id(), "times") : Hdf5Handle();
+    for (std::size_t s = 0; s < series.segments.size(); ++s) {
+        const Segment& segment = series.segments[s];
+        const std::string name = fmt::format("{:06}", s);
+        const auto points = static_cast<hsize_t>(segment.values.cols());
+        // Column-major (n, points) is row-major (points, n): one row per point, without copying.
+        const Hdf5Handle values = write.dataset(
+            segments.id(), name, {points, static_cast<hsize_t>(segment.values.rows())}, segment.values.data());
+        write.strings(values.id(), "label", {segment.label}, true);
+        if (timed) write.dataset(times.id(), name, {points}, segment.times.data());
+    }
+    write.check(H5Fflush(out.id(), H5F_SCOPE_GLOBAL), "the file");
+}
+
+}  // namespace orbid::orbits

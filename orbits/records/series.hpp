@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/arithmetic/matrix_layout.hpp"
+#include "models/definition/parameter.hpp"
+#include "orbits/records/readings.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::orbits {
+
+/// The coordinates of a series as data: names and units are owned, because they may come from a file.
+struct SeriesCoordinate {
+    std::string name;
+    std::string unit;
+    bool angle = false;
+};
+
+/// One uninterrupted piece of a record. Columns follow each other by one section or one sampling interval.
+struct Segment {
+    std::string label;      ///< as in the file, or the index
+    Readings values;        ///< shape (n, m); nan = missing sample; angles as read (not wrapped by the series)
+    Eigen::VectorXd times;  ///< shape (m) [s] for samples and crossings of autonomous flows; else empty
+    /// Known sd of every value, in its unit, shape (n, m): > 0, nan where none is known. Empty: of no value.
+    Eigen::MatrixXd deviations = {};
+};
+
+/// A measured or simulated record.
+struct Series {
+    enum class Sampling { section, samples };
+
+    Sampling sampling = Sampling::section;
+    std::vector<SeriesCoordinate> coordinates;
+    std::vector<Segment> segments;
+    double phase = 0.0;  ///< [rad] phase of the forcing: of the section, or at time 0 of samples
+    std::string origin;  ///< what made it, one line of free text that files keep; may be empty
+
+    [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(coordinates.size()); }
+    [[nodiscard]] std::size_t size() const;  ///< points of all segments
+    /// Every point has a time: samples, and sections whose crossings were timed.
+    [[nodiscard]] bool timed() const;
+
+    /// Size of each coordinate's range: 2 pi for angles, the central 99.8 % range otherwise (mathematics.md, section
+    /// 2), missing samples left out; 1 for a coordinate that never changes or was never read. Distances between states
+    /// are measured in these units. Shape (n).
+    [[nodiscard]] Eigen::VectorXd scale() const;
+};
+
+}  // namespace orbid::orbits
+
+#pragma GCC visibility pop

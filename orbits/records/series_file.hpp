@@ -1,0 +1,94 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "orbits/records/data_error.hpp"
+#include "orbits/records/series.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::orbits {
+
+/// Where a coordinate of the series stands in a table: value = sign * (column * unit - offset).
+struct CoordinateColumn {
+    SeriesCoordinate coordinate;  ///< what the column becomes
+    std::string column;           ///< header of the column
+    std::string unit;             ///< of the numbers in the file; empty = the coordinate's own (see unit_factor)
+    double sign = 1.0;            ///< +1 or -1
+    double offset = 0.0;          ///< [unit of the coordinate], finite: what the instrument shows at the model's zero
+    std::string sd = {};          ///< header of a column with the sd of every reading, in `unit`; empty = none
+};
+
+/// How a table of numbers becomes a Series.
+struct TableLayout {
+    Series::Sampling sampling = Series::Sampling::section;
+    std::vector<CoordinateColumn> coordinates;  ///< at least one; different coordinates
+    std::string segment;                        ///< column of segment labels; empty = the whole file is one segment
+    std::string time;  ///< column of times; samples need it, sections may have one (times of crossings)
+    std::string time_unit = "s";
+    bool nan_is_missing = false;     ///< a cell "nan" is a missing sample like an empty one, instead of an error
+    double phase = 0.0;              ///< [rad] becomes Series::phase
+    std::size_t minimum_points = 1;  ///< fewer rows than this are an error
+    /// Samples: times of a segment may leave the equal distance of its median interval by this share of the interval
+    /// per row, in (0, 1). Room for rounded times, but not for a row that was left out.
+    double time_tolerance = 0.05;
+    bool equidistant = true;  ///< samples: false = times only have to ascend, as for sections
+    bool complete = false;    ///< a missing value is an error, whatever nan_is_missing says
+};
+
+/// Reads a table in text: a header line with the names of the columns, then one row per line.
+///
+/// Comma, semicolon or tab, whichever the header has most of; lines that are empty or begin with # are skipped; LF or
+/// CRLF; cells may be quoted ("" is a quote inside quotes, a quoted cell ends on its line); a byte order mark is
+/// skipped. Columns the layout does not name are not read. An empty cell is a missing sample. Consecutive rows with
+/// equal segment label form a segment.
+///
+/// @throws DataError naming file, line and column: file missing, a folder, unreadable or without rows; column missing
+///         (with the nearest that exists) or named twice; wrong number of cells; a cell that is no number, nan or
+///         infinite; a sd of a present reading that is empty or not > 0; a segment label that comes back; times not
+///         ascending or not equidistant; too few points.
+/// @throws std::invalid_argument for a layout that cannot be meant: no coordinate, one twice, sign other than +-1,
+///         offset not finite, unknown unit, samples without time column.
+[[nodiscard]] Series read_csv(const std::filesystem::path& file, const TableLayout& layout);
+
+/// Writes "segment", for timed series "t", and one column per coordinate; shortest decimals that read back to the same
+/// double, missing samples as empty cells; known sds are not stored, for a series that orbid makes has none. Read back
+/// by read_csv with table_layout(series), bit for bit.
+///
+/// Writes into `file` directly: whoever needs it whole or not at all passes a temporary name and renames.
+/// @throws DataError when the file cannot be written; std::invalid_argument for infinite values, labels or names with
+///         line breaks, or names that are used twice.
+void write_csv(const std::filesystem::path& file, const Series& series);
+
+/// Series::origin of a file that write_csv or write_hdf5 wrote, told apart by the ending ".csv".
+/// Empty when the file says nothing of its origin.
+/// @throws DataError as the readers do.
+[[nodiscard]] std::string read_origin(const std::filesystem::path& file);
+
+/// The layout of what write_csv(series) writes.
+[[nodiscard]] TableLayout table_layout(const Series& series);
+
+/// Reads what write_hdf5 wrote (format "orbid-series/1"), bit for bit.
+///
+/// @throws DataError naming the file and the object in it: file missing or a folder, not HDF5, another format, an
+///         attribute or a dataset missing or of the wrong shape or type, infinite values, fewer than minimum_points.
+[[nodiscard]] Series read_hdf5(const std::filesystem::path& file, std::size_t minimum_points = 1);
+
+/// Writes format "orbid-series/1":
+///
+///     /                attributes format, sampling ("section" or "samples"), phase [rad], coordinates, units, angles
+///     /segments/000000 dataset (points, coordinates), attribute label; one per segment, in order
+///     /times/000000    dataset (points) [s], for timed series
+///     /origin          one text, when the series has an origin
+///
+/// Nothing in the file depends on the time of writing: equal series give equal bytes. As write_csv about the name.
+/// @throws DataError when the file cannot be written; std::invalid_argument for a series whose parts have different
+///         shapes.
+void write_hdf5(const std::filesystem::path& file, const Series& series);
+
+}  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -1,0 +1,226 @@
+#include "orbits/records/text_table.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cstring>
+#include <fstream>
+#include <system_error>
+
+#include <fmt/format.h>
+
+#include "orbits/records/data_error.hpp"
+#include "orbits/records/nearest_name.hpp"
+
+namespace orbid::orbits {
+namespace {
+
+constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
+
+bool blank(char c) {
+    return c == ' ' || c == '\t' || c == '\r';
+}
+
+/// Without blanks at either end. A tab counts as a blank only where it does not delimit.
+std::string_view trimmed(std::string_view cell) {
+    while (!cell.empty() && blank(cell.front()))
+        cell.remove_prefix(1);
+    while (!cell.empty() && blank(cell.back()))
+        cell.remove_suffix(1);
+    return cell;
+}
+
+std::string whole_file(const std::filesystem::path& path) {
+    std::error_code error;
+    const auto status = std::filesystem::status(path, error);
+    if (!std::filesystem::exists(status)) throw DataError(fmt::format("{}: no such file", path.string()));
+    if (std::filesystem::is_directory(status)) {
+        throw DataError(fmt::format("{}: is a folder; a file with data is needed", path.string()));
+    }
+    std::ifstream stream(path, std::ios::binary);
+    if (!stream) throw DataError(fmt::format("{}: cannot be opened for reading", path.string()));
+    std::string text;
+    const auto size = std::filesystem::file_size(path, error);
+    if (error) {  // a pipe or a device: of unknown length
+        text.assign(std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>());
+    } else {
+        text.resize(size);
+        stream.read(text.data(), static_cast<std::streamsize>(size));
+        text.resize(static_cast<std::size_t>(std::max<std::streamsize>(stream.gcount(), 0)));
+    }
+    if (stream.bad()) throw DataError(fmt::format("{}: cannot be read to its end", path.string()));
+    return text;
+}
+
+/// The delimiter that the header has most of, outside quotes. Ties go to the first of the list.
+char delimiter_of(std::string_view header) {
+    constexpr std::string_view candidates = ",;\t";
+    char best = candidates.front();
+    std::ptrdiff_t most = 0;
+    for (const char candidate : candidates) {
+        std::ptrdiff_t count = 0;
+        bool inside = false;
+        for (const char c : header) {
+            inside = inside != (c == '"');
+            count += !inside && c == candidate ? 1 : 0;
+        }
+        if (count > most) {
+            most = count;
+            best = candidate;
+        }
+    }
+    return best;
+}
+
+/// A cell as shown in a message: long ones are cut.
+std::string shown(std::string_view cell) {
+    constexpr std::size_t longest = 40;
+    return cell.size() <= longest ? std::string(cell) : std::string(cell.substr(0, longest)) + "...";
+}
+
+}  // namespace
+
+TextTable::TextTable(const std::filesystem::path& file) : file_(file.string()), text_(whole_file(file)) {
+    if (text_.starts_with(byte_order_mark)) position_ = byte_order_mark.size();
+    if (std::memchr(text_.data(), '\0', std::min<std::size_t>(text_.size(), 4096)) != nullptr) {
+        throw DataError(fmt::format("{}: is not a text file (it holds zero bytes)", file_));
+    }
+    std::string_view line;
+    if (!next_line(line)) {
+        throw DataError(fmt::format("{}: is empty; a header line and at least one row are needed", file_));
+    }
+    delimiter_ = delimiter_of(line);
+    std::vector<std::string_view> cells;
+    cut(line, cells);
+    header_.assign(cells.begin(), cells.end());
+}
+
+std::size_t TextTable::column(const std::string& name) const {
+    const auto found = std::find(header_.begin(), header_.end(), name);
+    if (found == header_.end()) {
+        const auto nearest = nearest_name(name, header_);
+        throw DataError(fmt::format("{}: no column \"{}\"{}; the columns are \"{}\"", file_, name,
+                                    nearest ? fmt::format(" (did you mean \"{}\"?)", *nearest) : "",
+                                    fmt::join(header_, "\", \"")));
+    }
+    if (std::find(found + 1, header_.end(), name) != header_.end()) {
+        throw DataError(fmt::format("{}: column \"{}\" appears twice in the header; names must differ", file_, name));
+    }
+    return static_cast<std::size_t>(found - header_.begin());
+}
+
+bool TextTable::next_line(std::string_view& line) {
+    while (position_ < text_.size()) {
+        const char* begin = text_.data() + position_;
+        const std::size_t left = text_.size() - position_;
+        const auto* end = static_cast<const char*>(std::memchr(begin, '\n', left));
+        const std::size_t length = end == nullptr ? left : static_cast<std::size_t>(end - begin);
+        position_ += length + (end == nullptr ? 0 : 1);
+        ++line_;
+        line = {begin, length};
+        if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+        const std::string_view content = trimmed(line);
+        // A row of tabs alone is a row of missing samples when tabs delimit, not an empty line.
+        const bool empty = content.empty() && !(delimiter_ == '\t' && line.find('\t') != std::string_view::npos);
+        if (!empty && !content.starts_with('#')) return true;
+    }
+    return false;
+}
+
+std::string_view TextTable::quoted(std::string_view line, std::size_t& end) {
+    // `end` stands on the opening quote and is moved behind the closing one.
+    const std::size_t begin = end + 1;
+    std::size_t close = begin;
+    bool doubled = false;
+    while (true) {
+        close = line.find('"', close);
+        if (close == std::string_view::npos) {
+            throw DataError(place(line_, "a quote is opened and not closed on the same line"));
+        }
+        if (close + 1 >= line.size() || line[close + 1] != '"') break;
+        doubled = true;
+        close += 2;
+    }
+    end = close + 1;
+    const std::string_view content = line.substr(begin, close - begin);
+    if (!doubled) return content;
+    std::string text;
+    for (std::size_t i = 0; i < content.size(); ++i) {
+        text += content[i];
+        if (content[i] == '"') ++i;
+    }
+    unquoted_.push_back(std::move(text));
+    return unquoted_.back();
+}
+
+void TextTable::cut(std::string_view line, std::vector<std::string_view>& cells) {
+    cells.clear();
+    unquoted_.clear();
+    // Views into unquoted_ must survive its growth: short strings live inside the objects.
+    if (line.find("\"\"") != std::string_view::npos) unquoted_.reserve(line.size() / 2 + 1);
+    std::size_t position = 0;
+    while (true) {
+        std::size_t start = position;
+        while (start < line.size() && blank(line[start]) && line[start] != delimiter_)
+            ++start;
+        if (start < line.size() && line[start] == '"') {
+            cells.push_back(quoted(line, start));
+            while (start < line.size() && line[start] != delimiter_) {
+                if (!blank(line[start])) {
+                    throw DataError(
+                        place(line_, "text follows a closing quote; a delimiter or the end of the line must"));
+                }
+                ++start;
+            }
+            position = start;
+        } else {
+            const std::size_t end = std::min(line.find(delimiter_, position), line.size());
+            cells.push_back(trimmed(line.substr(position, end - position)));
+            position = end;
+        }
+        if (position >= line.size()) return;
+        ++position;  // behind the delimiter
+    }
+}
+
+bool TextTable::next(std::vector<std::string_view>& cells) {
+    std::string_view line;
+    if (!next_line(line)) return false;
+    cut(line, cells);
+    if (cells.size() != header_.size()) {
+        std::string hint;
+        if (delimiter_ == ',' && cells.size() > header_.size() && cells.size() % header_.size() == 0) {
+            hint = " (decimal commas? numbers are written with a point)";
+        }
+        throw DataError(
+            place(line_, fmt::format("has {} cells, the header has {} columns{}", cells.size(), header_.size(), hint)));
+    }
+    return true;
+}
+
+double TextTable::number(std::string_view cell, std::size_t column) const {
+    std::string_view digits = cell;
+    if (digits.starts_with('+') && digits.size() > 1 && digits[1] != '-') digits.remove_prefix(1);
+    double value = 0.0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    if (error == std::errc::result_out_of_range && end == digits.data() + digits.size()) {
+        throw DataError(place(line_, column, fmt::format("\"{}\" is outside the range of a double", shown(cell))));
+    }
+    if (error != std::errc{} || end != digits.data() + digits.size()) {
+        const bool decimal_comma = cell.find(',') != std::string_view::npos;
+        throw DataError(place(line_, column,
+                              fmt::format("\"{}\" is not a number; {}", shown(cell),
+                                          decimal_comma ? "numbers are written with a decimal point"
+                                                        : "a missing sample is an empty cell")));
+    }
+    return value;
+}
+
+std::string TextTable::place(std::size_t line, std::size_t column, std::string_view what) const {
+    return fmt::format("{}:{}, column \"{}\": {}", file_, line, header_[column], what);
+}
+
+std::string TextTable::place(std::size_t line, std::string_view what) const {
+    return fmt::format("{}:{}: {}", file_, line, what);
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,409 @@
+#include "orbits/sections/sampled_section.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+namespace orbid::orbits {
+
+namespace {
+
+constexpr double turn = 2.0 * std::numbers::pi;
+
+// Sampling intervals may differ by this part of one: times in files have a few digits.
+constexpr double uneven = 1e-3;
+
+// An instant this near to a sample (in sampling intervals) is that sample's.
+constexpr double on_sample = 1e-6;
+
+// Standard deviations of the smoothed coordinate by which a crossing must pass the plane on either side.
+constexpr double passed = 3.0;
+
+// Samples looked at on either side of a crossing when a window is chosen, and most places used for it.
+constexpr Eigen::Index beside = 3;
+constexpr std::size_t most_places = 20000;
+
+// Polynomials that tell a value worse than this many single samples do are not used: ends of segments and holes.
+constexpr double worst_variance = 1.5;
+
+void check_samples(const Series& samples, const char* caller) {
+    if (samples.sampling != Series::Sampling::samples)
+        throw std::invalid_argument(fmt::format("{}: the series holds sections; it needs samples in time", caller));
+    for (const Segment& segment : samples.segments) {
+        if (segment.values.rows() != samples.dimension() || segment.times.size() != segment.values.cols())
+            throw std::invalid_argument(fmt::format(
+                "{}: segment '{}' has {} rows and {} times for {} samples of {} coordinates", caller, segment.label,
+                segment.values.rows(), segment.times.size(), segment.values.cols(), samples.dimension()));
+    }
+}
+
+// The common sampling interval [s].
+double sampling_interval(const Series& samples, const char* caller) {
+    double step = 0.0;
+    for (const Segment& segment : samples.segments) {
+        const Eigen::Index m = segment.times.size();
+        if (m > 1 && step == 0.0) step = (segment.times[m - 1] - segment.times[0]) / static_cast<double>(m - 1);
+    }
+    if (!(step > 0.0))
+        throw std::invalid_argument(fmt::format("{}: no segment has two samples at ascending times", caller));
+    for (const Segment& segment : samples.segments)
+        for (Eigen::Index i = 0; i + 1 < segment.times.size(); ++i)
+            if (!(std::abs(segment.times[i + 1] - segment.times[i] - step) <= uneven * step))
+                throw std::invalid_argument(fmt::format(
+                    "{}: segment '{}' goes from {} s to {} s where {} s was the sampling interval; samples must be "
+                    "equidistant, missing ones nan",
+                    caller, segment.label, segment.times[i], segment.times[i + 1], step));
+    return step;
+}
+
+// Places near given samples, thinned evenly to most_places.
+std::vector<std::vector<Eigen::Index>> places_near(const std::vector<std::vector<Eigen::Index>>& marks) {
+    std::size_t count = 0;
+    for (const auto& own : marks)
+        count += own.size() * static_cast<std::size_t>(2 * beside);
+    const std::size_t stride = count / most_places + 1;
+    std::vector<std::vector<Eigen::Index>> places(marks.size());
+    std::size_t number = 0;
+    for (std::size_t s = 0; s < marks.size(); ++s)
+        for (const Eigen::Index mark : marks[s]) {
+            if (number++ % stride != 0) continue;
+            for (Eigen::Index i = mark - beside + 1; i <= mark + beside; ++i)
+                if (i >= 0) places[s].push_back(i);
+        }
+    return places;
+}
+
+double wrapped_angle(double angle) {
+    const double r = std::remainder(angle, turn);
+    return r > -std::numbers::pi ? r : r + turn;
+}
+
+// Pieces of one segment without a break.
+class PieceWriter {
+public:
+    PieceWriter(SampledSection& section, const Segment& source, Eigen::Index dimension)
+        : section_(section), source_(source), dimension_(dimension) {}
+
+    void add(double time, const Eigen::VectorXd& state, const Eigen::VectorXd& deviation) {
+        times_.push_back(time);
+        states_.push_back(state);
+        deviations_.push_back(deviation);
+    }
+    void close() {
+        if (states_.empty()) return;
+        Segment piece;
+        piece.label = pieces_ == 0 ? source_.label : fmt::format("{}.{}", source_.label, pieces_);
+        const auto m = static_cast<Eigen::Index>(states_.size());
+        piece.values.resize(dimension_, m);
+        piece.deviations.resize(dimension_, m);
+        for (Eigen::Index k = 0; k < m; ++k) {
+            piece.values.col(k) = states_[static_cast<std::size_t>(k)];
+            piece.deviations.col(k) = deviations_[static_cast<std::size_t>(k)];
+        }
+        piece.times = Eigen::Map<const Eigen::VectorXd>(times_.data(), m);
+        section_.series.segments.push_back(std::move(piece));
+        ++pieces_;
+        times_.clear();
+        states_.clear();
+        deviations_.clear();
+    }
+
+private:
+    SampledSection& section_;
+    const Segment& source_;
+    Eigen::Index dimension_;
+    std::size_t pieces_ = 0;
+    std::vector<double> times_;
+    std::vector<Eigen::VectorXd> states_, deviations_;
+};
+
+struct Passage {
+    Eigen::Index interval = 0;  // between this sample and the next
+    bool broken_before = false;
+};
+
+class PlaneSection {
+public:
+    PlaneSection(const Series& samples, const PlaneCrossing& crossing)
+        : samples_(samples), crossing_(crossing), step_(sampling_interval(samples, "plane_section")) {
+        const Eigen::Index n = samples.dimension();
+        const auto marks = rough_crossings();
+        const auto places = places_near(marks);
+        result_.sample_deviation.resize(n);
+        for (Eigen::Index d = 0; d < n; ++d) {
+            result_.sample_deviation[d] = std::sqrt(difference_variance(samples, d));
+            result_.windows.push_back(best_window(samples, d, places));
+            if (d != crossing.coordinate)
+                result_.series.coordinates.push_back(samples.coordinates[static_cast<std::size_t>(d)]);
+        }
+        result_.series.origin = samples.origin;
+        result_.reading_covariance = Eigen::MatrixXd::Zero(n - 1, n - 1);
+        for (const Segment& segment : samples.segments)
+            cut(segment);
+        const std::size_t count = result_.series.size();
+        if (count > 0) result_.reading_covariance /= static_cast<double>(count);
+    }
+
+    SampledSection result() && { return std::move(result_); }
+
+private:
+    // Signed distance from the plane along the direction of the crossing; nan far from it on the circle.
+    [[nodiscard]] double beyond(double reading) const {
+        double distance = reading - crossing_.value;
+        if (samples_.coordinates[static_cast<std::size_t>(crossing_.coordinate)].angle)
+            distance = std::remainder(distance, turn);
+        return crossing_.direction * distance;
+    }
+    [[nodiscard]] bool far(double distance) const {
+        return samples_.coordinates[static_cast<std::size_t>(crossing_.coordinate)].angle &&
+               !(std::abs(distance) < 0.25 * turn);
+    }
+
+    // Intervals in which the readings as they are cross the plane.
+    [[nodiscard]] std::vector<std::vector<Eigen::Index>> rough_crossings() const {
+        std::vector<std::vector<Eigen::Index>> marks(samples_.segments.size());
+        bool any = false;
+        for (std::size_t s = 0; s < marks.size(); ++s) {
+            const Readings& values = samples_.segments[s].values;
+            for (Eigen::Index i = 0; i + 1 < values.cols(); ++i) {
+                const double before = beyond(values(crossing_.coordinate, i));
+                const double after = beyond(values(crossing_.coordinate, i + 1));
+                if (!(before < 0.0 && after >= 0.0) || far(before) || far(after)) continue;
+                marks[s].push_back(i);
+                any = true;
+            }
+        }
+        if (!any)
+            throw std::invalid_argument(
+                fmt::format("plane_section: {} = {} is never crossed {}",
+                            samples_.coordinates[static_cast<std::size_t>(crossing_.coordinate)].name, crossing_.value,
+                            crossing_.direction > 0 ? "from below" : "from above"));
+        return marks;
+    }
+
+    void cut(const Segment& segment) {
+        std::vector<TimeSmoothing> smoothings;
+        for (Eigen::Index d = 0; d < samples_.dimension(); ++d)
+            smoothings.emplace_back(segment, d, samples_.coordinates[static_cast<std::size_t>(d)].angle, step_,
+                                    result_.windows[static_cast<std::size_t>(d)]);
+        PieceWriter writer(result_, segment, samples_.dimension() - 1);
+        for (const Passage& passage : passages(smoothings[static_cast<std::size_t>(crossing_.coordinate)])) {
+            if (passage.broken_before) {
+                writer.close();
+                ++result_.breaks;
+            }
+            if (passage.interval < 0) continue;
+            if (!add(segment, smoothings, passage.interval, writer)) {
+                writer.close();
+                ++result_.breaks;
+            }
+        }
+        writer.close();
+    }
+
+    // Crossings for good, in order; interval -1: only a break.
+    [[nodiscard]] std::vector<Passage> passages(const TimeSmoothing& plane) const {
+        const auto c = static_cast<std::size_t>(crossing_.coordinate);
+        const Eigen::VectorXd& readings = plane.readings();
+        const double sd = result_.sample_deviation[crossing_.coordinate];
+        const Eigen::Index bridge = std::max(1, result_.windows[c].half_width / 2);
+        std::vector<Passage> found;
+        int side = 0;                 // -1: below the plane for good, 1: beyond it for good
+        Eigen::Index candidate = -1;  // interval of the last passage since then
+        Eigen::Index gap = 0;         // missing samples up to here
+        bool broken = false;
+        double before = std::numeric_limits<double>::quiet_NaN();
+        for (Eigen::Index i = 0; i + 1 < readings.size(); ++i) {
+            gap = std::isfinite(readings[i]) ? 0 : gap + 1;
+            const SmoothedValue smoothed = plane.at(i, 0.0);
+            const bool known = smoothed.usable && smoothed.value_variance <= worst_variance && gap <= bridge;
+            const double distance = known ? beyond(smoothed.value) : std::numeric_limits<double>::quiet_NaN();
+            if (!known || far(distance)) {
+                // Far on the circle nothing is crossed; in a hole nobody knows.
+                broken = broken || (!known && (side != 0 || !found.empty()));
+                side = 0;
+                candidate = -1;
+                before = std::numeric_limits<double>::quiet_NaN();
+                continue;
+            }
+            if (before < 0.0 && distance >= 0.0) candidate = i - 1;
+            before = distance;
+            const double limit = passed * sd * std::sqrt(smoothed.value_variance);
+            if (distance >= limit) {
+                if (side < 0 && candidate >= 0) {
+                    found.push_back({candidate, broken});
+                    broken = false;
+                } else if (side > 0 && candidate >= 0) {
+                    broken = true;  // below and back within the errors
+                }
+                side = 1;
+                candidate = -1;
+            } else if (distance <= -limit) {
+                if (side < 0 && candidate >= 0) broken = true;  // beyond and back within the errors
+                side = -1;
+                candidate = -1;
+            }
+        }
+        return found;
+    }
+
+    // false: the crossing is not told well enough.
+    bool add(const Segment& segment, const std::vector<TimeSmoothing>& smoothings, Eigen::Index i,
+             PieceWriter& writer) {
+        const TimeSmoothing& plane = smoothings[static_cast<std::size_t>(crossing_.coordinate)];
+        const std::optional<double> u = root(plane, i);
+        if (!u) return false;
+        const SmoothedValue at_plane = plane.at(i, *u);
+        const double sd = result_.sample_deviation[crossing_.coordinate];
+        const double time_variance = sd * sd * at_plane.value_variance / (at_plane.slope * at_plane.slope);
+        const Eigen::Index n = samples_.dimension() - 1;
+        Eigen::VectorXd state(n), slope(n), own(n);
+        for (Eigen::Index d = 0, k = 0; d < samples_.dimension(); ++d) {
+            if (d == crossing_.coordinate) continue;
+            const SmoothedValue smoothed = smoothings[static_cast<std::size_t>(d)].at(i, *u);
+            if (!smoothed.usable || !(smoothed.value_variance <= worst_variance)) return false;
+            state[k] = samples_.coordinates[static_cast<std::size_t>(d)].angle ? wrapped_angle(smoothed.value)
+                                                                               : smoothed.value;
+            slope[k] = smoothed.slope;
+            own[k] = std::pow(result_.sample_deviation[d], 2) * smoothed.value_variance;
+            ++k;
+        }
+        const Eigen::MatrixXd covariance =
+            Eigen::MatrixXd(own.asDiagonal()) + time_variance * slope * slope.transpose();
+        if (!covariance.allFinite()) return false;
+        result_.reading_covariance += covariance;
+        // Samples without any error still have rounding: a deviation is never 0.
+        const Eigen::VectorXd deviation = covariance.diagonal().cwiseSqrt().cwiseMax(
+            std::numeric_limits<double>::epsilon() * state.cwiseAbs().cwiseMax(1e-300));
+        writer.add(segment.times[i] + *u * step_, state, deviation);
+        return true;
+    }
+
+    // Where in the interval the polynomial meets the plane, in sampling intervals. Noise may put it a little outside.
+    [[nodiscard]] std::optional<double> root(const TimeSmoothing& plane, Eigen::Index i) const {
+        double u = 0.5;
+        for (int step = 0; step < 50; ++step) {
+            const SmoothedValue value = plane.at(i, u);
+            if (!value.usable || !(value.slope * crossing_.direction > 0.0)) return std::nullopt;
+            const double move = -beyond(value.value) / (crossing_.direction * value.slope * step_);
+            u = std::clamp(u + move, -1.0, 2.0);
+            if (std::abs(move) < 1e-13 || (step > 10 && std::abs(move) < 1e-9)) return u;
+        }
+        return std::nullopt;
+    }
+
+    const Series& samples_;
+    PlaneCrossing crossing_;
+    double step_;
+    SampledSection result_;
+};
+
+}  // namespace
+
+SampledSection plane_section(const Series& samples, const PlaneCrossing& crossing) {
+    check_samples(samples, "plane_section");
+    const Eigen::Index n = samples.dimension();
+    if (n < 2) throw std::invalid_argument(fmt::format("plane_section: needs at least two coordinates, got {}", n));
+    if (!(crossing.coordinate >= 0 && crossing.coordinate < n))
+        throw std::invalid_argument(
+            fmt::format("plane_section: the coordinate must be in [0, {}), got {}", n, crossing.coordinate));
+    if (!(crossing.direction == 1 || crossing.direction == -1))
+        throw std::invalid_argument(
+            fmt::format("plane_section: the direction must be 1 or -1, got {}", crossing.direction));
+    if (!std::isfinite(crossing.value)) throw std::invalid_argument("plane_section: the value must be finite");
+    return PlaneSection(samples, crossing).result();
+}
+
+SampledSection stroboscopic_section(const Series& samples, double period, double phase) {
+    check_samples(samples, "stroboscopic_section");
+    const double step = sampling_interval(samples, "stroboscopic_section");
+    if (!(period >= 2.0 * step) || !std::isfinite(period))
+        throw std::invalid_argument(
+            fmt::format("stroboscopic_section: the period must be at least two sampling intervals of {} s, got {} s",
+                        step, period));
+    if (!std::isfinite(phase)) throw std::invalid_argument("stroboscopic_section: the phase must be finite");
+    const double offset = period * (phase - samples.phase) / turn;
+
+    struct Instant {
+        Eigen::Index sample;
+        double u;
+    };
+    std::vector<std::vector<Instant>> instants(samples.segments.size());
+    std::vector<std::vector<Eigen::Index>> marks(samples.segments.size());
+    bool all_on_samples = true, any = false;
+    for (std::size_t s = 0; s < instants.size(); ++s) {
+        const Eigen::VectorXd& times = samples.segments[s].times;
+        if (times.size() < 2) continue;
+        for (double k = std::ceil((times[0] - offset) / period - on_sample);; k += 1.0) {
+            const double place = (offset + k * period - times[0]) / step;
+            if (place > static_cast<double>(times.size() - 1) + on_sample) break;
+            if (place < -on_sample) continue;
+            const double nearest = std::nearbyint(place);
+            const bool here = std::abs(place - nearest) <= on_sample;
+            const auto sample = static_cast<Eigen::Index>(here ? nearest : std::floor(place));
+            instants[s].push_back({sample, here ? 0.0 : place - std::floor(place)});
+            marks[s].push_back(sample);
+            all_on_samples = all_on_samples && here;
+            any = true;
+        }
+    }
+    if (!any)
+        throw std::invalid_argument(
+            fmt::format("stroboscopic_section: no segment reaches the phase {} rad within its samples (period {} s)",
+                        phase, period));
+
+    SampledSection section;
+    section.series.coordinates = samples.coordinates;
+    section.series.phase = phase;
+    section.series.origin = samples.origin;
+    const Eigen::Index n = samples.dimension();
+    section.sample_deviation.resize(n);
+    section.reading_covariance = Eigen::MatrixXd::Zero(n, n);
+    const auto places = places_near(marks);
+    for (Eigen::Index d = 0; d < n; ++d) {
+        section.sample_deviation[d] = std::sqrt(difference_variance(samples, d));
+        if (!all_on_samples) section.windows.push_back(best_window(samples, d, places));
+    }
+    Eigen::VectorXd counts = Eigen::VectorXd::Zero(n);
+    for (std::size_t s = 0; s < instants.size(); ++s) {
+        if (instants[s].empty()) continue;
+        const Segment& segment = samples.segments[s];
+        const auto m = static_cast<Eigen::Index>(instants[s].size());
+        Segment piece{segment.label, Eigen::MatrixXd::Constant(n, m, std::numeric_limits<double>::quiet_NaN()), {}, {}};
+        piece.deviations = piece.values;
+        for (Eigen::Index d = 0; d < n; ++d) {
+            const bool angle = samples.coordinates[static_cast<std::size_t>(d)].angle;
+            const double sd = section.sample_deviation[d];
+            std::optional<TimeSmoothing> smoothing;
+            if (!all_on_samples)
+                smoothing.emplace(segment, d, angle, step, section.windows[static_cast<std::size_t>(d)]);
+            for (Eigen::Index k = 0; k < m; ++k) {
+                const Instant& instant = instants[s][static_cast<std::size_t>(k)];
+                double variance = 1.0;
+                if (all_on_samples) {
+                    piece.values(d, k) = segment.values(d, instant.sample);
+                } else {
+                    const SmoothedValue smoothed = smoothing->at(instant.sample, instant.u);
+                    if (!smoothed.usable || !(smoothed.value_variance <= worst_variance)) continue;
+                    piece.values(d, k) = angle ? wrapped_angle(smoothed.value) : smoothed.value;
+                    variance = smoothed.value_variance;
+                }
+                if (!std::isfinite(piece.values(d, k))) continue;
+                section.reading_covariance(d, d) += sd * sd * variance;
+                counts[d] += 1.0;
+                if (sd > 0.0) piece.deviations(d, k) = sd * std::sqrt(variance);
+            }
+        }
+        section.series.segments.push_back(std::move(piece));
+    }
+    for (Eigen::Index d = 0; d < n; ++d)
+        section.reading_covariance(d, d) /= std::max(counts[d], 1.0);
+    return section;
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "orbits/records/series.hpp"
+
+namespace orbid::orbits {
+
+/// The points of a section series in units of Series::scale(), one after the other, ready for neighbour searches.
+///
+/// Memory: 8 n + 1/8 bytes per point, 2 more per angle whose turns are known, 8 more for times.
+///
+/// Angles are turns in [-1/2, 1/2): differences of two points go through difference(). The true images are kept as the
+/// successors: point i is mapped to point i + 1 when has_image(i).
+class SectionPoints {
+public:
+    /// @param signs  S = diag(signs): sections are mapped onto each other by x -> S x. Empty: no symmetry.
+    /// @throws std::invalid_argument for a series of time samples, one without coordinates, segments of another
+    ///         dimension, coordinates without spread, signs of wrong length or other than +1 and -1.
+    explicit SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs = std::nullopt);
+    /// The same in given units, shape (n), > 0: `series` is a part of a larger one.
+    SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs, Eigen::VectorXd scale);
+
+    [[nodiscard]] Eigen::Index dimension() const { return scale_.size(); }
+    [[nodiscard]] std::size_t size() const { return size_; }
+    [[nodiscard]] const double* point(std::size_t i) const {
+        return values_.get() + i * static_cast<std::size_t>(scale_.size());
+    }
+    /// Point i + 1 is the image of point i: both finite and in the same segment.
+    [[nodiscard]] bool has_image(std::size_t i) const { return ((has_image_[i / 64] >> (i % 64)) & 1U) != 0; }
+    [[nodiscard]] std::size_t image_count() const { return image_count_; }
+    [[nodiscard]] const Eigen::VectorXd& scale() const { return scale_; }  ///< [coordinate unit per scaled unit]
+    [[nodiscard]] const std::vector<char>& angle() const { return angle_; }
+    [[nodiscard]] const Eigen::VectorXd& signs() const { return signs_; }  ///< empty: no symmetry
+    [[nodiscard]] bool symmetric() const { return signs_.size() > 0; }
+
+    /// a - b in coordinate d; angles: the representative in [-1/2, 1/2].
+    [[nodiscard]] double difference(double a, double b, Eigen::Index d) const {
+        const double r = a - b;
+        // rounding is a call on some processors, and neighbours lie near
+        return angle_[static_cast<std::size_t>(d)] && !(std::abs(r) <= 0.5) ? r - std::nearbyint(r) : r;
+    }
+    /// a - b, shape (n).
+    [[nodiscard]] Eigen::VectorXd difference(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
+    /// The same value of coordinate d, an angle in [-1/2, 1/2).
+    [[nodiscard]] double wrapped(double value, Eigen::Index d) const {
+        if (!angle_[static_cast<std::size_t>(d)] || (value >= -0.5 && value < 0.5)) return value;
+        const double r = value - std::nearbyint(value);
+        return r >= 0.5 ? r - 1.0 : r;
+    }
+    /// The same state with angles in [-1/2, 1/2).
+    [[nodiscard]] Eigen::VectorXd wrapped(Eigen::VectorXd x) const;
+    /// Turns taken by an angle from point i to its image, as read; meaningful only when turns_known() and has_image(i).
+    [[nodiscard]] double advance(std::size_t i, Eigen::Index angle_coordinate) const;
+    /// From point i to its image [s]; meaningful only when timed() and has_image(i).
+    [[nodiscard]] double return_time(std::size_t i) const { return times_[i + 1] - times_[i]; }
+    [[nodiscard]] bool timed() const { return !times_.empty(); }
+    /// All angles were read without wrapping (their readings cover more than one turn), so turns can be counted: up to
+    /// 32767 from a point to its image.
+    [[nodiscard]] bool turns_known() const { return turns_known_; }
+
+private:
+    Eigen::VectorXd scale_;
+    Eigen::VectorXd signs_;
+    std::vector<char> angle_;
+    std::size_t size_ = 0;
+    std::unique_ptr<double[]> values_;  ///< point after point
+    std::vector<std::int16_t> turns_;   ///< whole turns on the way to the image, per angle; empty unless turns_known_
+    std::vector<double> times_;         ///< [s] of all points; empty unless the series has them
+    std::vector<std::uint64_t> has_image_;  ///< one bit per point
+    std::size_t image_count_ = 0;
+    std::size_t angle_count_ = 0;
+    bool turns_known_ = false;
+};
+
+}  // namespace orbid::orbits

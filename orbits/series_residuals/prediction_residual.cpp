@@ -1,0 +1,147 @@
+#include "orbits/series_residuals/prediction_residual.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "orbits/simulation/section_map.hpp"
+
+namespace orbid::orbits {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+namespace {
+
+/// Share of a prediction's error that does not come from its start, as a variance: what is left where nothing is
+/// amplified.
+constexpr double own_variance = 0.01;
+
+}  // namespace
+
+PredictionResidual::PredictionResidual(std::vector<std::shared_ptr<const models::System>> systems,
+                                       models::ParameterBinding binding, std::vector<Transition> transitions,
+                                       models::Clock clock, const VectorXd& start, PredictionOptions options)
+    : systems_(std::move(systems)),
+      binding_(std::move(binding)),
+      transitions_(std::move(transitions)),
+      clock_(clock),
+      options_(std::move(options)) {
+    const auto require = [](bool rule, const std::string& message) {
+        if (!rule) throw std::invalid_argument("prediction residual: " + message);
+    };
+    require(!systems_.empty() && systems_.front() != nullptr, "a system is needed");
+    require(!transitions_.empty(), "the record has no two successive states");
+    require(start.size() == binding_.estimated_count,
+            fmt::format("start has {} entries, must have {}", start.size(), binding_.estimated_count));
+    const Index n = systems_.front()->dimension();
+    if (options_.sizes.size() == 0) options_.sizes = VectorXd::Ones(n);
+    require(options_.sizes.size() == n && (options_.sizes.array() > 0.0).all(),
+            "sizes must be > 0, one per coordinate of the model");
+    for (const Transition& t : transitions_)
+        require(t.from.size() == n && t.to.size() == n && t.duration > 0.0, "a transition of wrong shape or duration");
+    for (const models::Coordinate& coordinate : systems_.front()->coordinates()) {
+        estimator::Group group;
+        group.name = fmt::format("{}.{}", options_.name, coordinate.name);
+        group.unit = coordinate.unit;
+        group.scale.value = 0.0;  // from the residuals
+        group.distribution = estimator::StudentErrors{{false, 1.0, estimator::FlatPrior{}}};
+        groups_.push_back(std::move(group));
+    }
+    deviation_ = Eigen::MatrixXd::Ones(n, std::ssize(transitions_));
+    for (std::size_t first = 0; first < transitions_.size(); first += block_size) {
+        const std::size_t last = std::min(first + block_size, transitions_.size());
+        estimator::BlockLayout block;
+        block.label = fmt::format("transitions {} to {}", first, last - 1);
+        for (std::size_t t = first; t < last; ++t)
+            for (Index i = 0; i < n; ++i)
+                block.group.push_back(static_cast<int>(i));
+        layout_.push_back(std::move(block));
+    }
+    amplify(start);
+}
+
+double PredictionResidual::amplify(const VectorXd& theta) {
+    const VectorXd& sizes = options_.sizes;
+    const std::span<const Index> none;
+    const auto made = predictions(systems_, binding_.values(theta), transitions_, none, clock_, options_.flow);
+    std::vector<double> changes;
+    for (std::size_t t = 0; t < made.size(); ++t) {
+        if (!made[t].ok) continue;  // as before
+        for (Index i = 0; i < sizes.size(); ++i) {
+            const double grown = made[t].by_x.row(i).transpose().cwiseProduct(sizes).norm() / sizes[i];
+            const double now = std::sqrt(own_variance + grown * grown);
+            double& deviation = deviation_(i, static_cast<Index>(t));
+            changes.push_back(std::abs(std::log(now / deviation)));
+            deviation = now;
+        }
+    }
+    for (std::size_t b = 0; b < layout_.size(); ++b) {
+        const auto first = static_cast<Index>(b * block_size);
+        const auto count = std::ssize(layout_[b].group) / deviation_.rows();
+        layout_[b].deviation = deviation_.middleCols(first, count).reshaped();
+    }
+    if (changes.empty()) return 0.0;
+    const auto middle = changes.begin() + static_cast<std::ptrdiff_t>(changes.size() / 2);
+    std::nth_element(changes.begin(), middle, changes.end());
+    return *middle;
+}
+
+std::vector<estimator::BlockValue> PredictionResidual::evaluate(const VectorXd& theta, const std::vector<VectorXd>&,
+                                                                bool derivatives) const {
+    const std::optional<std::span<const Index>> free =
+        derivatives ? std::optional<std::span<const Index>>(binding_.parameter) : std::nullopt;
+    const auto made = predictions(systems_, binding_.values(theta), transitions_, free, clock_, options_.flow);
+    const Index n = options_.sizes.size();
+    std::vector<estimator::BlockValue> values(layout_.size());
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (!layout_[b].active) continue;
+        estimator::BlockValue& value = values[b];
+        const auto records = std::ssize(layout_[b].group);
+        value.e.resize(records);
+        if (derivatives) {
+            value.e_theta = Eigen::MatrixXd::Zero(records, binding_.estimated_count);
+            value.e_z.resize(records, 0);
+        }
+        Index lost = 0;
+        for (Index k = 0; k * n < records; ++k) {
+            const Prediction& prediction = made[b * block_size + static_cast<std::size_t>(k)];
+            if (!prediction.ok) ++lost;
+            value.e.segment(k * n, n) = prediction.ok ? prediction.error : options_.sizes;
+            if (derivatives && prediction.ok) value.e_theta.middleRows(k * n, n) = -binding_.spread(prediction.by_free);
+        }
+        if (2 * lost * n > records) value.status = estimator::BlockStatus::failed;
+    }
+    return values;
+}
+
+estimator::RefreshReport PredictionResidual::refresh(const VectorXd& theta, const std::vector<VectorXd>&,
+                                                     const VectorXd&) {
+    constexpr double settled = 0.02;  // of a weight: no estimate moves with that
+    constexpr int enough = 8;
+    estimator::RefreshReport report;
+    if (rounds_ >= enough) return report;
+    ++rounds_;
+    report.changed = amplify(theta) > settled;
+    return report;
+}
+
+double PredictionResidual::misfit(const VectorXd& theta) const {
+    constexpr double off = 0.02;  // of the sizes: what a model with parameters some per cent wrong leaves
+    const auto made = predictions(systems_, binding_.values(theta), transitions_, std::nullopt, clock_, options_.flow);
+    double sum = 0.0;
+    std::size_t count = 0;
+    for (std::size_t t = 0; t < made.size(); ++t) {
+        if (!layout_[t / block_size].active) continue;
+        for (Index i = 0; i < options_.sizes.size(); ++i, ++count) {
+            const double e =
+                made[t].ok ? made[t].error[i] / (options_.sizes[i] * deviation_(i, static_cast<Index>(t))) : 1.0;
+            sum += std::log1p(e * e / (off * off));
+        }
+    }
+    return count > 0 ? sum / static_cast<double>(count) : 0.0;
+}
+
+}  // namespace orbid::orbits

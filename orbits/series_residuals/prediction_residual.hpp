@@ -1,0 +1,90 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/residual.hpp"
+#include "models/system/system.hpp"
+#include "orbits/simulation/transition.hpp"
+
+namespace orbid::orbits {
+
+struct PredictionOptions {
+    std::string name = "prediction";  ///< prefix of group names: "prediction.phi"
+    /// Sizes of the errors of the states relative to each other, shape (n), see error_sizes(); empty: 1 each.
+    Eigen::VectorXd sizes;
+    models::FlowOptions flow{1e-9, 1e-9, 20000};
+};
+
+/// Prediction over one interval with the nodes pinned to the data: parameters alone, no latent states, no trajectory
+/// longer than an interval. The first stage, for starts far from the truth.
+///
+///     e = to - Phi(from; theta),  Cauchy errors of scale s d_i sqrt(0.01 + sum_j (X_ij d_j / d_i)^2),  d = sizes
+///
+/// The scale s is estimated, one per coordinate: what a transition is worth falls with how strongly errors of its start
+/// are amplified, X at the parameters of the last refresh(), and gross errors hardly count. Groups
+/// "<name>.<coordinate>"; blocks of up to 64 transitions, as a block each would cost more than the flows. A
+/// transition that cannot be simulated counts as off by its size, whatever the parameters; a block of which most cannot
+/// fails.
+///
+/// The estimate is biased by the errors of the states (a frozen start instead of an estimated one): a good start, no
+/// answer.
+class PredictionResidual final : public estimator::Residual {
+public:
+    /// @param systems  one; of models with measured inputs one per segment of the series.
+    /// @param start    the estimator's vector at the start, where amplifications are taken first.
+    /// @throws std::invalid_argument without transitions, or on wrong shapes.
+    PredictionResidual(std::vector<std::shared_ptr<const models::System>> systems, models::ParameterBinding binding,
+                       std::vector<Transition> transitions, models::Clock clock, const Eigen::VectorXd& start,
+                       PredictionOptions options = {});
+
+    PredictionResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
+                       std::vector<Transition> transitions, models::Clock clock, const Eigen::VectorXd& start,
+                       PredictionOptions options = {})
+        : PredictionResidual(std::vector<std::shared_ptr<const models::System>>{std::move(system)}, std::move(binding),
+                             std::move(transitions), clock, start, std::move(options)) {}
+
+    [[nodiscard]] std::string_view type() const override { return "prediction"; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override {
+        return std::vector<Eigen::VectorXd>(layout_.size());
+    }
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+                                                              const std::vector<Eigen::VectorXd>& latents,
+                                                              bool derivatives) const override;
+    /// Amplifications at theta, until they settle.
+    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                                     const Eigen::VectorXd& scales) override;
+    void suspend(std::size_t block) override { layout_.at(block).active = false; }
+    [[nodiscard]] bool provisional() const override { return rounds_ < rough_rounds; }
+
+    /// How badly theta predicts, robustly: mean over all records of ln(1 + (e / (0.02 sizes sqrt(..)))^2) with the
+    /// present amplifications. A prediction that is far off counts little more than one that is just off, so that the
+    /// minimum is broad and few transitions decide nothing; one that cannot be made counts as off by all of its range.
+    [[nodiscard]] double misfit(const Eigen::VectorXd& theta) const;
+
+private:
+    static constexpr int rough_rounds = 3;
+
+    static constexpr std::size_t block_size = 64;
+
+    /// @return the relative change of a weight in the median
+    double amplify(const Eigen::VectorXd& theta);
+
+    std::vector<std::shared_ptr<const models::System>> systems_;
+    models::ParameterBinding binding_;
+    std::vector<Transition> transitions_;
+    models::Clock clock_;
+    PredictionOptions options_;
+    Eigen::MatrixXd deviation_;  ///< shape (n, transitions): d_i sqrt(0.01 + ..) over d_i
+    int rounds_ = 0;
+    std::vector<estimator::Group> groups_;
+    std::vector<estimator::BlockLayout> layout_;
+};
+
+}  // namespace orbid::orbits

@@ -1,0 +1,157 @@
+#include <oneapi/tbb/parallel_for.h>
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <variant>
+
+#include <fmt/format.h>
+
+#include "orbits/series_residuals/series_residual.hpp"
+
+namespace orbid::orbits {
+
+SeriesResidual::Standard SeriesResidual::standard(const Block& block, Eigen::Index record, double e, double scale,
+                                                  double relative) const {
+    const auto group = static_cast<std::size_t>(block.group[static_cast<std::size_t>(record)]);
+    const double s = scale * block.deviation[record];
+    const double predicted = block.observed[record] - e;
+    const auto& distribution = groups_[group].distribution;
+    if (std::holds_alternative<estimator::LogNormalErrors>(distribution)) {
+        // A prediction that is not > 0 has no logarithm: no step there is accepted.
+        if (!(predicted > 0.0)) return {std::numeric_limits<double>::infinity(), 0.0};
+        return {std::log(block.observed[record] / predicted) / s, 1.0 / (s * predicted)};
+    }
+    if (std::holds_alternative<estimator::RelativeErrors>(distribution)) {
+        const double sd = std::hypot(s, relative * predicted);
+        return {e / sd, 1.0 / sd};  // the sd moves little with the prediction: a step's length, not its aim
+    }
+    return {e / s, 1.0 / s};
+}
+
+double SeriesResidual::error_sd(std::size_t block, Eigen::Index record, double e, double scale, double relative) const {
+    return 1.0 / standard(blocks_[block], record, e, scale, relative).slope;
+}
+
+SegmentPrediction SeriesResidual::predict_one(const Eigen::VectorXd& all, const Eigen::VectorXd& scales,
+                                              const Eigen::VectorXd& relative, std::size_t segment) const {
+    constexpr int steps = 100;
+    constexpr double step_tolerance = 1e-9;  // of the state's size: far below any error of a reading
+    constexpr double too_damped = 1e12;
+    const Block block = make_block(segment);
+    std::vector<Eigen::Index> fitted = free_;
+    fitted.insert(fitted.end(), given_.begin(), given_.end());
+    const auto standard_at = [&](const Eigen::VectorXd& e, Eigen::Index r) {
+        const auto g = block.group[static_cast<std::size_t>(r)];
+        return standard(block, r, e[r], scales[g], relative[g]);
+    };
+    const auto sum_of_squares = [&](const Eigen::VectorXd& e) {
+        double sum = 0.0;
+        for (Eigen::Index r = 0; r < e.size(); ++r) {
+            const double u = standard_at(e, r).value;
+            sum += u * u;
+        }
+        return sum;
+    };
+    Eigen::VectorXd x0 = guess(segment, all);
+    auto now = value(block, all, x0, true);
+    double damping = 1e-4;
+    for (int step = 0; step < steps && !fitted.empty() && now.status == estimator::BlockStatus::ok; ++step) {
+        // Levenberg and Marquardt: columns in their own size.
+        Eigen::MatrixXd jacobian = now.e_z(Eigen::all, fitted);
+        Eigen::VectorXd u = now.e;
+        for (Eigen::Index r = 0; r < u.size(); ++r) {
+            const Standard at = standard_at(now.e, r);
+            jacobian.row(r) *= at.slope;
+            u[r] = at.value;
+        }
+        const Eigen::MatrixXd normal = jacobian.transpose() * jacobian;
+        const Eigen::VectorXd gradient = jacobian.transpose() * u;
+        const double before = u.squaredNorm();
+        if (!std::isfinite(before)) break;
+        bool accepted = false;
+        bool small = false;
+        while (!accepted && damping < too_damped) {
+            Eigen::MatrixXd damped = normal;
+            damped.diagonal() += damping * normal.diagonal();
+            const Eigen::VectorXd change = -damped.completeOrthogonalDecomposition().solve(gradient);
+            small = change.norm() <= step_tolerance * (1.0 + x0(fitted).norm());
+            Eigen::VectorXd next = x0;
+            next(fitted) += change;
+            auto trial = value(block, all, next, true);
+            accepted =
+                trial.status == estimator::BlockStatus::ok && change.allFinite() && sum_of_squares(trial.e) <= before;
+            if (accepted) {
+                x0 = next;
+                now = std::move(trial);
+                damping = std::max(damping / 10.0, 1e-12);
+            } else {
+                damping *= 10.0;
+            }
+            if (small) break;
+        }
+        if (small || !accepted) break;
+    }
+
+    SegmentPrediction prediction;
+    prediction.segment = segment;
+    prediction.status = now.status;
+    prediction.state = x0;
+    prediction.rms = Eigen::VectorXd::Constant(std::ssize(observed_), std::numeric_limits<double>::quiet_NaN());
+    prediction.normalised_rms = std::numeric_limits<double>::quiet_NaN();
+    if (now.status != estimator::BlockStatus::ok) return prediction;
+    double total = 0.0;
+    std::size_t records = 0;
+    for (Eigen::Index i = 0; i < std::ssize(observed_); ++i) {
+        double sum = 0.0;
+        std::size_t count = 0;
+        for (Eigen::Index r = 0; r < now.e.size(); ++r) {
+            if (block.group[static_cast<std::size_t>(r)] != i) continue;
+            sum += now.e[r] * now.e[r];
+            const double u = standard_at(now.e, r).value;
+            total += u * u;
+            ++count;
+        }
+        if (count > 0) prediction.rms[i] = std::sqrt(sum / static_cast<double>(count));
+        records += count;
+    }
+    prediction.normalised_rms = std::sqrt(total / static_cast<double>(records));
+    return prediction;
+}
+
+std::vector<SegmentPrediction> SeriesResidual::predict(const Eigen::VectorXd& theta, const Eigen::VectorXd& scales,
+                                                       const std::vector<std::size_t>& segments,
+                                                       const Eigen::VectorXd& relative) const {
+    if (scales.size() != std::ssize(groups_) || !(scales.array() > 0.0).all()) {
+        throw std::invalid_argument(
+            fmt::format("prediction: {} scales, must be {} and all > 0", scales.size(), groups_.size()));
+    }
+    for (const std::size_t s : segments) {
+        if (s >= series_.segments.size()) {
+            throw std::invalid_argument(
+                fmt::format("prediction: segment {} does not exist; the series has {}", s, series_.segments.size()));
+        }
+    }
+    if (relative.size() != 0 && relative.size() != std::ssize(groups_)) {
+        throw std::invalid_argument(
+            fmt::format("prediction: {} relative errors, must be {}", relative.size(), groups_.size()));
+    }
+    Eigen::VectorXd shares = relative;
+    if (shares.size() == 0) {
+        shares.setZero(std::ssize(groups_));
+        for (std::size_t g = 0; g < groups_.size(); ++g) {
+            const auto* errors = std::get_if<estimator::RelativeErrors>(&groups_[g].distribution);
+            if (errors != nullptr) shares[static_cast<Eigen::Index>(g)] = errors->relative.value;
+        }
+    }
+    const Eigen::VectorXd all = binding_.values(theta);
+    std::vector<SegmentPrediction> predictions(segments.size());
+    oneapi::tbb::parallel_for(std::size_t{0}, segments.size(),
+                              [&](std::size_t i) { predictions[i] = predict_one(all, scales, shares, segments[i]); });
+    return predictions;
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,200 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/residual.hpp"
+#include "models/arithmetic/matrix_layout.hpp"
+#include "models/system/system.hpp"
+#include "orbits/records/error_form.hpp"
+#include "orbits/records/series.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::orbits {
+
+/// What is known of one coordinate of the states in which the segments begin.
+struct InitialStateRule {
+    enum class Kind {
+        estimate,  ///< free, one value per segment
+        fixed,     ///< `value` in every segment
+        normal,    ///< free, with the prior normal(value, sd): one more record per segment
+        parameter  ///< an estimated parameter for every fitted segment, with whatever prior and scale that one has
+    };
+    Kind kind = Kind::estimate;
+    double value = 0.0;           ///< fixed: the value; normal: the mean
+    double sd = 0.0;              ///< normal: > 0
+    std::optional<double> start;  ///< estimate, normal: where the fit starts; empty = from the data
+    /// parameter: index into the estimator's vector for every fitted segment, in the order of `segments`.
+    std::vector<Eigen::Index> parameters = {};
+};
+
+struct SeriesResidualOptions {
+    std::string name = "series";                ///< prefix of group names: "series.phi", "series.run1.phi"
+    std::vector<std::string> observe;           ///< coordinates of the series that count; empty = all of them
+    std::vector<std::size_t> segments;          ///< indices of the segments to fit; empty = all
+    models::Sensor sensor;                      ///< how the series was read
+    std::vector<InitialStateRule> initial;      ///< one per coordinate of the model; empty = all estimated
+    std::vector<estimator::ErrorScale> errors;  ///< one per observed coordinate, in that order; empty = all estimated
+    std::vector<ErrorForm> forms;               ///< likewise; empty = all normal with one sd
+    /// Full covariances; groups = positions in `observe`. Their coordinates are read at the same samples.
+    std::vector<estimator::JointCovariance> covariances;
+    /// Of models with measured inputs: one signal per segment of the series, on the clock of its times, which it covers
+    /// (and the delay of a difference sensor after them). Empty otherwise.
+    std::vector<std::shared_ptr<const models::InputSignal>> inputs;
+    Eigen::VectorXd start;  ///< estimator's parameters from which initial states are guessed; empty = base
+    models::FlowOptions flow;
+};
+
+/// How well a model predicts a segment.
+struct SegmentPrediction {
+    std::size_t segment = 0;
+    estimator::BlockStatus status = estimator::BlockStatus::ok;
+    Eigen::VectorXd state;        ///< shape (n): the initial state, fitted to this segment where it is free
+    Eigen::VectorXd rms;          ///< per observed coordinate, in its unit; nan without samples
+    double normalised_rms = 0.0;  ///< of all records, each divided by the sd of its error
+};
+
+/// A sampled series minus its prediction from one initial state per segment (single shooting).
+///
+///     e_k = y_k - sensor(x(t_k)),   x' = f(x, omega t; theta),   x(t_first) = z
+///
+/// One block per fitted segment; its records are the samples of the first observed coordinate in time, then those of
+/// the second, ..., then one record per normal prior of the initial state. Missing samples have no record; differences
+/// of angles lie in (-pi, pi] (formulas of a sensor are no angles). Latent states: the free coordinates of z that are
+/// no estimated parameters, in the order of the model's. Groups: one per observed coordinate ("<name>.<coordinate>",
+/// ordered in time), then one per normal prior ("<name>.initial.<coordinate>", scale fixed). Known sds of readings
+/// become BlockLayout::deviation.
+///
+/// Models with measured inputs are simulated on the clock of the series' times; their series.phase is 0.
+///
+/// Forced models: the phase at time t is series.phase + omega t. When omega is estimated and a segment does not begin
+/// at time 0, its first phase moves with omega; that is contained in the derivatives for the state sensor. With a
+/// difference sensor, whose reading depends on the phase, an estimated omega is refused.
+///
+/// Derivatives are those of the computed prediction (models::System::flow_with_sensitivities and readings). Parallel
+/// over segments, the same bytes with any number of threads. A flow that fails gives BlockStatus::failed.
+class SeriesResidual final : public estimator::Residual {
+public:
+    /// @param binding  which entries of the estimator's vector are which parameters of the system.
+    /// @throws std::invalid_argument naming value and rule: a section instead of samples, coordinates that the model or
+    ///         the series does not have, segments that do not exist or are named twice, no segment left, a segment
+    ///         with fewer samples than free coordinates of its initial state, intervals that differ between segments
+    ///         by more than 5 %, wrong lengths, sd of a prior not > 0; log-normal or relative errors of an angle,
+    ///         log-normal errors of a reading that is not > 0, known sds that the series does not have, a full
+    ///         covariance of coordinates that are not read at the same samples, indices of initial values that no
+    ///         estimated parameter has, inputs that are missing, not asked for or too short.
+    SeriesResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding, Series series,
+                   SeriesResidualOptions options);
+
+    [[nodiscard]] std::string_view type() const override { return "series"; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] estimator::LatentStructure structure() const override;
+    [[nodiscard]] std::vector<estimator::JointCovariance> covariances() const override { return options_.covariances; }
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+                                                              const std::vector<Eigen::VectorXd>& latents,
+                                                              bool derivatives) const override;
+    /// Nothing to do between rounds: the set of segments stays as it is.
+    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                                     const Eigen::VectorXd& scales) override;
+    void suspend(std::size_t block) override;
+
+    /// Predicts segments at given parameters. All initial coordinates that are not fixed are fitted to the very segment
+    /// by damped Gauss-Newton on the sum of squares of errors over their sd (normal priors included), from the data as
+    /// in initial_latents(): a prediction of the course, not of its beginning.
+    ///
+    /// @param scales    shape (groups): s_g, > 0.
+    /// @param segments  indices into series().segments; may have been fitted or not.
+    /// @param relative  shape (groups), read where errors are relative; empty: their starts.
+    [[nodiscard]] std::vector<SegmentPrediction> predict(const Eigen::VectorXd& theta, const Eigen::VectorXd& scales,
+                                                         const std::vector<std::size_t>& segments,
+                                                         const Eigen::VectorXd& relative = {}) const;
+
+    /// Sd of the error of a record whose prediction is y - e (log-normal: to first order; Student's t, Laplace: scale).
+    [[nodiscard]] double error_sd(std::size_t block, Eigen::Index record, double e, double scale,
+                                  double relative) const;
+
+    /// Where a record comes from. Priors have no sample: then `sample` is -1.
+    struct Record {
+        Eigen::Index coordinate = 0;  ///< of the model
+        Eigen::Index sample = 0;      ///< column of the segment
+    };
+    [[nodiscard]] const std::vector<Record>& records(std::size_t block) const { return blocks_[block].records; }
+    [[nodiscard]] std::size_t segment(std::size_t block) const { return blocks_[block].segment; }
+    [[nodiscard]] const Series& series() const { return series_; }
+    [[nodiscard]] const models::System& system() const { return *system_; }
+    /// The whole state in which a block begins, shape (n): free coordinates from its latents or from theta, fixed ones
+    /// filled in.
+    [[nodiscard]] Eigen::VectorXd state(std::size_t block, const Eigen::VectorXd& theta,
+                                        const Eigen::VectorXd& latents) const;
+    /// What the data and the rules' starts say of it before any estimate, shape (n).
+    [[nodiscard]] Eigen::VectorXd guessed_state(std::size_t block) const;
+    /// Model coordinates that are latent, ascending: the meaning of a block's latents.
+    [[nodiscard]] const std::vector<Eigen::Index>& free_coordinates() const { return free_; }
+
+private:
+    struct Block {
+        std::size_t segment = 0;
+        std::vector<Record> records;
+        std::vector<Eigen::Index> rows;  ///< of the segment's values, for each record
+        std::vector<int> group;
+        Eigen::VectorXd observed;   ///< the reading, or the mean of a prior
+        Eigen::VectorXd deviation;  ///< known sds, 1 where none is known
+    };
+    /// An error over its sd, and the derivative of that with respect to the error.
+    struct Standard {
+        double value;
+        double slope;
+    };
+
+    void choose_coordinates();
+    void choose_segments();
+    void check_binding() const;
+    void check_rules() const;
+    void check_forms() const;
+    void check_covariances() const;
+    void make_groups();
+    [[nodiscard]] Block make_block(std::size_t segment) const;
+    [[nodiscard]] double known_sd(const Segment& data, std::size_t observed, Eigen::Index k) const;
+    [[nodiscard]] estimator::BlockLayout make_layout(const Block& block) const;
+    [[nodiscard]] Eigen::VectorXd guess(std::size_t segment, const Eigen::VectorXd& all) const;
+    [[nodiscard]] Standard standard(const Block& block, Eigen::Index record, double e, double scale,
+                                    double relative) const;
+    /// e, e_theta, and e_z with respect to the whole initial state.
+    [[nodiscard]] estimator::BlockValue value(const Block& block, const Eigen::VectorXd& all, const Eigen::VectorXd& x0,
+                                              bool derivatives) const;
+    void add_phase_shift(const Eigen::VectorXd& all, double first_time, std::span<const double> phases,
+                         const Eigen::VectorXd& x0, models::FlowResult& flow) const;
+    [[nodiscard]] Eigen::VectorXd omega_slopes(const Eigen::VectorXd& all) const;
+    [[nodiscard]] SegmentPrediction predict_one(const Eigen::VectorXd& all, const Eigen::VectorXd& scales,
+                                                const Eigen::VectorXd& relative, std::size_t segment) const;
+    /// The system, with the inputs of a segment where it reads some.
+    [[nodiscard]] const models::System& system_of(std::size_t segment) const;
+    void give_inputs();
+
+    std::shared_ptr<const models::System> system_;
+    std::vector<std::shared_ptr<const models::System>> with_inputs_;  ///< one per segment of the series; or none
+    models::ParameterBinding binding_;
+    Series series_;
+    SeriesResidualOptions options_;
+    std::vector<Eigen::Index> row_;       ///< per observed coordinate: row of the segments' values
+    std::vector<Eigen::Index> observed_;  ///< per observed coordinate: coordinate of the model
+    std::vector<Eigen::Index> free_;      ///< coordinates of the model that are latent
+    std::vector<Eigen::Index> given_;     ///< coordinates that are estimated parameters
+    std::vector<Eigen::Index> priors_;    ///< coordinates with a normal prior
+    double interval_ = 0.0;
+    std::vector<estimator::Group> groups_;
+    std::vector<estimator::BlockLayout> layout_;
+    std::vector<Block> blocks_;
+};
+
+}  // namespace orbid::orbits
+
+#pragma GCC visibility pop

@@ -1,0 +1,302 @@
+#include "orbits/simulation/virtual_experiment.hpp"
+
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "estimator/interface/random_stream.hpp"
+#include "models/system/argument_check.hpp"
+#include "orbits/simulation/phase_rate.hpp"
+#include "orbits/simulation/return_probe.hpp"
+#include "orbits/simulation/section_record.hpp"
+
+namespace orbid::orbits {
+namespace {
+
+/// Samples of one call of the flow: its step budget holds for these, not for a record of any length.
+constexpr std::size_t sample_chunk = 4096;
+
+void require(bool rule, const std::string& message) {
+    if (!rule) throw std::invalid_argument("virtual experiment: " + message);
+}
+
+void validate_plan(const models::System& system, const VirtualExperimentOptions& options) {
+    if (const auto* plan = std::get_if<SectionPlan>(&options.plan)) {
+        require(plan->sections > 0, "sections is 0, must be > 0");
+        const bool autonomous = system.kind() == models::Kind::autonomous;
+        require(!autonomous || plan->section,
+                fmt::format("model {} is not forced and has no sections at a phase; name a plane, or record samples",
+                            system.name()));
+        require(autonomous || !plan->section,
+                fmt::format("model {} is not autonomous: its sections are {}, not crossings of a plane", system.name(),
+                            system.kind() == models::Kind::map ? "its iterates" : "at a phase of the forcing"));
+        require(
+            !plan->section || system.inputs().empty(),
+            fmt::format("model {} reads measured inputs, which tell the time: it has no sections by a plane; record "
+                        "samples",
+                        system.name()));
+        require(plan->longest_return >= 0.0 && std::isfinite(plan->longest_return),
+                fmt::format("longest return time is {} s, must be > 0, or 0 to have it found", plan->longest_return));
+        // 1 s stands for a time that is found later.
+        if (plan->section)
+            models::check_section(system, *plan->section, plan->longest_return > 0.0 ? plan->longest_return : 1.0);
+    } else {
+        const auto& samples = std::get<SamplePlan>(options.plan);
+        require(samples.count > 0, "count of samples is 0, must be > 0");
+        require(samples.step > 0.0 && std::isfinite(samples.step),
+                fmt::format("sampling step is {} s, must be > 0", samples.step));
+        require(system.kind() != models::Kind::map,
+                fmt::format("model {} is a map and has no samples in time; record sections", system.name()));
+    }
+}
+
+void validate(const models::System& system, const VirtualExperimentOptions& options) {
+    const Eigen::Index n = system.dimension();
+    validate_plan(system, options);
+    require(options.trajectories > 0, "trajectories is 0, must be > 0");
+    require(std::isfinite(options.phase), "phase must be a finite number");
+    require(options.initial.cols() == 0 || (options.initial.rows() == n &&
+                                            options.initial.cols() == static_cast<Eigen::Index>(options.trajectories)),
+            fmt::format("initial states have shape ({}, {}), must be ({}, {}): one per trajectory",
+                        options.initial.rows(), options.initial.cols(), n, options.trajectories));
+    require(options.initial.allFinite(), "initial states must be finite numbers");
+    require(options.noise.size() == 0 || options.noise.size() == n,
+            fmt::format("noise has {} entries, must have {} or none", options.noise.size(), n));
+    require(options.noise_correlation.size() == 0 || options.noise_correlation.size() == n,
+            fmt::format("correlation of the noise has {} entries, must have {} or none",
+                        options.noise_correlation.size(), n));
+    require(options.random_range.size() == 0 || options.random_range.size() == n,
+            fmt::format("random range has {} entries, must have {} or none", options.random_range.size(), n));
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const models::Coordinate& coordinate = system.coordinates()[static_cast<std::size_t>(i)];
+        if (options.noise.size() > 0) {
+            require(options.noise[i] >= 0.0 && std::isfinite(options.noise[i]),
+                    fmt::format("noise of {} is {}, must be >= 0", coordinate.name, options.noise[i]));
+        }
+        if (options.noise_correlation.size() > 0) {
+            require(std::abs(options.noise_correlation[i]) < 1.0,
+                    fmt::format("correlation of the noise of {} is {}, must lie between -1 and 1", coordinate.name,
+                                options.noise_correlation[i]));
+        }
+        if (options.random_range.size() > 0 && !coordinate.angle) {
+            require(options.random_range[i] > 0.0 && std::isfinite(options.random_range[i]),
+                    fmt::format("random range of {} is {}, must be > 0", coordinate.name, options.random_range[i]));
+        }
+    }
+    if (options.sensor.type == models::Sensor::Type::angle_difference) {
+        require(
+            static_cast<Eigen::Index>(options.sensor.rate) < n && static_cast<Eigen::Index>(options.sensor.angle) < n,
+            "sensor: angle and rate must be coordinates of the model");
+        const auto rate = static_cast<Eigen::Index>(options.sensor.rate);
+        require(options.noise.size() == 0 || options.noise[rate] == 0.0,
+                fmt::format("noise of {} must be 0: its error follows from the angle readings it is the difference of",
+                            system.coordinates()[options.sensor.rate].name));
+        require(options.noise_correlation.size() == 0 || options.noise_correlation.isZero(0.0),
+                "noise of a difference sensor, which reads an angle twice, cannot be correlated");
+    }
+}
+
+/// Samples of every trajectory. A trajectory that comes to rest goes on resting: that is reported.
+StateRecord record_samples(const models::System& system, const Eigen::VectorXd& theta,
+                           const VirtualExperimentOptions& options, const Eigen::VectorXd& range) {
+    const auto plan = std::get<SamplePlan>(options.plan);
+    const std::size_t count = options.trajectories;
+    std::vector<StateRecord> parts(count);
+    const double rate = phase_rate(system, theta);
+    oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t trajectory) {
+        StateRecord& part = parts[trajectory];
+        StateRecord::Piece piece;
+        piece.trajectory = trajectory;
+        piece.states.resize(system.dimension(), static_cast<Eigen::Index>(plan.count));
+        piece.times.resize(static_cast<Eigen::Index>(plan.count));
+        Eigen::VectorXd state = options.initial.cols() > 0
+                                    ? Eigen::VectorXd(options.initial.col(static_cast<Eigen::Index>(trajectory)))
+                                    : random_state(system, range, options.seed, trajectory, 0);
+        // Every chunk begins where the last one ended; the first duration leads over the transient.
+        double time = 0.0;
+        std::size_t done = 0;
+        while (done < plan.count) {
+            const std::size_t size = std::min(sample_chunk, plan.count - done);
+            std::vector<double> durations(size);
+            for (std::size_t k = 0; k < size; ++k) {
+                const double at = static_cast<double>(plan.transient + done + k) * plan.step;
+                piece.times[static_cast<Eigen::Index>(done + k)] = at;
+                durations[k] = at - time;
+            }
+            const auto flow =
+                system.flow(state, options.phase + rate * time, durations, theta, models::Clock::time, options.flow);
+            std::size_t good = size;
+            if (flow.status != models::FlowStatus::ok) {
+                good = static_cast<std::size_t>(
+                    std::lower_bound(durations.begin(), durations.end(), flow.stopped_after) - durations.begin());
+            }
+            piece.states.middleCols(static_cast<Eigen::Index>(done), static_cast<Eigen::Index>(good)) =
+                flow.states.leftCols(static_cast<Eigen::Index>(good));
+            done += good;
+            if (flow.status != models::FlowStatus::ok) {
+                part.complete = false;
+                part.message = fmt::format("trajectory {} stopped at {} s: {}", trajectory, time + flow.stopped_after,
+                                           models::description(flow.status));
+                part.events.push_back({TrajectoryEvent::Kind::failed, trajectory, plan.transient + done, 0, flow.status,
+                                       flow.stopped_state});
+                break;
+            }
+            state = flow.states.col(static_cast<Eigen::Index>(size) - 1);
+            time += durations.back();
+        }
+        const auto kept = static_cast<Eigen::Index>(done);
+        piece.states.conservativeResize(Eigen::NoChange, kept);
+        piece.times.conservativeResize(kept);
+        if (part.complete && system.at_rest(state, theta)) {
+            Eigen::Index first = kept - 1;
+            while (first > 0 && system.at_rest(piece.states.col(first - 1), theta))
+                --first;
+            part.events.push_back({TrajectoryEvent::Kind::at_rest, trajectory,
+                                   plan.transient + static_cast<std::size_t>(first), 0, models::FlowStatus::ok, state});
+        }
+        if (kept > 0) part.pieces.push_back(std::move(piece));
+    });
+    StateRecord record;
+    for (StateRecord& part : parts) {
+        std::move(part.pieces.begin(), part.pieces.end(), std::back_inserter(record.pieces));
+        std::move(part.events.begin(), part.events.end(), std::back_inserter(record.events));
+        record.complete = record.complete && part.complete;
+        if (!part.message.empty()) record.message += (record.message.empty() ? "" : "; ") + part.message;
+    }
+    return record;
+}
+
+double rounded(double value, const models::Sensor& sensor) {
+    const bool rounds = sensor.rounding == models::Sensor::Rounding::nearest && sensor.step > 0.0;
+    return rounds ? sensor.step * std::round(value / sensor.step) : value;
+}
+
+/// Adds the errors of one segment's readings and rounds them (mathematics.md, "Instrument").
+void add_reading_errors(Readings& readings, const models::Sensor& sensor, const Eigen::VectorXd& noise,
+                        const Eigen::VectorXd& correlation, estimator::RandomStream stream) {
+    const bool difference = sensor.type == models::Sensor::Type::angle_difference;
+    const auto angle = static_cast<Eigen::Index>(sensor.angle);
+    const auto rate = static_cast<Eigen::Index>(sensor.rate);
+    const auto error = [&](Eigen::Index i) {
+        return noise.size() > 0 && noise[i] > 0.0 ? noise[i] * stream.normal() : 0.0;
+    };
+    // The first error is drawn from the stationary distribution; 0 leaves independent errors as they are, to the bit.
+    Eigen::VectorXd last = Eigen::VectorXd::Zero(readings.rows());
+    const auto correlated = [&](Eigen::Index i, Eigen::Index k) {
+        const double fresh = error(i);
+        const double rho = correlation.size() > 0 ? correlation[i] : 0.0;
+        last[i] = k == 0 || rho == 0.0 ? fresh : rho * last[i] + std::sqrt((1.0 - rho) * (1.0 + rho)) * fresh;
+        return last[i];
+    };
+    for (Eigen::Index k = 0; k < readings.cols(); ++k) {
+        const double later = difference ? readings(angle, k) + sensor.delay * readings(rate, k) : 0.0;
+        for (Eigen::Index i = 0; i < readings.rows(); ++i) {
+            if (!(difference && i == rate)) readings(i, k) += correlated(i, k);
+        }
+        if (angle < readings.rows()) readings(angle, k) = rounded(readings(angle, k), sensor);
+        if (difference) readings(rate, k) = (rounded(later + error(angle), sensor) - readings(angle, k)) / sensor.delay;
+    }
+}
+
+/// What record_sections() needs to know of crossings and was not told. Starts that are given are the best probes.
+ReturnProbe probe_of(const models::System& system, const Eigen::VectorXd& theta,
+                     const VirtualExperimentOptions& options, const models::Section& section) {
+    const Eigen::VectorXd half =
+        options.random_range.size() > 0 ? options.random_range : Eigen::VectorXd::Ones(system.dimension());
+    const Eigen::MatrixXd starts =
+        options.initial.cols() > 0
+            ? Eigen::MatrixXd(options.initial.leftCols(std::min(probe_count, options.initial.cols())))
+            : probe_starts(system, half, options.seed);
+    ReturnProbe probe = probe_returns(system, theta, section, starts, options.flow);
+    if (options.random_range.size() > 0) probe.range = options.random_range;
+    return probe;
+}
+
+StateRecord record_plan(const models::System& system, const Eigen::VectorXd& theta,
+                        const VirtualExperimentOptions& options) {
+    if (const auto* plan = std::get_if<SectionPlan>(&options.plan)) {
+        if (plan->section) {
+            ReturnProbe probe{options.random_range, plan->longest_return};
+            if (probe.range.size() == 0 || !(probe.longest_return > 0.0))
+                probe = probe_of(system, theta, options, *plan->section);
+            return record_sections(system, theta, options, probe.range,
+                                   plan->longest_return > 0.0 ? plan->longest_return : probe.longest_return);
+        }
+    }
+    double duration = 0.0;
+    const auto* samples = std::get_if<SamplePlan>(&options.plan);
+    if (samples != nullptr) {
+        // Measured inputs end with the last sample.
+        const std::size_t after = system.inputs().empty() ? 0 : 1;
+        duration = samples->step * static_cast<double>(samples->transient + samples->count - after);
+    }
+    const Eigen::VectorXd range = options.random_range.size() > 0 ? options.random_range
+                                                                  : typical_range(system, theta, options.phase,
+                                                                                  duration, options.seed, options.flow);
+    return samples != nullptr ? record_samples(system, theta, options, range)
+                              : record_sections(system, theta, options, range, 0.0);
+}
+
+}  // namespace
+
+std::string_view name(TrajectoryEvent::Kind kind) {
+    switch (kind) {
+        case TrajectoryEvent::Kind::captured:
+            return "captured";
+        case TrajectoryEvent::Kind::at_rest:
+            return "at_rest";
+        case TrajectoryEvent::Kind::failed:
+            return "failed";
+        case TrajectoryEvent::Kind::restarted:
+            return "restarted";
+    }
+    return "";
+}
+
+VirtualExperiment simulate(const models::System& system, const Eigen::VectorXd& theta,
+                           const VirtualExperimentOptions& options) {
+    validate(system, options);
+    const auto* samples = std::get_if<SamplePlan>(&options.plan);
+    StateRecord record = record_plan(system, theta, options);
+
+    VirtualExperiment experiment;
+    experiment.events = std::move(record.events);
+    experiment.complete = record.complete;
+    experiment.message = std::move(record.message);
+    Series& series = experiment.series;
+    series.sampling = samples != nullptr ? Series::Sampling::samples : Series::Sampling::section;
+    series.phase = options.phase;
+    for (std::size_t i = 0; i < system.coordinates().size(); ++i) {
+        const models::Coordinate& coordinate = system.coordinates()[i];
+        series.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit),
+                                      models::reads_angle(options.sensor, system.coordinates(), i)});
+    }
+    const double rate = samples != nullptr ? phase_rate(system, theta) : 0.0;
+    for (std::size_t s = 0; s < record.pieces.size(); ++s) {
+        StateRecord::Piece& piece = record.pieces[s];
+        std::vector<double> phases(static_cast<std::size_t>(piece.states.cols()), options.phase);
+        for (Eigen::Index k = 0; k < piece.times.size(); ++k) {
+            phases[static_cast<std::size_t>(k)] += rate * piece.times[k];
+        }
+        auto read = system.readings(options.sensor, piece.states, phases, theta, std::nullopt, options.flow);
+        if (read.status != models::FlowStatus::ok) {
+            experiment.complete = false;
+            experiment.message += fmt::format("{}segment {} cannot be read: {}", experiment.message.empty() ? "" : "; ",
+                                              s, models::description(read.status));
+            continue;
+        }
+        series.segments.push_back({std::to_string(s), std::move(read.readings), std::move(piece.times), {}});
+    }
+    oneapi::tbb::parallel_for(std::size_t{0}, series.segments.size(), [&](std::size_t s) {
+        add_reading_errors(series.segments[s].values, options.sensor, options.noise, options.noise_correlation,
+                           estimator::RandomStream(options.seed, estimator::RandomPurpose::reading_noise, s));
+    });
+    return experiment;
+}
+
+}  // namespace orbid::orbits

@@ -1,0 +1,247 @@
+#include "periodic/branches/branch_curve.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "periodic/discretisation/closing_error.hpp"
+#include "periodic/discretisation/cyclic_system.hpp"
+#include "periodic/discretisation/shooting_steps.hpp"
+#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/solution/orbit_report.hpp"
+#include "periodic/stability/floquet.hpp"
+
+namespace orbid::periodic {
+namespace {
+
+using Complex = std::complex<double>;
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// A Newton step below this that is not followed by one ten times shorter consists of rounding, see newton().
+constexpr double noise_level = 1e-7;
+
+/// Newton's steps that shrink by less than this are not about to converge: Newton's theorem asks for 1/2.
+constexpr double largest_contraction = 0.7;
+
+/// Steps of this length move no multiplier in its first eleven digits.
+constexpr double rounding_step = 1e-12;
+
+/// A matrix that is singular to rounding, made regular to this share: see floquet_vectors().
+constexpr double offset = 1e-13;
+
+/// Multipliers of an orbit, the trivial one (nearest to 1) apart.
+void find_multipliers(CurvePoint& point, bool autonomous) {
+    point.multipliers = floquet_multipliers(condensed_factors(point.jacobians));
+    point.trivial = std::numeric_limits<double>::quiet_NaN();
+    if (!autonomous || point.multipliers.empty()) return;
+    const auto trivial =
+        std::min_element(point.multipliers.begin(), point.multipliers.end(),
+                         [](const Complex& a, const Complex& b) { return std::abs(a - 1.0) < std::abs(b - 1.0); });
+    point.trivial = *trivial;
+    point.multipliers.erase(trivial);
+}
+
+}  // namespace
+
+VectorXd CurveSetting::theta_at(double value) const {
+    VectorXd result = theta;
+    result(parameter) = value;
+    return result;
+}
+
+int CurvePoint::unstable() const {
+    return static_cast<int>(std::count_if(multipliers.begin(), multipliers.end(),
+                                          [](const Complex& multiplier) { return std::abs(multiplier) > 1.0; }));
+}
+
+OrbitCurve::OrbitCurve(const CurveSetting& setting, Course course, MatrixXd turns, VectorXd scale,
+                       std::optional<PhasePlane> phase, int period)
+    : setting_(&setting),
+      course_(std::move(course)),
+      turns_(std::move(turns)),
+      scale_(std::move(scale)),
+      phase_(std::move(phase)),
+      period_(period),
+      n_(setting.system.dimension()),
+      count_(static_cast<Index>(course_.segments.size())) {
+    weights_.resize(n_ * count_ + (phase_ ? 2 : 1));
+    for (Index j = 0; j < count_; ++j)
+        weights_.segment(n_ * j, n_) =
+            std::sqrt(course_.segments[static_cast<std::size_t>(j)].share) * scale_.cwiseInverse();
+    weights_.tail(phase_ ? 2 : 1).setOnes();
+    weights_(weights_.size() - 1) = 1.0 / setting.range;
+}
+
+std::vector<int> OrbitCurve::rotation() const {
+    std::vector<int> result;
+    for (const Index i : angle_coordinates(setting_->system))
+        result.push_back(static_cast<int>(std::lround(turns_.row(i).sum())));
+    return result;
+}
+
+MatrixXd OrbitCurve::nodes(const VectorXd& y) const {
+    return y.head(n_ * count_).reshaped(n_, count_);
+}
+
+double OrbitCurve::time(const VectorXd& y) const {
+    if (autonomous()) return std::exp(y(n_ * count_));
+    if (setting_->system.kind() == models::Kind::map) return static_cast<double>(course_.points.size());
+    return static_cast<double>(course_.points.size()) *
+           setting_->system.period(setting_->theta_at(y(y.size() - 1)), models::Clock::time);
+}
+
+VectorXd OrbitCurve::packed(const MatrixXd& nodes, double time, double parameter) const {
+    VectorXd y(size());
+    y.head(n_ * count_) = nodes.reshaped();
+    if (autonomous()) y(n_ * count_) = std::log(time);
+    y(y.size() - 1) = parameter;
+    return y;
+}
+
+double OrbitCurve::product(const VectorXd& a, const VectorXd& b) const {
+    return (weights_.array() * a.array()).matrix().dot((weights_.array() * b.array()).matrix());
+}
+
+double OrbitCurve::norm(const VectorXd& a) const {
+    return (weights_.array() * a.array()).matrix().norm();
+}
+
+VectorXd OrbitCurve::parameter_direction() const {
+    VectorXd direction = VectorXd::Zero(size());
+    direction(size() - 1) = setting_->range;
+    return direction;
+}
+
+Course OrbitCurve::course_at(const VectorXd& y) const {
+    Course course = course_;
+    course.nodes = nodes(y);
+    course.time = time(y);
+    if (autonomous())
+        for (Segment& segment : course.segments)
+            segment.duration = segment.share * course.time;
+    return course;
+}
+
+MatrixXd OrbitCurve::rows_across(const std::vector<VectorXd>& directions) const {
+    const Index first = autonomous() ? 1 : 0;
+    MatrixXd rows = MatrixXd::Zero(first + static_cast<Index>(directions.size()), size());
+    if (autonomous()) rows.row(0).head(n_) = phase_->normal.transpose() / phase_->normal.norm();
+    for (std::size_t i = 0; i < directions.size(); ++i)
+        rows.row(first + static_cast<Index>(i)) = weights_.array().square() * directions[i].array();
+    rows.rightCols(1) *= setting_->range;
+    return rows;
+}
+
+Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& direction, double tolerance,
+                                 int maximum_iterations, const VectorXd* locked) const {
+    const Index inner = n_ * count_;
+    const models::Domain domain = setting_->system.parameters()[static_cast<std::size_t>(setting_->parameter)].domain;
+    std::vector<VectorXd> directions;
+    if (locked != nullptr) directions.push_back(*locked);
+    directions.push_back(direction / norm(direction));
+    const MatrixXd rows = rows_across(directions);
+    const Index own = size() - inner;  // ln T and the parameter
+    const Index k = rows.rows();
+    MatrixXd columns = MatrixXd::Zero(inner, k);
+    // The null vector at the end of each segment: it is not orthogonal to what the equations miss at a branch point.
+    if (locked != nullptr)
+        for (Index j = 0; j < count_; ++j)
+            columns.col(own).segment(n_ * j, n_) = locked->segment(n_ * ((j + 1) % count_), n_);
+    MatrixXd corner = MatrixXd::Zero(k, k);
+    corner.leftCols(own) = rows.rightCols(own);
+    const std::vector<Index> free{setting_->parameter};
+    Correction result;
+    VectorXd y = guess;
+    double first = 0.0;
+    double last = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; iteration < maximum_iterations; ++iteration) {
+        result.status = OrbitStatus::not_simulated;
+        if (!y.allFinite() || !models::contains(domain, y(y.size() - 1))) return result;
+        const VectorXd theta = setting_->theta_at(y(y.size() - 1));
+        ClosingError closing = closing_error(FlowSteps(setting_->system, theta, course_, setting_->solver.flow),
+                                             nodes(y), time(y), turns_, free);
+        if (!closing.simulated) return result;
+        result.status = OrbitStatus::no_progress;
+
+        columns.leftCols(own) << closing.by_ln_time, closing.parameters * setting_->range;
+        const CyclicSystem matrix(closing.jacobians, {columns, rows.leftCols(inner), corner});
+        // The tangent belongs to the same matrix as the step.
+        MatrixXd right = MatrixXd::Zero(inner + k, 2);
+        right.col(0).head(inner) = closing.error.reshaped();
+        if (locked != nullptr) right.col(0).head(inner) += result.unfolding * columns.col(own);
+        VectorXd back = guess - y;
+        back(back.size() - 1) /= setting_->range;
+        right.col(0).tail(k) = rows * back;
+        if (autonomous()) right(inner, 0) = (phase_->offset - phase_->normal.dot(y.head(n_))) / phase_->normal.norm();
+        right(right.rows() - 1, 1) = 1.0;
+        const MatrixXd solution = matrix.solve(right);
+        if (!solution.allFinite()) {
+            result.status = OrbitStatus::singular;
+            return result;
+        }
+        MatrixXd moves = solution.topRows(size());
+        moves.bottomRows(1) *= setting_->range;
+        if (locked != nullptr) result.unfolding += solution(size(), 0);
+        const double length = norm(moves.col(0));
+        if (iteration == 0) first = length;
+        if (iteration == 1) result.contraction = length / first;
+        const bool stagnates = last < noise_level && length > 0.1 * last;
+        y += moves.col(0);
+        if (length <= tolerance || stagnates) {
+            CurvePoint& point = result.point;
+            point.curve = shared_from_this();
+            point.tangent = moves.col(1) / norm(moves.col(1));
+            point.last_step = length;
+            point.residual = closing.error.cwiseAbs().maxCoeff();
+            point.sticking = closing.sticking;
+            point.jacobians = std::move(closing.jacobians);
+            point.columns = columns.leftCols(own);
+            point.iterations = iteration + 1;
+            find_multipliers(point, autonomous());
+            result.distance = norm(y - guess);
+            point.y = std::move(y);
+            result.status = OrbitStatus::converged;
+            return result;
+        }
+        if (iteration > 0 && !(length <= largest_contraction * last)) return result;
+        last = length;
+    }
+    return result;
+}
+
+CurvePoint OrbitCurve::settled(CurvePoint point) const {
+    if (point.last_step <= rounding_step) return point;
+    const VectorXd theta = setting_->theta_at(point.parameter());
+    ClosingError closing = closing_error(FlowSteps(setting_->system, theta, course_, setting_->solver.flow),
+                                         nodes(point.y), time(point.y), turns_);
+    if (!closing.simulated) return point;
+    point.residual = closing.error.cwiseAbs().maxCoeff();
+    point.sticking = closing.sticking;
+    point.jacobians = std::move(closing.jacobians);
+    point.last_step = 0.0;
+    find_multipliers(point, autonomous());
+    return point;
+}
+
+VectorXd OrbitCurve::crossing_direction(const CurvePoint& point) const {
+    const Index inner = n_ * count_;
+    const MatrixXd rows = rows_across({point.tangent});
+    std::vector<MatrixXd> factors = point.jacobians;
+    factors.front() *= 1.0 + offset;
+    const CyclicSystem matrix(factors, {point.columns, rows.leftCols(inner), rows.rightCols(size() - inner)});
+    VectorXd v(size());
+    for (Index i = 0; i < v.size(); ++i)
+        v(i) = std::sin(1.0 + 37.0 * static_cast<double>(i * i));  // without structure, the same every time
+    constexpr int steps = 3;
+    for (int step = 0; step < steps; ++step)
+        v = matrix.solve(v).col(0).stableNormalized();
+    v(v.size() - 1) *= setting_->range;
+    v -= product(v, point.tangent) * point.tangent;
+    return v / norm(v);
+}
+
+}  // namespace orbid::periodic

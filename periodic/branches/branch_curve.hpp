@@ -1,0 +1,140 @@
+#pragma once
+
+#include <complex>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system/system.hpp"
+#include "periodic/orbit/course.hpp"
+#include "periodic/orbit/orbit.hpp"
+#include "periodic/orbit/solver_options.hpp"
+
+namespace orbid::periodic {
+
+/// What all curves of a diagram have in common.
+struct CurveSetting {
+    const models::System& system;
+    Eigen::VectorXd theta;       ///< shape (q); the entry that is followed is replaced
+    Eigen::Index parameter = 0;  ///< which one
+    double range = 1.0;          ///< unit of the parameter in the norm, > 0
+    double phase = 0.0;          ///< of the section [rad] (forced models)
+    std::optional<models::Section> section;
+    ShootingOptions solver;
+
+    [[nodiscard]] Eigen::VectorXd theta_at(double value) const;
+};
+
+/// Poincare's phase condition normal . x_0 = offset on the first node of an autonomous orbit.
+struct PhasePlane {
+    Eigen::VectorXd normal;  ///< shape (n), not 0
+    double offset = 0.0;
+};
+
+class OrbitCurve;
+
+/// A solved orbit on a curve.
+struct CurvePoint {
+    std::shared_ptr<const OrbitCurve> curve;
+    Eigen::VectorXd y;                              ///< the nodes below each other, ln T (autonomous), the parameter
+    Eigen::VectorXd tangent;                        ///< dy / d arclength, of norm one
+    std::vector<Eigen::MatrixXd> jacobians;         ///< of the segments
+    Eigen::MatrixXd columns;                        ///< derivatives of the images by ln T and parameter / range
+    std::vector<std::complex<double>> multipliers;  ///< the trivial one of autonomous orbits not
+    std::complex<double> trivial;                   ///< that one
+    double residual = 0.0;                          ///< largest closing error
+    double last_step = 0.0;                         ///< Newton's, in the norm: the jacobians are off by that
+    int iterations = 0;
+    bool sticking = false;
+
+    [[nodiscard]] double parameter() const { return y(y.size() - 1); }
+    /// How fast the parameter moves along the curve.
+    [[nodiscard]] double parameter_slope() const { return tangent(tangent.size() - 1); }
+    [[nodiscard]] int unstable() const;
+};
+
+/// How a correction towards the curve ended.
+struct Correction {
+    OrbitStatus status = OrbitStatus::no_progress;  ///< converged, no_progress, not_simulated or singular
+    CurvePoint point;                               ///< meaningful if converged
+    double distance = 0.0;                          ///< from the guess, in the norm of the continuation
+    double contraction = 0.0;                       ///< second Newton step / first one; 0 when there was no second
+    double unfolding = 0.0;                         ///< what the equations missed, where they were unfolded
+};
+
+/// The orbits of multiple shooting on one set of segments as a curve in the space of y = (nodes, ln T, parameter):
+///
+///     F_j(z_j; T, theta) - z_{j+1} - 2 pi turns_j = 0,     phase condition (autonomous flows).
+///
+///     |y|^2 = sum_j share_j |z_j / scale|^2 + (ln T)^2 + (parameter / range)^2,
+///
+/// which does not depend on the number of nodes, and is the same for an orbit followed p times (but for ln T).
+/// Forced models are followed in the phase, so that their nodes stay at their phases whatever the parameter does to the
+/// period.
+class OrbitCurve : public std::enable_shared_from_this<OrbitCurve> {
+public:
+    /// @param turns   whole turns per segment, shape (n, N).
+    /// @param scale   unit of each coordinate, shape (n), > 0.
+    /// @param phase   needed exactly for autonomous flows.
+    /// @param period  what an orbit on the curve is called, in periods of the forcing or returns.
+    OrbitCurve(const CurveSetting& setting, Course course, Eigen::MatrixXd turns, Eigen::VectorXd scale,
+               std::optional<PhasePlane> phase, int period);
+
+    [[nodiscard]] const CurveSetting& setting() const { return *setting_; }
+    [[nodiscard]] const Course& course() const { return course_; }
+    [[nodiscard]] const Eigen::MatrixXd& turns() const { return turns_; }
+    [[nodiscard]] const Eigen::VectorXd& scale() const { return scale_; }
+    [[nodiscard]] const std::optional<PhasePlane>& phase() const { return phase_; }
+    [[nodiscard]] int period() const { return period_; }
+    [[nodiscard]] bool autonomous() const { return phase_.has_value(); }
+    /// Whole turns over the orbit, one per angle coordinate.
+    [[nodiscard]] std::vector<int> rotation() const;
+
+    [[nodiscard]] Eigen::Index size() const { return weights_.size(); }
+    [[nodiscard]] Eigen::MatrixXd nodes(const Eigen::VectorXd& y) const;
+    /// T [s] at y; iterations of a map.
+    [[nodiscard]] double time(const Eigen::VectorXd& y) const;
+    [[nodiscard]] Eigen::VectorXd packed(const Eigen::MatrixXd& nodes, double time, double parameter) const;
+    [[nodiscard]] double product(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
+    [[nodiscard]] double norm(const Eigen::VectorXd& a) const;
+    /// The direction in which the parameter alone grows, of norm one.
+    [[nodiscard]] Eigen::VectorXd parameter_direction() const;
+    /// The course through the nodes of y, for new nodes.
+    [[nodiscard]] Course course_at(const Eigen::VectorXd& y) const;
+
+    /// The orbit on the plane through a guess across a direction, by Newton's method; its tangent points to the same
+    /// side as the direction does.
+    /// @param tolerance  of the last step but one (the last one squares it), in the norm.
+    /// @param locked     near a branch point: a direction in which the orbit does not move from the guess, along the
+    ///                   null vector there. One unknown beta more, F + beta G = 0, keeps the equations regular through
+    ///                   the branch point; where they are symmetric beta is zero and the orbit is one.
+    [[nodiscard]] Correction corrected(const Eigen::VectorXd& guess, const Eigen::VectorXd& direction, double tolerance,
+                                       int maximum_iterations, const Eigen::VectorXd* locked = nullptr) const;
+
+    /// Jacobians, residual and multipliers where the point is: those of Newton's last step belong to where that began.
+    /// Left as they are where the step was at rounding level, as on located points.
+    [[nodiscard]] CurvePoint settled(CurvePoint point) const;
+
+    /// The direction across the tangent in which a second branch leaves a branch point, of norm one: null vector of the
+    /// curve's equations bordered by the tangent.
+    [[nodiscard]] Eigen::VectorXd crossing_direction(const CurvePoint& point) const;
+
+private:
+    /// Rows of the linear system below the segments' own, for the unknowns (nodes, ln T, parameter / range): the phase
+    /// condition and the planes across the directions.
+    [[nodiscard]] Eigen::MatrixXd rows_across(const std::vector<Eigen::VectorXd>& directions) const;
+
+    const CurveSetting* setting_;
+    Course course_;
+    Eigen::MatrixXd turns_;
+    Eigen::VectorXd scale_;
+    std::optional<PhasePlane> phase_;
+    int period_;
+    Eigen::VectorXd weights_;  ///< the norm of y is the Euclidean one of weights * y
+    Eigen::Index n_;
+    Eigen::Index count_;  ///< segments
+};
+
+}  // namespace orbid::periodic

@@ -1,0 +1,105 @@
+#include "periodic/branches/branch_nodes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "periodic/discretisation/closing_error.hpp"
+#include "periodic/discretisation/shooting_steps.hpp"
+#include "periodic/orbit/whole_turn.hpp"
+
+namespace orbid::periodic {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+/// Nodes may exceed the scale this many times before it is enlarged.
+constexpr double most_growth_of_scale = 3.0;
+
+}  // namespace
+
+double phase_cosine(const CurvePoint& point) {
+    const CurveSetting& setting = point.curve->setting();
+    const VectorXd f = setting.system.rhs(point.curve->nodes(point.y).col(0), std::vector<double>{0.0},
+                                          setting.theta_at(point.parameter()));
+    const VectorXd& normal = point.curve->phase()->normal;
+    return normal.dot(f) / (normal.norm() * f.norm());
+}
+
+VectorXd scale_along(const CurveSetting& setting, const Course& course) {
+    if (setting.solver.scale.size() > 0) return setting.solver.scale;
+    constexpr int instants = 16;  // of a segment: an extremum between them is missed by a few per cent
+    MatrixXd values = course.nodes;
+    for (std::size_t j = 0; j < course.segments.size() && setting.system.kind() != models::Kind::map; ++j) {
+        std::vector<double> durations;
+        for (int k = 1; k < instants; ++k)
+            durations.push_back(course.segments[j].duration * k / instants);
+        const auto flow = setting.system.flow(course.nodes.col(static_cast<Index>(j)), course.segments[j].phase,
+                                              durations, setting.theta, course.clock, setting.solver.flow);
+        if (flow.status != models::FlowStatus::ok) continue;
+        const Index known = values.cols();
+        values.conservativeResize(Eigen::NoChange, known + flow.states.cols());
+        values.rightCols(flow.states.cols()) = flow.states;
+    }
+    return default_scale(setting.system, values);
+}
+
+CurvePoint with_fitting_nodes(const CurvePoint& point) {
+    const OrbitCurve& old = *point.curve;
+    const CurveSetting& setting = old.setting();
+    const bool grows = setting.system.kind() != models::Kind::map &&
+                       std::any_of(point.jacobians.begin(), point.jacobians.end(),
+                                   [&](const MatrixXd& x) { return grows_beyond(x, setting.solver.segment_growth); });
+    const bool oblique = old.autonomous() && std::abs(phase_cosine(point)) < 0.7;
+    VectorXd scale = old.scale();
+    if (setting.solver.scale.size() == 0) {
+        const VectorXd now = default_scale(setting.system, old.nodes(point.y));
+        for (Index i = 0; i < scale.size(); ++i)
+            if (now(i) > most_growth_of_scale * scale(i)) scale(i) = now(i);
+    }
+    if (!grows && !oblique && scale == old.scale()) return point;
+    Course course = old.course_at(point.y);
+    MatrixXd turns = old.turns();
+    std::optional<PhasePlane> phase = old.phase();
+    const VectorXd theta = setting.theta_at(point.parameter());
+    // The old tangent where nodes stay; none at new ones.
+    VectorXd direction = point.tangent;
+    if (grows) {
+        Course finer = refined(setting.system, theta, course, setting.solver.segment_growth, setting.solver.flow);
+        const MatrixXd none = MatrixXd::Zero(finer.nodes.rows(), finer.nodes.cols());
+        const auto closing =
+            closing_error(FlowSteps(setting.system, theta, finer, setting.solver.flow), finer.nodes, finer.time, none);
+        if (!closing.simulated) return point;
+        turns = whole_turns(closing.error, angle_coordinates(setting.system), {});
+        const Index n = finer.nodes.rows();
+        const Index extra = direction.size() - n * course.nodes.cols();
+        VectorXd lifted = VectorXd::Zero(finer.nodes.size() + extra);
+        Index next = 0;
+        for (Index j = 0; j < finer.nodes.cols() && next < course.nodes.cols(); ++j)
+            if (finer.nodes.col(j) == course.nodes.col(next))
+                lifted.segment(n * j, n) = direction.segment(n * next++, n);
+        lifted.tail(extra) = direction.tail(extra);
+        direction = lifted;
+        course = std::move(finer);
+    }
+    if (oblique) {
+        const VectorXd x = course.nodes.col(0);
+        const VectorXd f = setting.system.rhs(x, std::vector<double>{0.0}, theta);
+        phase = PhasePlane{f, f.dot(x)};
+    }
+    const MatrixXd nodes = course.nodes;
+    const double time = course.time;
+    const auto curve =
+        std::make_shared<const OrbitCurve>(setting, std::move(course), turns, scale, phase, old.period());
+    const Correction moved =
+        curve->corrected(curve->packed(nodes, time, point.parameter()), direction, setting.solver.tolerance, 12);
+    return moved.status == OrbitStatus::converged ? moved.point : point;
+}
+
+}  // namespace orbid::periodic

@@ -1,0 +1,63 @@
+#include "periodic/discretisation/closing_error.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <numbers>
+#include <utility>
+
+#include <tbb/parallel_for.h>
+
+namespace orbid::periodic {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+StepImage Discretisation::state(Index /*j*/, const VectorXd& z, double /*time*/, std::span<const Index> free) const {
+    StepImage image;
+    image.simulated = true;
+    image.value = z;
+    image.by_state = MatrixXd::Identity(z.size(), z.size());
+    if (unknown_time()) image.by_ln_time = VectorXd::Zero(z.size());
+    image.by_parameters = MatrixXd::Zero(z.size(), static_cast<Index>(free.size()));
+    return image;
+}
+
+std::vector<MatrixXd> Discretisation::propagators(const std::vector<MatrixXd>& jacobians, const MatrixXd& /*nodes*/,
+                                                  double /*time*/) const {
+    return jacobians;
+}
+
+ClosingError closing_error(const Discretisation& discretisation, const MatrixXd& nodes, double time,
+                           const MatrixXd& turns, std::span<const Index> free) {
+    constexpr double full_turn = 2.0 * std::numbers::pi;
+    const Index d = nodes.rows();
+    const Index count = nodes.cols();
+    const auto f = static_cast<Index>(free.size());
+    ClosingError result;
+    result.error.resize(d, count);
+    result.jacobians.resize(static_cast<std::size_t>(count));
+    result.by_ln_time.resize(d * count, discretisation.unknown_time() ? 1 : 0);
+    result.parameters.resize(d * count, f);
+    std::vector<unsigned char> failed(static_cast<std::size_t>(count), 0);
+    std::vector<unsigned char> stuck(static_cast<std::size_t>(count), 0);
+    tbb::parallel_for(Index{0}, count, [&](Index j) {
+        const auto slot = static_cast<std::size_t>(j);
+        StepImage image = discretisation.advance(j, nodes.col(j), time, free);
+        if (!image.simulated || !image.value.allFinite() || !image.by_state.allFinite() ||
+            !image.by_parameters.allFinite() || !image.by_ln_time.allFinite()) {
+            failed[slot] = 1;
+            return;
+        }
+        result.error.col(j) = image.value - nodes.col((j + 1) % count) - full_turn * turns.col(j);
+        result.jacobians[slot] = std::move(image.by_state);
+        if (discretisation.unknown_time()) result.by_ln_time.col(0).segment(d * j, d) = image.by_ln_time;
+        if (f > 0) result.parameters.middleRows(d * j, d) = image.by_parameters;
+        stuck[slot] = image.sticking ? 1 : 0;
+    });
+    result.simulated = std::count(failed.begin(), failed.end(), 1) == 0;
+    result.sticking = std::count(stuck.begin(), stuck.end(), 1) > 0;
+    return result;
+}
+
+}  // namespace orbid::periodic

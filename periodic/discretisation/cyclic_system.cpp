@@ -1,0 +1,140 @@
+#include "periodic/discretisation/cyclic_system.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace orbid::periodic {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+constexpr double smallest_pivot = 1e-14;  // see CyclicSystem::singular
+
+}  // namespace
+
+CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors) : CyclicSystem(factors, Border{}) {}
+
+CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& border) {
+    if (factors.empty()) throw std::invalid_argument("CyclicSystem: no factors, at least one is needed");
+    n_ = factors.front().rows();
+    p_ = static_cast<Index>(factors.size());
+    k_ = border.rows.rows();
+    for (const MatrixXd& factor : factors)
+        if (factor.rows() != n_ || factor.cols() != n_ || n_ == 0)
+            throw std::invalid_argument("CyclicSystem: factors must be square and of one size");
+    if (k_ > 0 && (border.columns.rows() != n_ * p_ || border.columns.cols() != k_ ||
+                   (border.rows.cols() != n_ && border.rows.cols() != n_ * p_) || border.corner.rows() != k_ ||
+                   border.corner.cols() != k_))
+        throw std::invalid_argument("CyclicSystem: the border does not fit the factors");
+
+    double largest = 0.0;
+    double smallest = std::numeric_limits<double>::infinity();
+    const auto note_pivots = [&](const MatrixXd& r) {
+        for (Index i = 0; i < r.cols(); ++i) {
+            largest = std::max(largest, std::abs(r(i, i)));
+            smallest = std::min(smallest, std::abs(r(i, i)));
+        }
+    };
+    // What block row j holds of d_0 (only the first one does) and tau.
+    const auto outer = [&](Index j) {
+        MatrixXd columns = MatrixXd::Zero(n_, n_ + k_);
+        if (j == 0) columns.leftCols(n_) = -factors[0];
+        if (k_ > 0) columns.rightCols(k_) = -border.columns.middleRows(n_ * j, n_);
+        return columns;
+    };
+
+    if (p_ == 1) {
+        MatrixXd whole(n_ + k_, n_ + k_);
+        whole.topRows(n_) = outer(0);
+        whole.topLeftCorner(n_, n_) += MatrixXd::Identity(n_, n_);
+        if (k_ > 0) whole.bottomRows(k_) << border.rows, border.corner;
+        last_.compute(whole);
+    } else {
+        // The row block at hand: first (d_0, tau) + next d_{j} = right-hand side, with j the next to go.
+        MatrixXd first = outer(0);
+        MatrixXd next = MatrixXd::Identity(n_, n_);
+        // The border's rows at hand: bottom (d_0, tau) + bottom_next d_j, and what they hold of later nodes.
+        const bool all_nodes = k_ > 0 && border.rows.cols() == n_ * p_;
+        MatrixXd bottom(k_, n_ + k_);
+        if (k_ > 0) bottom << border.rows.leftCols(n_), border.corner;
+        MatrixXd bottom_next = MatrixXd::Zero(k_, n_);
+        if (all_nodes) bottom_next = border.rows.middleCols(n_, n_);
+        eliminations_.reserve(static_cast<std::size_t>(std::max<Index>(p_ - 2, 0)));
+        for (Index j = 1; j + 1 < p_; ++j) {
+            MatrixXd column(2 * n_, n_);
+            column << next, -factors[static_cast<std::size_t>(j)];
+            Elimination step{Eigen::HouseholderQR<MatrixXd>(column), {}, {}, {}};
+            MatrixXd rest = MatrixXd::Zero(2 * n_, 2 * n_ + k_);
+            rest.topLeftCorner(n_, n_ + k_) = first;
+            rest.bottomLeftCorner(n_, n_ + k_) = outer(j);
+            rest.bottomRightCorner(n_, n_).setIdentity();
+            rest.applyOnTheLeft(step.qr.householderQ().adjoint());
+            step.to_first = rest.topLeftCorner(n_, n_ + k_);
+            step.to_next = rest.topRightCorner(n_, n_);
+            first = rest.bottomLeftCorner(n_, n_ + k_);
+            next = rest.bottomRightCorner(n_, n_);
+            note_pivots(step.qr.matrixQR());
+            if (all_nodes) {
+                step.off_rows =
+                    step.qr.matrixQR().topRows(n_).triangularView<Eigen::Upper>().solve<Eigen::OnTheRight>(bottom_next);
+                bottom -= step.off_rows * step.to_first;
+                bottom_next = border.rows.middleCols(n_ * (j + 1), n_) - step.off_rows * step.to_next;
+            }
+            eliminations_.push_back(std::move(step));
+        }
+        MatrixXd corner = MatrixXd::Zero(2 * n_ + k_, 2 * n_ + k_);
+        corner.topRows(n_) << next, first;
+        corner.middleRows(n_, n_) << -factors[static_cast<std::size_t>(p_ - 1)], outer(p_ - 1);
+        corner.block(n_, n_, n_, n_) += MatrixXd::Identity(n_, n_);
+        if (k_ > 0) corner.bottomRows(k_) << bottom_next, bottom;
+        last_.compute(corner);
+    }
+    note_pivots(last_.matrixQR());
+    singular_ = !(smallest > smallest_pivot * largest);
+}
+
+MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
+    assert(b.rows() == n_ * p_ + k_);
+    // ColPivHouseholderQR::solve() leaves pivots at rounding level out: inverse iteration lives on them.
+    const auto solved = [&](MatrixXd right) {
+        right.applyOnTheLeft(last_.householderQ().adjoint());
+        last_.matrixQR().triangularView<Eigen::Upper>().solveInPlace(right);
+        return MatrixXd(last_.colsPermutation() * right);
+    };
+    if (p_ == 1) return solved(b);
+
+    MatrixXd d(b.rows(), b.cols());
+    MatrixXd carried = b.topRows(n_);
+    MatrixXd bottom = b.bottomRows(k_);
+    for (Index j = 1; j + 1 < p_; ++j) {
+        MatrixXd both(2 * n_, b.cols());
+        both << carried, b.middleRows(n_ * j, n_);
+        both.applyOnTheLeft(eliminations_[static_cast<std::size_t>(j - 1)].qr.householderQ().adjoint());
+        d.middleRows(n_ * j, n_) = both.topRows(n_);  // the right-hand side of d_j, until it is solved for below
+        carried = both.bottomRows(n_);
+        const MatrixXd& off_rows = eliminations_[static_cast<std::size_t>(j - 1)].off_rows;
+        if (off_rows.size() > 0) bottom -= off_rows * both.topRows(n_);
+    }
+    MatrixXd both(2 * n_ + k_, b.cols());
+    both << carried, b.middleRows(n_ * (p_ - 1), n_), bottom;
+    const MatrixXd ends = solved(both);
+    MatrixXd outer(n_ + k_, b.cols());
+    outer = ends.bottomRows(n_ + k_);
+    d.middleRows(n_ * (p_ - 1), n_) = ends.topRows(n_);
+    d.topRows(n_) = outer.topRows(n_);
+    if (k_ > 0) d.bottomRows(k_) = outer.bottomRows(k_);
+    for (Index j = p_ - 2; j >= 1; --j) {
+        const Elimination& step = eliminations_[static_cast<std::size_t>(j - 1)];
+        MatrixXd right =
+            d.middleRows(n_ * j, n_) - step.to_first * outer - step.to_next * d.middleRows(n_ * (j + 1), n_);
+        step.qr.matrixQR().topRows(n_).triangularView<Eigen::Upper>().solveInPlace(right);
+        d.middleRows(n_ * j, n_) = right;
+    }
+    return d;
+}
+
+}  // namespace orbid::periodic

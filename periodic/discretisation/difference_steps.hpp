@@ -1,0 +1,62 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "periodic/discretisation/discretisation.hpp"
+#include "periodic/discretisation/orbit_field.hpp"
+
+namespace orbid::periodic {
+
+/// Fey's scheme as one-step maps. z_k holds the positions q_k and, in the places of the velocities, the differences
+/// w_k = (q_k - q_{k-1}) / h; with v = (w_k + w_{k+1}) / 2
+///
+///     w_{k+1} = w_k + h a(q_k, v, t_k),   q_{k+1} = q_k + h w_{k+1},
+///
+/// solved for v by Newton's method. The state at z_k is (q_k, v).
+class SecondOrderSteps final : public Discretisation {
+public:
+    /// @param velocity  index of the velocity of each position, -1 for velocities (complete).
+    SecondOrderSteps(const OrbitField& field, Eigen::Index steps, const std::vector<Eigen::Index>& velocity);
+
+    [[nodiscard]] Eigen::Index steps() const override { return steps_; }
+    [[nodiscard]] Eigen::Index dimension() const override { return field_.dimension(); }
+    [[nodiscard]] bool unknown_time() const override { return field_.autonomous(); }
+    [[nodiscard]] double share(Eigen::Index j) const override;
+    [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
+                                    std::span<const Eigen::Index> free) const override;
+    [[nodiscard]] StepImage state(Eigen::Index j, const Eigen::VectorXd& z, double time,
+                                  std::span<const Eigen::Index> free) const override;
+
+private:
+    const OrbitField& field_;
+    Eigen::Index steps_;
+    std::vector<Eigen::Index> positions_;
+    std::vector<Eigen::Index> velocities_;  ///< in the order of positions_
+};
+
+/// Centred differences of the first-order system as one-step maps on z_k = (x_{k-1}, x_k).
+class CentredSteps final : public Discretisation {
+public:
+    CentredSteps(const OrbitField& field, Eigen::Index steps) : field_(field), steps_(steps) {}
+
+    [[nodiscard]] Eigen::Index steps() const override { return steps_; }
+    [[nodiscard]] Eigen::Index dimension() const override { return 2 * field_.dimension(); }
+    [[nodiscard]] bool unknown_time() const override { return field_.autonomous(); }
+    [[nodiscard]] double share(Eigen::Index j) const override;
+    [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
+                                    std::span<const Eigen::Index> free) const override;
+    [[nodiscard]] StepImage state(Eigen::Index j, const Eigen::VectorXd& z, double time,
+                                  std::span<const Eigen::Index> free) const override;
+    /// The two-step scheme has n multipliers too many, near those of -f; those of the trapezoidal rule along the same
+    /// orbit are as accurate, O(h^2), and n.
+    [[nodiscard]] std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
+                                                           const Eigen::MatrixXd& nodes, double time) const override;
+
+private:
+    const OrbitField& field_;
+    Eigen::Index steps_;
+};
+
+}  // namespace orbid::periodic

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <span>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "periodic/discretisation/discretisation.hpp"
+#include "periodic/discretisation/gauss_method.hpp"
+#include "periodic/discretisation/orbit_field.hpp"
+
+namespace orbid::periodic {
+
+/// Collocation at Gauss points, one polynomial of degree m per interval of the mesh, as one-step maps between the mesh
+/// points: x(s_j + c_i h_j) satisfies the equations at all m points. The stages are solved for within the interval by
+/// Newton's method, which is the condensation of parameters that codes for collocation do in their linear algebra.
+class GaussSteps final : public Discretisation {
+public:
+    /// @param mesh  ascending shares of the orbit, the first one 0, all below 1.
+    GaussSteps(const OrbitField& field, const GaussMethod& method, std::vector<double> mesh)
+        : field_(field), method_(method), mesh_(std::move(mesh)) {}
+
+    [[nodiscard]] Eigen::Index steps() const override { return static_cast<Eigen::Index>(mesh_.size()); }
+    [[nodiscard]] Eigen::Index dimension() const override { return field_.dimension(); }
+    [[nodiscard]] bool unknown_time() const override { return field_.autonomous(); }
+    [[nodiscard]] double share(Eigen::Index j) const override { return mesh_[static_cast<std::size_t>(j)]; }
+    [[nodiscard]] double width(Eigen::Index j) const;
+    [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
+                                    std::span<const Eigen::Index> free) const override;
+
+    /// dx/ds at the collocation points of an interval, shape (n, m); empty when the equations cannot be solved.
+    [[nodiscard]] Eigen::MatrixXd slopes(Eigen::Index j, const Eigen::VectorXd& z, double time) const;
+
+private:
+    /// Collocation points of interval j as shares.
+    [[nodiscard]] std::vector<double> shares(Eigen::Index j) const;
+    [[nodiscard]] Eigen::MatrixXd states(Eigen::Index j, const Eigen::VectorXd& z, const Eigen::MatrixXd& slopes) const;
+    /// 1 - h a_il J_i, shape (n m, n m).
+    [[nodiscard]] Eigen::MatrixXd matrix(Eigen::Index j, const Eigen::MatrixXd& by_state) const;
+
+    const OrbitField& field_;
+    const GaussMethod& method_;
+    std::vector<double> mesh_;
+};
+
+}  // namespace orbid::periodic

@@ -1,0 +1,79 @@
+#include "periodic/discretisation/shooting_steps.hpp"
+
+#include <cstddef>
+
+namespace orbid::periodic {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+FlowSteps::FlowSteps(const models::System& system, const VectorXd& theta, const Course& course,
+                     const models::FlowOptions& options)
+    : system_(system), theta_(theta), clock_(course.clock), segments_(course.segments), options_(options) {
+    double share = 0.0;
+    for (const Segment& segment : segments_) {
+        shares_.push_back(share);
+        share += segment.share;
+    }
+}
+
+Index FlowSteps::steps() const {
+    return static_cast<Index>(segments_.size());
+}
+
+Index FlowSteps::dimension() const {
+    return system_.dimension();
+}
+
+bool FlowSteps::unknown_time() const {
+    return system_.kind() == models::Kind::autonomous;
+}
+
+double FlowSteps::share(Index j) const {
+    return shares_[static_cast<std::size_t>(j)];
+}
+
+StepImage FlowSteps::advance(Index j, const VectorXd& z, double time, std::span<const Index> free) const {
+    const Segment& segment = segments_[static_cast<std::size_t>(j)];
+    const double durations[] = {unknown_time() ? segment.share * time : segment.duration};
+    const models::FlowResult flow =
+        system_.flow_with_sensitivities(z, segment.phase, durations, theta_, free, clock_, options_);
+    StepImage image;
+    image.simulated = flow.status == models::FlowStatus::ok;
+    if (!image.simulated) return image;
+    image.sticking = flow.stickings > 0;
+    image.value = flow.states.col(0);
+    image.by_state = flow.sensitivities.leftCols(z.size());
+    image.by_parameters = flow.sensitivities.rightCols(static_cast<Index>(free.size()));
+    if (unknown_time()) image.by_ln_time = durations[0] * system_.rhs(image.value, std::vector<double>{0.0}, theta_);
+    return image;
+}
+
+std::vector<Eigen::MatrixXd> FlowSteps::propagators(const std::vector<Eigen::MatrixXd>& jacobians,
+                                                    const Eigen::MatrixXd& nodes, double time) const {
+    // Two digits; pieces of less gain nothing. Measured on cycles of the torque-driven pendulum up to period 12.
+    constexpr double piece_growth = 1e2;
+    if (system_.kind() == models::Kind::map) return jacobians;
+    std::vector<Eigen::MatrixXd> factors;
+    for (std::size_t j = 0; j < jacobians.size(); ++j) {
+        const int pieces = pieces_of(jacobians[j], piece_growth);
+        const Segment& segment = segments_[j];
+        const double length = (unknown_time() ? segment.share * time : segment.duration) / pieces;
+        std::vector<Eigen::MatrixXd> parts;
+        Eigen::VectorXd x = nodes.col(static_cast<Eigen::Index>(j));
+        for (int k = 0; pieces > 1 && k < pieces; ++k) {
+            const double durations[] = {length};
+            const double phase = segment.phase + (clock_ == models::Clock::phase ? k * length : 0.0);
+            const models::FlowResult flow =
+                system_.flow_with_sensitivities(x, phase, durations, theta_, {}, clock_, options_);
+            if (flow.status != models::FlowStatus::ok) break;
+            x = flow.states.col(0);
+            parts.push_back(flow.sensitivities.leftCols(x.size()));
+        }
+        if (static_cast<int>(parts.size()) != pieces) parts = {jacobians[j]};
+        factors.insert(factors.end(), parts.begin(), parts.end());
+    }
+    return factors;
+}
+
+}  // namespace orbid::periodic

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system/system.hpp"
+#include "periodic/discretisation/discretisation.hpp"
+#include "periodic/orbit/course.hpp"
+
+namespace orbid::periodic {
+
+/// The flow over the segments of a course: the steps of multiple shooting. T of autonomous flows is shared out among
+/// the segments as in the course. System and theta are only referred to.
+class FlowSteps final : public Discretisation {
+public:
+    FlowSteps(const models::System& system, const Eigen::VectorXd& theta, const Course& course,
+              const models::FlowOptions& options);
+
+    [[nodiscard]] Eigen::Index steps() const override;
+    [[nodiscard]] Eigen::Index dimension() const override;
+    [[nodiscard]] bool unknown_time() const override;
+    [[nodiscard]] double share(Eigen::Index j) const override;
+    [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
+                                    std::span<const Eigen::Index> free) const override;
+    /// Segments over which errors grow much are followed once more in pieces: a Jacobian whose largest singular value
+    /// is g times the smallest has lost as many digits of the small multipliers as g has.
+    [[nodiscard]] std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
+                                                           const Eigen::MatrixXd& nodes, double time) const override;
+
+private:
+    const models::System& system_;
+    const Eigen::VectorXd& theta_;
+    models::Clock clock_;
+    std::vector<Segment> segments_;
+    std::vector<double> shares_;
+    models::FlowOptions options_;
+};
+
+}  // namespace orbid::periodic

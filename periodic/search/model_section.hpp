@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system/system.hpp"
+
+namespace orbid::periodic {
+
+/// The section in which orbits of one model at one theta are counted: one point per period of the forcing at a phase,
+/// per iteration, or per crossing of a plane.
+struct ModelSection {
+    const models::System& system;
+    const Eigen::VectorXd& theta;
+    double phase = 0.0;                      ///< [rad] (forced models)
+    std::optional<models::Section> section;  ///< autonomous flows
+    double longest = 0.0;                    ///< [s] allowed for a return (autonomous flows)
+};
+
+/// Points of a section along the model's own trajectories, from random states.
+struct SectionPieces {
+    std::vector<Eigen::MatrixXd> pieces;  ///< shape (n, m) each: successive sections, transients included
+    Eigen::VectorXd lowest;               ///< shape (n): of the central 99.8 % of the points; angles: -pi
+    Eigen::VectorXd size;      ///< shape (n), > 0: their extent; angles: 2 pi; a constant one: the largest value of all
+    std::size_t captured = 0;  ///< trajectories that ended in a stable orbit or at rest
+    std::size_t lost = 0;      ///< that could not be continued
+};
+
+struct SectionPiecesOptions {
+    std::size_t points = 1U << 18U;  ///< simulated in all, > 0
+    std::size_t trajectories = 256;  ///< at a time, > 0
+    std::uint64_t seed = 1;
+    Eigen::MatrixXd initial{};  ///< shape (n, m): states from which the first trajectories begin; may be empty
+    models::FlowOptions flow{};
+};
+
+/// [s] 100 times the median of a few returns from random states: what longer returns are taken for standstill. 1
+/// unless autonomous.
+[[nodiscard]] double longest_return(const models::System& system, const Eigen::VectorXd& theta,
+                                    const std::optional<models::Section>& section, std::uint64_t seed,
+                                    const models::FlowOptions& flow);
+
+/// Half the range of random states, shape (n): pi for angles; otherwise the largest absolute value that trajectories
+/// from within one unit reach, as far as they can be followed.
+[[nodiscard]] Eigen::VectorXd start_range(const ModelSection& section, std::uint64_t seed,
+                                          const models::FlowOptions& flow);
+
+/// Trajectories from states that are uniform within start_range(). One that settles on a stable orbit (64 sections
+/// repeat after p <= 32 within 1e-9 of the size) or cannot be continued makes room for another, and leaves what it
+/// went through. The same bytes with any number of threads.
+[[nodiscard]] SectionPieces simulate_pieces(const ModelSection& section, const SectionPiecesOptions& options);
+
+/// State number `index` of a stream of uniform random states within +-range. Shape (n).
+[[nodiscard]] Eigen::VectorXd random_state(const Eigen::VectorXd& range, std::uint64_t seed, std::uint64_t index);
+
+}  // namespace orbid::periodic

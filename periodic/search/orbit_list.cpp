@@ -1,0 +1,193 @@
+#include "periodic/search/orbit_list.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/solution/multiple_shooting.hpp"
+
+namespace orbid::periodic {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Orbits whose points are all nearer than this (relative to the size) are one: starts are closed to 1e-8 or better,
+/// and two orbits come that near only beside a bifurcation, where they cannot be told apart to that accuracy either.
+constexpr double same_orbit = 1e-6;
+
+/// Components that differ by less are taken as equal when the first point is chosen.
+constexpr double tie = 1e-9;
+
+MatrixXd rotated(const MatrixXd& points, Index first) {
+    MatrixXd result(points.rows(), points.cols());
+    const Index p = points.cols();
+    result.leftCols(p - first) = points.rightCols(p - first);
+    result.rightCols(first) = points.leftCols(first);
+    return result;
+}
+
+/// Crossings of an autonomous orbit from its first point over one period.
+std::optional<MatrixXd> crossings_of(const ModelSection& section, const VectorXd& start, double time,
+                                     std::size_t at_most, const models::FlowOptions& flow) {
+    // A crossing within this share of the period before its end is the last one.
+    constexpr double end = 1e-6;
+    const auto found =
+        section.system.crossings(start, *section.section, at_most, section.longest, section.theta, std::nullopt, flow);
+    Index count = 0;
+    while (count < found.times.size() && found.times(count) <= time * (1.0 + end))
+        ++count;
+    if (count == 0 || (count == found.times.size() && found.status != models::FlowStatus::ok)) return std::nullopt;
+    return found.states.leftCols(count);
+}
+
+}  // namespace
+
+MatrixXd in_canonical_order(const MatrixXd& points, const VectorXd& size) {
+    Index first = 0;
+    for (Index j = 1; j < points.cols(); ++j) {
+        for (Index i = 0; i < points.rows(); ++i) {
+            const double difference = points(i, j) - points(i, first);
+            if (std::abs(difference) <= tie * size(i)) continue;
+            if (difference < 0.0) first = j;
+            break;
+        }
+    }
+    return rotated(points, first);
+}
+
+std::optional<MatrixXd> mirror_image(const ModelSection& section, const PeriodicOrbit& orbit,
+                                     const models::FlowOptions& flow) {
+    const auto symmetry = section.system.symmetry();
+    if (!symmetry) return std::nullopt;
+    const VectorXd signs = Eigen::Map<const VectorXd>(symmetry->signs.data(), orbit.points.rows());
+    MatrixXd image = signs.asDiagonal() * orbit.points;
+    const std::vector<Index> angles = angle_coordinates(section.system);
+    if (section.system.kind() == models::Kind::autonomous) {
+        const VectorXd normal = signs.asDiagonal() * section.section->normal;
+        if (normal == section.section->normal) return image;
+        return crossings_of(section, image.col(0), orbit.time, 4 * static_cast<std::size_t>(orbit.period) + 4, flow);
+    }
+    if (section.system.kind() == models::Kind::forced && symmetry->phase_shift != 0.0) {
+        // The images lie at a later phase: on to the next section.
+        const double full = section.system.period(section.theta, models::Clock::phase);
+        const double durations[] = {full - std::fmod(symmetry->phase_shift, full)};
+        for (Index j = 0; j < image.cols(); ++j) {
+            const auto later = section.system.flow(image.col(j), section.phase + symmetry->phase_shift, durations,
+                                                   section.theta, models::Clock::phase, flow);
+            if (later.status != models::FlowStatus::ok) return std::nullopt;
+            image.col(j) = later.states.col(0);
+        }
+    }
+    return wrapped_angles(image, angles);
+}
+
+OrbitList::OrbitList(const ModelSection& section, VectorXd size, ShootingOptions solver)
+    : section_(section),
+      size_(std::move(size)),
+      solver_(std::move(solver)),
+      angles_(angle_coordinates(section.system)) {}
+
+std::size_t OrbitList::count(int period) const {
+    std::size_t number = 0;
+    for (const FoundOrbit& found : orbits_)
+        number += found.orbit.period == period ? 1 : 0;
+    return number;
+}
+
+std::optional<std::size_t> OrbitList::find(const MatrixXd& points, double radius) const {
+    const Index p = points.cols();
+    const auto near = [&](Eigen::Ref<const VectorXd> a, Eigen::Ref<const VectorXd> b) {
+        for (Index i = 0; i < a.size(); ++i) {
+            double gap = a(i) - b(i);
+            if (section_.system.coordinates()[static_cast<std::size_t>(i)].angle) gap = models::wrapped(gap);
+            if (!(std::abs(gap) <= radius * size_(i))) return false;
+        }
+        return true;
+    };
+    for (std::size_t k = 0; k < orbits_.size(); ++k) {
+        const MatrixXd& known = orbits_[k].orbit.points;
+        if (known.cols() != p) continue;
+        for (Index shift = 0; shift < p; ++shift) {
+            Index j = 0;
+            while (j < p && near(points.col(j), known.col((j + shift) % p)))
+                ++j;
+            if (j == p) return k;
+        }
+    }
+    return std::nullopt;
+}
+
+MatrixXd OrbitList::prime(const MatrixXd& points) const {
+    return points.leftCols(points.cols() / repeats_of(points, angles_, size_, same_orbit));
+}
+
+bool OrbitList::crosses_forwards(const MatrixXd& points) const {
+    const std::vector<double> phases(static_cast<std::size_t>(points.cols()), 0.0);
+    const MatrixXd field = section_.system.rhs(points, phases, section_.theta);
+    const VectorXd speed = field.transpose() * section_.section->normal;
+    return (speed.array() * section_.section->direction > 0.0).all();
+}
+
+std::optional<std::size_t> OrbitList::insert(const MatrixXd& points, StartOrigin origin) {
+    MatrixXd guess = wrapped_angles(prime(points), angles_);
+    if (const auto known = find(guess, same_orbit)) {
+        ++orbits_[*known].hits;
+        return std::nullopt;
+    }
+    ShootingOptions options = solver_;
+    options.maximum_distance = std::numeric_limits<double>::infinity();
+    options.scale = size_;
+    StartingSolution start;
+    start.phase = section_.phase;
+    start.section = section_.section;
+    start.points = in_canonical_order(guess, size_);
+    PeriodicOrbit orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, options);
+    if (orbit.status != OrbitStatus::converged) return std::nullopt;
+    if (section_.section) {
+        // An orbit may touch the section between the points of its guess, or cross one of them the other way.
+        const auto crossed = crossings_of(section_, orbit.points.col(0), orbit.time,
+                                          4 * static_cast<std::size_t>(orbit.period) + 4, solver_.flow);
+        if (!crossed) return std::nullopt;
+        if (crossed->cols() != orbit.points.cols() || !crosses_forwards(orbit.points)) {
+            start.points = in_canonical_order(*crossed, size_);
+            orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, options);
+            if (orbit.status != OrbitStatus::converged) return std::nullopt;
+        }
+    }
+    // Newton's method may have left the guess, and the first point may have changed.
+    const MatrixXd ordered = in_canonical_order(orbit.points, size_);
+    if (ordered.col(0) != orbit.points.col(0)) {
+        start.points = ordered;
+        orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, options);
+        if (orbit.status != OrbitStatus::converged) return std::nullopt;
+    }
+    if (const auto known = find(orbit.points, same_orbit)) {
+        ++orbits_[*known].hits;
+        return std::nullopt;
+    }
+    orbit.distance = 0.0;  // of a guess that says nothing
+    orbits_.push_back({std::move(orbit), origin, -1, 1});
+    return orbits_.size() - 1;
+}
+
+void OrbitList::look_for_mirror(std::size_t index) {
+    const auto image = mirror_image(section_, orbits_[index].orbit, solver_.flow);
+    if (!image) return;
+    std::optional<std::size_t> partner = find(*image, same_orbit);
+    if (!partner) partner = insert(*image, StartOrigin::symmetry);
+    if (!partner) return;
+    orbits_[index].mirror = static_cast<int>(*partner);
+    orbits_[*partner].mirror = static_cast<int>(index);
+}
+
+std::optional<std::size_t> OrbitList::add(const MatrixXd& points, StartOrigin origin, bool mirror) {
+    const auto index = insert(points, origin);
+    if (index && mirror) look_for_mirror(*index);
+    return index;
+}
+
+}  // namespace orbid::periodic

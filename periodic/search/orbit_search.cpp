@@ -1,0 +1,147 @@
+#include "periodic/search/orbit_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "periodic/search/model_section.hpp"
+#include "periodic/search/start_search.hpp"
+
+namespace orbid::periodic {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+/// Stabilised iterations for a period that is settled already: a sample that would show what the other starts cannot
+/// reach.
+constexpr std::size_t sample = 256;
+
+void require(bool holds, const std::string& message) {
+    if (!holds) throw std::invalid_argument("search_orbits: " + message);
+}
+
+void validate(const models::System& system, const VectorXd& theta, const OrbitSearchOptions& options) {
+    const auto text = [](auto value) { return std::to_string(value); };
+    require(theta.size() == static_cast<Index>(system.parameters().size()) && theta.allFinite(),
+            "theta needs one finite value for each of the " + text(system.parameters().size()) + " parameters");
+    require(!options.periods.empty(), "periods must not be empty");
+    for (const int period : options.periods) {
+        require(period >= 1, "periods must be >= 1, got " + text(period));
+        require(std::count(options.periods.begin(), options.periods.end(), period) == 1,
+                "periods must differ, " + text(period) + " stands twice");
+    }
+    require(std::isfinite(options.phase), "phase must be finite");
+    require(options.points >= 100, "points must be >= 100, got " + text(options.points));
+    require(options.trajectories >= 1, "trajectories must be >= 1");
+    require(options.patience >= 1, "patience must be >= 1");
+    require(options.loops >= 1, "loops must be >= 1");
+    require(options.widest > 0.0 && options.widest <= 0.5, "widest must lie in (0, 0.5], got " + text(options.widest));
+    require(
+        options.initial.cols() == 0 || (options.initial.rows() == system.dimension() && options.initial.allFinite()),
+        "initial needs one finite state of " + text(system.dimension()) + " coordinates per column");
+    const bool autonomous = system.kind() == models::Kind::autonomous;
+    require(options.section.has_value() == autonomous,
+            autonomous ? "an autonomous model needs a section" : "a section plane belongs to autonomous models");
+    if (autonomous)
+        require(options.section->normal.size() == system.dimension() && options.section->normal.allFinite() &&
+                    options.section->normal.norm() > 0.0 && std::isfinite(options.section->offset),
+                "the section's normal needs " + text(system.dimension()) + " finite numbers that are not all 0");
+    if (options.partition) validate(*options.partition, system.dimension());
+    require(options.codes.empty() || options.partition.has_value(), "codes need a partition");
+    for (const std::string& code : options.codes) {
+        require(is_prime_word(code), "code \"" + code + "\" is empty or repeats a shorter word");
+        require(code.find_first_not_of(options.partition->symbols) == std::string::npos,
+                "code \"" + code + "\" has symbols that are not among \"" + options.partition->symbols + "\"");
+    }
+}
+
+/// The orbits asked for, by period, rotation and points; mirrors renumbered.
+std::vector<FoundOrbit> ordered(const std::vector<FoundOrbit>& found, const std::vector<int>& periods) {
+    std::vector<std::size_t> order;
+    for (std::size_t k = 0; k < found.size(); ++k)
+        if (std::find(periods.begin(), periods.end(), found[k].orbit.period) != periods.end()) order.push_back(k);
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        const PeriodicOrbit& left = found[a].orbit;
+        const PeriodicOrbit& right = found[b].orbit;
+        if (left.period != right.period) return left.period < right.period;
+        if (left.rotation != right.rotation) return left.rotation < right.rotation;
+        return std::lexicographical_compare(left.points.data(), left.points.data() + left.points.size(),
+                                            right.points.data(), right.points.data() + right.points.size());
+    });
+    std::vector<int> place(found.size(), -1);
+    for (std::size_t k = 0; k < order.size(); ++k)
+        place[order[k]] = static_cast<int>(k);
+    std::vector<FoundOrbit> result;
+    for (const std::size_t k : order) {
+        result.push_back(found[k]);
+        if (found[k].mirror >= 0) result.back().mirror = place[static_cast<std::size_t>(found[k].mirror)];
+    }
+    return result;
+}
+
+}  // namespace
+
+std::string_view name(StartOrigin origin) {
+    switch (origin) {
+        case StartOrigin::recurrence:
+            return "recurrence";
+        case StartOrigin::joined:
+            return "joined";
+        case StartOrigin::symmetry:
+            return "symmetry";
+        case StartOrigin::orbit:
+            return "orbit";
+        case StartOrigin::code:
+            return "code";
+        case StartOrigin::scattered:
+            return "scattered";
+    }
+    return "unknown";
+}
+
+OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, const OrbitSearchOptions& options) {
+    validate(system, theta, options);
+    const models::FlowOptions coarse = coarse_flow(options.solver.flow);
+    const ModelSection section{system, theta, options.phase, options.section,
+                               longest_return(system, theta, options.section, options.seed, coarse)};
+    const SectionPieces pieces =
+        simulate_pieces(section, {options.points, options.trajectories, options.seed, options.initial, coarse});
+    StartSearch search(section, options, pieces);
+    std::vector<int> periods = options.periods;
+    for (const std::string& code : options.codes)
+        periods.push_back(static_cast<int>(code.size()));
+    std::sort(periods.begin(), periods.end());
+    periods.erase(std::unique(periods.begin(), periods.end()), periods.end());
+    search.from_codes();
+    OrbitSearch result;
+    for (const int period : periods) {
+        if (search.stopped()) {
+            result.settled.push_back(false);
+            continue;
+        }
+        search.from_recurrences(period);
+        search.from_scattered(period);
+        result.settled.push_back(search.from_joined(period));
+    }
+    // Orbits that are found for one period serve as starts for the others, until a whole round is in vain.
+    std::vector<std::size_t> used(periods.size(), 0);
+    for (std::size_t before = 0; options.stabilised && before < search.list().orbits().size() && !search.stopped();) {
+        before = search.list().orbits().size();
+        for (std::size_t i = 0; i < periods.size(); ++i)
+            search.from_orbits(periods[i], used[i],
+                               result.settled[i] ? sample : std::numeric_limits<std::size_t>::max());
+    }
+    result.orbits = ordered(search.list().orbits(), periods);
+    if (options.partition)
+        for (FoundOrbit& found : result.orbits)
+            found.code = symbolic_code(*options.partition, found.orbit.points);
+    result.starts = search.starts();
+    result.captured = pieces.captured;
+    result.interrupted = search.stopped();
+    return result;
+}
+
+}  // namespace orbid::periodic

@@ -1,0 +1,197 @@
+#include "periodic/search/start_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include <tbb/parallel_for.h>
+
+#include "periodic/search/joined_start.hpp"
+#include "periodic/search/recurrence_start.hpp"
+#include "periodic/search/section_cell.hpp"
+#include "periodic/search/symbolic_start.hpp"
+#include "periodic/solution/multiple_shooting.hpp"
+
+namespace orbid::periodic {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Starts that are solved before the list is looked at again: the result depends on it, not on the number of threads.
+constexpr std::size_t batch = 256;
+
+/// Accuracy of the flow while a start is closed, and of its closing: orbits are told apart to 1e-6.
+constexpr double coarse_tolerance = 1e-8;
+constexpr double coarse_closing = 1e-6;
+
+/// Edge of the cells that tell itineraries of recurrences apart, relative to the section.
+constexpr double recurrence_cell = 0.05;
+
+/// Edges of the cells through which pieces are joined, relative to the section. Pendulum, g = 9.81, 2^17 points: with
+/// any edge from 1/24 to 1/4 all 352 orbits of period 5 come out of one round, with 1/32 344, with 1/48 298; with 2^15
+/// points from 1/8 on, with 2^19 from 1/48 on. So the first edge goes with the root of the points.
+constexpr double edge_at_2_17 = 1.0 / 24.0;
+constexpr double finest_first_edge = 1.0 / 64.0;
+constexpr double coarsest_edge = 1.0 / 8.0 + 1e-9;
+constexpr double finest_edge = 1e-3;
+constexpr double edge_ratio = 1.4142135623730951;
+
+/// Random states that are tried for every period.
+constexpr std::size_t scattered_states = 64;
+
+std::vector<double> section_signs(const ModelSection& section) {
+    const auto symmetry = section.system.symmetry();
+    if (!symmetry || symmetry->phase_shift != 0.0) return {};
+    if (section.section) {
+        const VectorXd& normal = section.section->normal;
+        for (Index i = 0; i < normal.size(); ++i)
+            if (normal(i) != 0.0 && symmetry->signs[static_cast<std::size_t>(i)] != 1.0) return {};
+    }
+    return symmetry->signs;
+}
+
+}  // namespace
+
+models::FlowOptions coarse_flow(const models::FlowOptions& flow) {
+    models::FlowOptions coarse = flow;
+    coarse.relative_tolerance = std::max(flow.relative_tolerance, coarse_tolerance);
+    coarse.absolute_tolerance = std::max(flow.absolute_tolerance, coarse_tolerance);
+    return coarse;
+}
+
+StartSearch::StartSearch(const ModelSection& section, const OrbitSearchOptions& options, const SectionPieces& pieces)
+    : section_(section),
+      options_(options),
+      pieces_(pieces),
+      list_(section, pieces.size, options.solver),
+      coarse_(options.solver),
+      chart_(section, pieces.size) {
+    coarse_.scale = pieces.size;
+    coarse_.maximum_distance = std::numeric_limits<double>::infinity();
+    coarse_.tolerance = std::max(options.solver.tolerance, coarse_closing);
+    coarse_.flow = coarse_flow(options.solver.flow);
+    coarse_.nearest = false;  // any orbit is welcome: what looking for the nearest one costs goes into more starts
+    // A start whose steps have to be shortened more than that rarely ends at an orbit: 3.4 s instead of 5.2 s for the
+    // pendulum's periods 1 to 4, the same orbits.
+    coarse_.minimum_damping = std::max(options.solver.minimum_damping, 0.1);
+    if (options.symmetry) signs_ = section_signs(section);
+}
+
+void StartSearch::solve(std::size_t count, StartOrigin origin, const std::function<MatrixXd(std::size_t)>& start_at) {
+    std::size_t idle = 0;
+    for (std::size_t done = 0; done < count && !stopped(); done += batch) {
+        const std::size_t size = std::min(batch, count - done);
+        std::vector<MatrixXd> closed(size);
+        tbb::parallel_for(std::size_t{0}, size, [&](std::size_t k) {
+            StartingSolution start;
+            start.phase = section_.phase;
+            start.section = section_.section;
+            start.points = start_at(done + k);
+            if (start.points.cols() == 0) return;
+            const PeriodicOrbit orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, coarse_);
+            if (orbit.status == OrbitStatus::converged || orbit.status == OrbitStatus::shorter_period)
+                closed[k] = orbit.points;
+        });
+        starts_ += size;
+        for (const MatrixXd& points : closed) {
+            ++idle;
+            if (points.cols() > 0 && list_.add(points, origin, options_.symmetry)) idle = 0;
+        }
+        if (idle >= options_.patience && 4 * idle >= done + size) return;
+    }
+}
+
+void StartSearch::from_codes() {
+    if (options_.codes.empty()) return;
+    const SymbolicStarts symbolic(section_, pieces_, *options_.partition);
+    for (const std::string& word : options_.codes) {
+        const CodedOrbit coded = symbolic.solve(word, coarse_);
+        if (coded.found) list_.add(coded.orbit.points, StartOrigin::code, options_.symmetry);
+        ++starts_;
+    }
+}
+
+void StartSearch::from_recurrences(int period) {
+    const auto starts = recurrence_starts(section_.system, pieces_, period, options_.widest, recurrence_cell, signs_);
+    solve(starts.size(), StartOrigin::recurrence, [&](std::size_t k) { return starts[k].points(pieces_, period); });
+}
+
+void StartSearch::from_scattered(int period) {
+    const VectorXd middle = pieces_.lowest + 0.5 * pieces_.size;
+    solve(scattered_states, StartOrigin::scattered, [&](std::size_t k) {
+        const VectorXd x = on_section(middle + random_state(pieces_.size, options_.seed, k));
+        return chart_.returned(x, period, coarse_.flow).points;
+    });
+}
+
+bool StartSearch::from_joined(int period) {
+    double edge = std::clamp(edge_at_2_17 * std::sqrt(0x1p17 / static_cast<double>(options_.points)), finest_first_edge,
+                             coarsest_edge / edge_ratio);
+    auto loops = loops_of(period, edge);
+    while (!loops && edge > finest_edge) {
+        edge /= edge_ratio;
+        loops = loops_of(period, edge);
+    }
+    bool in_vain = false;
+    for (bool first = true; loops && edge <= coarsest_edge && !stopped(); first = false) {
+        const std::size_t before = list_.orbits().size();
+        solve(loops->size(), StartOrigin::joined, [&](std::size_t k) { return (*loops)[k]; });
+        in_vain = list_.orbits().size() == before;
+        // The finest cells may have next to no loops: they do not decide alone.
+        if (in_vain && !first) break;
+        edge *= edge_ratio;
+        loops = loops_of(period, edge);
+    }
+    return in_vain && !stopped();
+}
+
+void StartSearch::from_orbits(int period, std::size_t& used, std::size_t most) {
+    StabilisedOptions stabilised;
+    stabilised.flow = coarse_.flow;
+    const std::vector<MatrixXd> matrices = stabilising_matrices(chart_.dimension());
+    std::vector<VectorXd> seeds;
+    for (; used < list_.orbits().size(); ++used) {
+        const FoundOrbit& found = list_.orbits()[used];
+        if (found.orbit.period == period || found.origin == StartOrigin::symmetry) continue;
+        for (Index j = 0; j < found.orbit.points.cols(); ++j)
+            seeds.push_back(found.orbit.points.col(j));
+    }
+    std::vector<std::pair<std::uint64_t, std::size_t>> order;  // mixed, so that any first part is a fair sample
+    for (std::size_t k = 0; k < seeds.size() * matrices.size(); ++k)
+        order.emplace_back(mixed_bits(k), k);
+    std::sort(order.begin(), order.end());
+    solve(std::min(most, order.size()), StartOrigin::orbit, [&](std::size_t i) {
+        const std::size_t k = order[i].second;
+        return stabilised_start(chart_, seeds[k / matrices.size()], period, matrices[k % matrices.size()], stabilised)
+            .value_or(MatrixXd());
+    });
+}
+
+std::optional<std::vector<MatrixXd>> StartSearch::loops_of(int period, double edge) const {
+    const SectionCells cells(section_.system, pieces_.size, edge, signs_);
+    const JoinedPieces joined(pieces_, cells);
+    const auto loops = joined.loops(period, options_.loops);
+    if (!loops) return std::nullopt;
+    std::vector<std::uint64_t> known;
+    for (const FoundOrbit& found : list_.orbits())
+        if (found.orbit.period == period) known.push_back(itinerary_name(cells, found.orbit.points));
+    std::sort(known.begin(), known.end());
+    std::vector<MatrixXd> starts;
+    for (const auto& loop : *loops) {
+        MatrixXd points = joined.points(loop);
+        if (!std::binary_search(known.begin(), known.end(), itinerary_name(cells, points)))
+            starts.push_back(std::move(points));
+    }
+    return starts;
+}
+
+VectorXd StartSearch::on_section(const VectorXd& x) const {
+    if (!section_.section) return x;
+    const VectorXd& normal = section_.section->normal;
+    return x + normal * ((section_.section->offset - normal.dot(x)) / normal.squaredNorm());
+}
+
+}  // namespace orbid::periodic

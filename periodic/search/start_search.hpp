@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "periodic/search/model_section.hpp"
+#include "periodic/search/orbit_list.hpp"
+#include "periodic/search/orbit_search.hpp"
+#include "periodic/search/stabilised_start.hpp"
+
+namespace orbid::periodic {
+
+/// Accuracy of the flow where it only has to lead to starts.
+[[nodiscard]] models::FlowOptions coarse_flow(const models::FlowOptions& flow);
+
+/// Starts of every origin, solved in batches, and the list of orbits that came out. Parallel within a batch; the same
+/// with any number of threads.
+class StartSearch {
+public:
+    StartSearch(const ModelSection& section, const OrbitSearchOptions& options, const SectionPieces& pieces);
+
+    /// The words asked for.
+    void from_codes();
+
+    /// Recurrences of the trajectories, closest first.
+    void from_recurrences(int period);
+
+    /// Random states around the section, and where they go: orbits off the attractor.
+    void from_scattered(int period);
+
+    /// Loops of cells, from fine cells to coarse ones, until a round brings nothing new. Fine cells have few loops,
+    /// each near to its orbit, but some of their steps were never seen; coarse ones have many.
+    /// @return the last round, through cells of another size than those before, brought nothing new.
+    bool from_joined(int period);
+
+    /// Stabilised iterations that begin at the points of orbits of other periods.
+    /// @param used  orbits of the list that have served already; set to all.
+    /// @param most  iterations, a mixed sample of all.
+    void from_orbits(int period, std::size_t& used, std::size_t most);
+
+    /// Somebody asked to stop.
+    [[nodiscard]] bool stopped() const { return options_.interrupted && options_.interrupted(); }
+    [[nodiscard]] const OrbitList& list() const { return list_; }
+    [[nodiscard]] std::size_t starts() const { return starts_; }
+
+private:
+    /// Solves starts in batches until they are all tried or long in vain.
+    /// @param start_at  points of start number k; empty: none.
+    void solve(std::size_t count, StartOrigin origin, const std::function<Eigen::MatrixXd(std::size_t)>& start_at);
+
+    /// Points of the loops of one length through cells of one edge, those of known orbits left out; none: too many.
+    [[nodiscard]] std::optional<std::vector<Eigen::MatrixXd>> loops_of(int period, double edge) const;
+
+    [[nodiscard]] Eigen::VectorXd on_section(const Eigen::VectorXd& x) const;
+
+    const ModelSection& section_;
+    const OrbitSearchOptions& options_;
+    const SectionPieces& pieces_;
+    OrbitList list_;
+    ShootingOptions coarse_;
+    SectionChart chart_;
+    std::vector<double> signs_;  ///< of a symmetry that maps the section onto itself; empty: none
+    std::size_t starts_ = 0;
+};
+
+}  // namespace orbid::periodic

@@ -1,0 +1,109 @@
+#include "periodic/solution/multiple_shooting.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "periodic/discretisation/closing_error.hpp"
+#include "periodic/discretisation/discretisation.hpp"
+#include "periodic/discretisation/shooting_steps.hpp"
+#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/solution/approach.hpp"
+#include "periodic/solution/orbit_solution.hpp"
+
+namespace orbid::periodic {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+PeriodicOrbit solve_once(const models::System& system, const VectorXd& theta, const StartingSolution& start,
+                         std::span<const Index> free, const ShootingOptions& options) {
+    validate(system, free, options);
+    Course course = course_through(system, theta, start, options.flow);
+    // The integral phase condition is a sum over the nodes; with fewer it is not much of an integral.
+    constexpr int integral_nodes = 12;
+    if (system.kind() == models::Kind::autonomous && !start.section && options.phase == PhaseChoice::integral)
+        course = divided(system, theta, course, integral_nodes, options.flow);
+    DiscreteStart first;
+    if (course.simulated) {
+        double share = 0.0;
+        for (const Segment& segment : course.segments) {
+            first.points.push_back(share);
+            share += segment.share;
+        }
+        const VectorXd scale = options.scale.size() > 0 ? options.scale : default_scale(system, start.points);
+        const Approach near = approach(system, theta, course, start, scale, options);
+        course = near.course;
+        first.rotation = near.rotation;
+        first.iterations = near.iterations;
+        const auto close = [&] {
+            return closing_error(FlowSteps(system, theta, course, options.flow), course.nodes, course.time,
+                                 MatrixXd::Zero(course.nodes.rows(), course.nodes.cols()));
+        };
+        first.closing = close();
+        const bool grows = first.closing.simulated &&
+                           std::any_of(first.closing.jacobians.begin(), first.closing.jacobians.end(),
+                                       [&](const MatrixXd& x) { return grows_beyond(x, options.segment_growth); });
+        if (grows && system.kind() != models::Kind::map) {
+            course = refined(system, theta, course, options.segment_growth, options.flow);
+            first.closing = close();
+        }
+        if (system.kind() == models::Kind::autonomous && !start.section) first.points.clear();
+    }
+    first.nodes = course.nodes;
+    first.time = course.time;
+    return solve_discrete(system, theta, start, FlowSteps(system, theta, course, options.flow), first, free, options)
+        .orbit;
+}
+
+}  // namespace
+
+PeriodicOrbit solve_multiple_shooting(const models::System& system, const VectorXd& theta,
+                                      const StartingSolution& start, std::span<const Index> free,
+                                      const ShootingOptions& options) {
+    PeriodicOrbit orbit = solve_once(system, theta, start, free, options);
+    const auto found_one = [](OrbitStatus status) {
+        return status == OrbitStatus::converged || status == OrbitStatus::other_orbit ||
+               status == OrbitStatus::shorter_period || status == OrbitStatus::equilibrium;
+    };
+    if (system.kind() == models::Kind::autonomous && !start.section && options.phase == PhaseChoice::automatic &&
+        !found_one(orbit.status)) {
+        // The plane across the flow through a bad guess need not be crossed by the orbit.
+        ShootingOptions anywhere = options;
+        anywhere.phase = PhaseChoice::integral;
+        PeriodicOrbit shifted = solve_once(system, theta, start, free, anywhere);
+        if (found_one(shifted.status)) orbit = std::move(shifted);
+    }
+    if (start.rotation.empty() || orbit.status == OrbitStatus::converged) return orbit;
+    // Is there one near the guess that turns otherwise than asked for?
+    StartingSolution any_rotation = start;
+    any_rotation.rotation.clear();
+    PeriodicOrbit turning = solve_once(system, theta, any_rotation, free, options);
+    const bool found = turning.status == OrbitStatus::converged || turning.status == OrbitStatus::other_orbit;
+    const bool nearer = orbit.status != OrbitStatus::other_orbit || turning.distance < orbit.distance;
+    if (!found || !nearer || turning.rotation == start.rotation) return orbit;
+    turning.status = OrbitStatus::other_orbit;
+    return turning;
+}
+
+PeriodicOrbit solve_multiple_shooting(const models::System& system, const VectorXd& theta, double phase,
+                                      const MatrixXd& guess, std::span<const int> rotation, std::span<const Index> free,
+                                      const ShootingOptions& options) {
+    if (system.kind() == models::Kind::autonomous)
+        throw std::invalid_argument("solve_multiple_shooting: the model must be forced or a map; " +
+                                    std::string(system.name()) + " is autonomous");
+    StartingSolution start;
+    start.points = guess;
+    start.rotation.assign(rotation.begin(), rotation.end());
+    start.phase = phase;
+    return solve_multiple_shooting(system, theta, start, free, options);
+}
+
+}  // namespace orbid::periodic

@@ -1,0 +1,200 @@
+#include "periodic/solution/newton.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "periodic/discretisation/cyclic_system.hpp"
+
+namespace orbid::periodic {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Newton's error squares from step to step: a full step below this share of the scale that is not followed by one at
+/// least ten times smaller consists of rounding and integration error, and no further step can help.
+constexpr double noise_level = 1e-7;
+
+/// A step that makes the period this many times shorter is not believed, only shortened: the linearisation says nothing
+/// about motions so much faster.
+constexpr double most_shrinkage = 4.0;
+
+/// An orbit this many times shorter than its guess is none: the period goes to zero where nothing else closes.
+constexpr double vanished = 1e-3;
+
+/// The phase condition, scaled to size one: gap, and its derivatives.
+struct Gap {
+    VectorXd value;       ///< shape (k), k = 1 where T is unknown
+    MatrixXd by_nodes;    ///< shape (k, d m): of the first m nodes, one or all
+    MatrixXd by_ln_time;  ///< shape (k, k)
+    MatrixXd by_parameters;
+};
+
+Gap gap_at(const Discretisation& discretisation, const MatrixXd& nodes, double time,
+           const std::optional<PhaseCondition>& condition, const VectorXd& scale, std::span<const Index> free) {
+    Gap gap;
+    const Index d = nodes.rows();
+    const auto f = static_cast<Index>(free.size());
+    if (!discretisation.unknown_time()) {
+        gap.value.resize(0);
+        gap.by_nodes.resize(0, d);
+        gap.by_ln_time.resize(0, 0);
+        gap.by_parameters.resize(0, f);
+        return gap;
+    }
+    assert(condition.has_value());
+    const Index n = condition->normals.rows(), count = condition->normals.cols();
+    const double size = (condition->normals.array().colwise() * scale.head(n).array()).matrix().norm() /
+                        std::max(scale.head(n).maxCoeff(), std::numeric_limits<double>::min());
+    const MatrixXd normals = condition->normals / size;
+    gap.value = VectorXd::Constant(1, condition->offset / size);
+    gap.by_nodes.resize(1, d * count);
+    gap.by_ln_time = MatrixXd::Zero(1, 1);
+    gap.by_parameters = MatrixXd::Zero(1, f);
+    for (Index j = 0; j < count; ++j) {
+        const StepImage x = discretisation.state(j, nodes.col(j), time, free);
+        const VectorXd normal = normals.col(j);
+        gap.value(0) -= normal.dot(x.value);
+        gap.by_nodes.middleCols(d * j, d) = normal.transpose() * x.by_state;
+        gap.by_ln_time(0, 0) += normal.dot(x.by_ln_time);
+        gap.by_parameters += normal.transpose() * x.by_parameters;
+    }
+    return gap;
+}
+
+double norm_of(const MatrixXd& step, const VectorXd& scale) {
+    return (step.array().colwise() / scale.array()).matrix().norm();
+}
+
+/// A move of all nodes and of ln T.
+struct Move {
+    MatrixXd nodes;
+    double ln_time = 0.0;
+
+    [[nodiscard]] double size(const VectorXd& scale) const {
+        return std::max(relative_size(nodes, scale), std::abs(ln_time));
+    }
+    [[nodiscard]] double norm(const VectorXd& scale) const { return std::hypot(norm_of(nodes, scale), ln_time); }
+};
+
+/// The iteration's matrix, factorised, and what it needs beside the closing error.
+class Linearisation {
+public:
+    Linearisation(const ClosingError& closing, const Gap& gap)
+        : matrix_(closing.jacobians, {closing.by_ln_time, gap.by_nodes, gap.by_ln_time}) {}
+
+    [[nodiscard]] bool singular() const { return matrix_.singular(); }
+    [[nodiscard]] Move solve(const MatrixXd& error, const VectorXd& gap) const {
+        VectorXd right(error.size() + gap.size());
+        right << error.reshaped(), gap;
+        const VectorXd solution = matrix_.solve(right);
+        return {solution.head(error.size()).reshaped(error.rows(), error.cols()),
+                gap.size() > 0 ? solution(error.size()) : 0.0};
+    }
+
+private:
+    CyclicSystem matrix_;
+};
+
+}  // namespace
+
+double relative_size(const MatrixXd& difference, const VectorXd& scale) {
+    return (difference.array().colwise() / scale.array()).abs().maxCoeff();
+}
+
+NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start, double time, ClosingError first,
+                    const MatrixXd& turns, const std::optional<PhaseCondition>& condition, const VectorXd& scale,
+                    const ShootingOptions& options) {
+    NewtonResult result;
+    result.nodes = start;
+    result.time = time;
+    ClosingError now = std::move(first);
+    if (!now.simulated) {
+        result.status = OrbitStatus::not_simulated;
+        return result;
+    }
+    Gap gap = gap_at(discretisation, start, time, condition, scale, {});
+    result.residual = now.error.cwiseAbs().maxCoeff();
+    result.status = OrbitStatus::iteration_limit;
+    double damping = 1.0;
+    double last_size = std::numeric_limits<double>::infinity();
+    bool last_was_full = false;
+    for (result.iterations = 0; result.iterations < options.maximum_iterations; ++result.iterations) {
+        const Linearisation matrix(now, gap);
+        if (matrix.singular()) {
+            result.status = OrbitStatus::singular;
+            return result;
+        }
+        const Move step = matrix.solve(now.error, gap.value);
+        const double step_size = step.size(scale);
+        const bool closed = relative_size(now.error, scale) <= options.tolerance;
+        const bool stagnates = last_was_full && last_size < noise_level && step_size > 0.1 * last_size;
+        if ((closed && step_size <= options.tolerance) || stagnates) {
+            // Squares the error once more; whoever wants the result evaluates it there anyway.
+            result.nodes += step.nodes;
+            result.time *= std::exp(step.ln_time);
+            result.status = OrbitStatus::converged;
+            return result;
+        }
+
+        const double step_norm = step.norm(scale);
+        if (result.iterations == 0) result.first_step = step_norm;
+        bool accepted = false;
+        bool simulated_once = false;
+        bool shrank = false;
+        for (double length = damping; length >= options.minimum_damping; length *= 0.5) {
+            const MatrixXd trial_nodes = result.nodes + length * step.nodes;
+            const double trial_time = result.time * (1.0 + length * step.ln_time);
+            if (discretisation.unknown_time() &&
+                !(most_shrinkage * trial_time > result.time && trial_time < most_shrinkage * result.time)) {
+                shrank = trial_time < result.time;
+                continue;
+            }
+            ClosingError trial = closing_error(discretisation, trial_nodes, trial_time, turns);
+            if (!trial.simulated) continue;
+            simulated_once = true;
+            Gap trial_gap = gap_at(discretisation, trial_nodes, trial_time, condition, scale, {});
+            const Move simplified = matrix.solve(trial.error, trial_gap.value);
+            if (result.iterations == 0 && length == 1.0) result.contraction = simplified.norm(scale) / step_norm;
+            // Below the noise level the test would compare rounding errors: the step is taken as it is.
+            if (!(simplified.norm(scale) <= (1.0 - 0.5 * length) * step_norm) && !(step_size < noise_level)) continue;
+            result.nodes = trial_nodes;
+            result.time = trial_time;
+            now = std::move(trial);
+            gap = std::move(trial_gap);
+            last_was_full = length == 1.0;
+            damping = std::min(1.0, 2.0 * length);
+            accepted = true;
+            break;
+        }
+        result.residual = now.error.cwiseAbs().maxCoeff();
+        if (!accepted) {
+            result.status = simulated_once ? OrbitStatus::no_progress
+                            : shrank       ? OrbitStatus::period_vanished
+                                           : OrbitStatus::not_simulated;
+            return result;
+        }
+        if (discretisation.unknown_time() && !(result.time > vanished * time)) {
+            result.status = OrbitStatus::period_vanished;
+            return result;
+        }
+        last_size = step_size;
+    }
+    return result;
+}
+
+MatrixXd node_sensitivities(const Discretisation& discretisation, const ClosingError& closing, const MatrixXd& nodes,
+                            double time, const std::optional<PhaseCondition>& condition, const VectorXd& scale,
+                            std::span<const Index> free) {
+    const Gap gap = gap_at(discretisation, nodes, time, condition, scale, free);
+    const CyclicSystem matrix(closing.jacobians, {closing.by_ln_time, gap.by_nodes, gap.by_ln_time});
+    MatrixXd right(closing.parameters.rows() + gap.value.size(), closing.parameters.cols());
+    right << closing.parameters, -gap.by_parameters;
+    return matrix.solve(right);
+}
+
+}  // namespace orbid::periodic

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <limits>
+#include <optional>
+#include <span>
+
+#include <Eigen/Core>
+
+#include "periodic/discretisation/closing_error.hpp"
+#include "periodic/discretisation/discretisation.hpp"
+#include "periodic/orbit/orbit.hpp"
+#include "periodic/orbit/solver_options.hpp"
+#include "periodic/solution/phase_condition.hpp"
+
+namespace orbid::periodic {
+
+/// Where Newton's method ended.
+struct NewtonResult {
+    OrbitStatus status = OrbitStatus::no_progress;  ///< converged or why not; never other_orbit, shorter_period
+    Eigen::MatrixXd nodes;                          ///< shape (d, N): the last iterate
+    double time = 0.0;                              ///< T of the last iterate, where it is unknown
+    int iterations = 0;
+    double residual = 0.0;  ///< largest closing error, over nodes and entries
+    /// Length of the second step, with the old matrix, relative to the first one; infinity where there was none. Below
+    /// 1/4 the orbit found is the only one near the guess, as far as the two steps tell.
+    double contraction = std::numeric_limits<double>::infinity();
+    double first_step = 0.0;  ///< length of the first one, all nodes and ln T together, in units of the scales
+};
+
+/// Damped Newton on all nodes at once, and on ln T of autonomous orbits. Damping by the natural monotonicity test: a
+/// step is good when the next one, with the old matrix, is shorter.
+///
+/// @param start      shape (d, N).
+/// @param first      the closing error there, `turns` taken off.
+/// @param turns      whole turns per step, shape (d, N).
+/// @param condition  needed exactly where T is unknown.
+/// @param scale      typical size of each entry of z, shape (d), > 0.
+/// @return result with status converged, no_progress, iteration_limit, not_simulated, singular or period_vanished.
+/// Source: P. Deuflhard, Newton Methods for Nonlinear Problems (2004), chapter 3.
+[[nodiscard]] NewtonResult newton(const Discretisation& discretisation, const Eigen::MatrixXd& start, double time,
+                                  ClosingError first, const Eigen::MatrixXd& turns,
+                                  const std::optional<PhaseCondition>& condition, const Eigen::VectorXd& scale,
+                                  const ShootingOptions& options);
+
+/// Derivatives of the nodes with respect to the free parameters, and of ln T below them, (M7): shape (d N + k, f), k =
+/// 1 where T is unknown, 0 otherwise. @param closing  at the solution, with the free parameters.
+[[nodiscard]] Eigen::MatrixXd node_sensitivities(const Discretisation& discretisation, const ClosingError& closing,
+                                                 const Eigen::MatrixXd& nodes, double time,
+                                                 const std::optional<PhaseCondition>& condition,
+                                                 const Eigen::VectorXd& scale, std::span<const Eigen::Index> free);
+
+/// Largest element relative to the scale of its row.
+[[nodiscard]] double relative_size(const Eigen::MatrixXd& difference, const Eigen::VectorXd& scale);
+
+}  // namespace orbid::periodic

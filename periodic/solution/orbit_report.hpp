@@ -1,0 +1,40 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "periodic/discretisation/discretisation.hpp"
+#include "periodic/orbit/course.hpp"
+
+namespace orbid::periodic {
+
+/// An orbit where it is reported.
+struct OrbitPoints {
+    bool simulated = false;           ///< everything else is meaningful only if so
+    Eigen::MatrixXd states;           ///< shape (n, p), angles not wrapped
+    Eigen::VectorXd times;            ///< shape (p): since the first point [s]
+    Eigen::MatrixXd sensitivities;    ///< shape (n p, f); empty without free parameters
+    std::vector<Eigen::Index> nodes;  ///< node of each point; empty when some point is none
+};
+
+/// The points of a solved orbit at the given shares of it (empty: at all nodes). On a section of an autonomous flow all
+/// but the first one are crossings near those shares.
+///
+/// @param sensitivities  of the nodes and ln T, from node_sensitivities(); empty: none wanted.
+[[nodiscard]] OrbitPoints points_at(const models::System& system, const Eigen::VectorXd& theta,
+                                    const StartingSolution& start, const Discretisation& discretisation,
+                                    const Eigen::MatrixXd& nodes, const Eigen::MatrixXd& sensitivities,
+                                    const std::vector<double>& shares, double time, std::span<const Eigen::Index> free,
+                                    const models::FlowOptions& options);
+
+/// Products of the factors from each of these nodes to the next; empty for no nodes.
+[[nodiscard]] std::vector<Eigen::MatrixXd> merged_factors(const std::vector<Eigen::MatrixXd>& factors,
+                                                          const std::vector<Eigen::Index>& nodes);
+
+/// The same monodromy matrix from fewer factors: those of short steps are multiplied as long as no direction can grow
+/// or shrink by more than e^2, which costs a digit at most and saves what each factor costs in the periodic Schur form.
+[[nodiscard]] std::vector<Eigen::MatrixXd> condensed_factors(const std::vector<Eigen::MatrixXd>& factors);
+
+}  // namespace orbid::periodic

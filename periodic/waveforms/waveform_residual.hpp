@@ -1,0 +1,152 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/residual.hpp"
+#include "models/arithmetic/matrix_layout.hpp"
+#include "models/system/system.hpp"
+#include "periodic/orbit/orbit.hpp"
+#include "periodic/waveforms/waveform_curve.hpp"
+#include "periodic/waveforms/waveform_record.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::periodic {
+
+struct WaveformOptions {
+    std::string name = "waveform";          ///< prefix of group names: "waveform.x"
+    std::vector<WaveformChannel> channels;  ///< at least one, of different coordinates
+    /// Full covariances; groups = positions in `channels`. Their channels are read at the same samples.
+    std::vector<estimator::JointCovariance> covariances;
+    Eigen::VectorXd start;      ///< the estimator's vector at which the first solutions are computed
+    double maximum_move = 0.1;  ///< of a point of an orbit from its prediction, relative to the orbit's size; > 0
+    models::FlowOptions flow{1e-12, 1e-12, 100000};
+};
+
+/// Measured periodic steady states under several excitations against computed ones (H. J. Verbeek 1995):
+///
+///     e_k = y_k - h(x*(phase + omega t_k; theta)) - offset,   x* periodic: x*(tau + 2 pi p) = x*(tau)
+///
+/// One block per record; its records are the samples of the first channel in time, then those of the second, ...;
+/// missing samples have none. Groups: one per channel, "<name>.<coordinate>", shared by all excitations, ordered in
+/// time. Phases and offsets that are not known are latent states of their block, in this order: they belong to one
+/// record each, so that the treatment of error scales integrates them out at the cost of a block, however many records
+/// there are; as parameters they would be a dense row each.
+///
+/// x* comes from multiple shooting (solve_orbit) from the solution at the last refresh(), moved to first order with its
+/// sensitivities; where that does not converge, in up to sixteen steps along the line between the two parameter
+/// vectors. The orbit of a record at the start: find_waveform_start(). Derivatives are those of the computed
+/// prediction: sensitivities of the orbit, carried along by the flow between its points, the motion of the places with
+/// omega (or T), and the sensor's. An orbit that vanished (a fold), lost its period, or was reached only at
+/// `maximum_move` from its prediction is BlockStatus::failed; solutions() names the reason.
+///
+/// refresh() moves the solutions on to the present theta, asks for another minimisation (three times at most) where
+/// they had moved by more than `maximum_move`, takes out blocks whose orbit is lost there, and takes them back, at most
+/// twice each, where it is found again.
+class WaveformResidual final : public estimator::Residual {
+public:
+    /// A record whose orbit is not found at `start` is inactive from the beginning: start_status() says why.
+    /// @throws std::invalid_argument naming record, value and rule: a map, a model with measured inputs; no record, no
+    ///         channel, wrong shapes; times that do not ascend; a record shorter than its orbit, or with fewer readings
+    ///         than unknown phase and offsets; a period out of [1, 64] or an autonomous flow with one; T of an
+    ///         autonomous flow not given, or its phase; a phase beyond whole turns of the orbit; intervals that differ
+    ///         by more than 5 % where errors are autoregressive; log-normal or relative errors of an angle, log-normal
+    ///         errors of a reading not > 0; known sds that are not there; a full covariance of channels that are not
+    ///         read at the same samples; parameters of `start` outside their domain; options out of range.
+    WaveformResidual(std::shared_ptr<const models::System> system, std::vector<WaveformRecord> records,
+                     WaveformOptions options);
+
+    [[nodiscard]] std::string_view type() const override { return "waveform"; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] estimator::LatentStructure structure() const override;
+    [[nodiscard]] std::vector<estimator::JointCovariance> covariances() const override { return options_.covariances; }
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+                                                              const std::vector<Eigen::VectorXd>& latents,
+                                                              bool derivatives) const override;
+    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                                     const Eigen::VectorXd& scales) override;
+    void suspend(std::size_t block) override { layout_.at(block).active = false; }
+
+    /// The periodic solutions at theta, one per block, with multipliers; status says what became of those that are not
+    /// converged. Without sensitivities.
+    [[nodiscard]] std::vector<PeriodicOrbit> solutions(const Eigen::VectorXd& theta) const;
+    /// How the search for the orbit of a record at the start ended.
+    [[nodiscard]] OrbitStatus start_status(std::size_t block) const { return known_[block].status; }
+
+    /// Phase and offsets of a record: estimated ones from the latent states, known ones filled in.
+    struct Alignment {
+        double phase = 0.0;       ///< [rad]
+        Eigen::VectorXd offsets;  ///< one per channel
+    };
+    [[nodiscard]] Alignment alignment(std::size_t block, const Eigen::VectorXd& latents) const;
+    /// Position of phase (-1) or a channel's offset for each latent state of a block.
+    [[nodiscard]] const std::vector<Eigen::Index>& unknowns(std::size_t block) const { return blocks_[block].unknowns; }
+
+    /// Where an error comes from.
+    struct Source {
+        Eigen::Index channel = 0;
+        Eigen::Index sample = 0;  ///< column of the record's values
+    };
+    [[nodiscard]] const std::vector<Source>& sources(std::size_t block) const { return blocks_[block].sources; }
+    [[nodiscard]] const std::vector<WaveformRecord>& records() const { return records_; }
+    [[nodiscard]] const std::vector<WaveformChannel>& channels() const { return options_.channels; }
+    [[nodiscard]] const models::System& system() const { return *system_; }
+    /// What an orbit reads at times of a record's clock, shape (channels, m), offsets included; empty if the flow
+    /// cannot be followed.
+    [[nodiscard]] Eigen::MatrixXd readings(std::size_t block, const Eigen::VectorXd& theta, const PeriodicOrbit& orbit,
+                                           const Eigen::VectorXd& latents, std::span<const double> times) const;
+
+private:
+    struct Block {
+        std::vector<Source> sources;
+        std::vector<Eigen::Index> unknowns;
+    };
+    /// The last solution.
+    struct Known {
+        OrbitStatus status = OrbitStatus::no_progress;  ///< at the start
+        Eigen::VectorXd theta;                          ///< the estimator's; empty: none yet
+        PeriodicOrbit orbit;                            ///< sensitivities to the estimator's vector
+        PhaseOrigin origin;
+        Eigen::VectorXd scale;
+        double phase = 0.0;  ///< at the start, with the offsets
+        Eigen::VectorXd offsets;
+        int taken_back = 0;
+    };
+
+    void check_model() const;
+    void check_channels() const;
+    void check_record(const WaveformRecord& record) const;
+    void check_readings(const WaveformRecord& record) const;
+    void check_covariances() const;
+    void make_groups();
+    [[nodiscard]] Block make_block(const WaveformRecord& record) const;
+    [[nodiscard]] estimator::BlockLayout make_layout(const WaveformRecord& record, const Block& block) const;
+    void find_start(std::size_t block);
+    void keep(std::size_t block, const PeriodicOrbit& orbit, const Eigen::VectorXd& theta);
+    [[nodiscard]] bool in_domain(const Eigen::VectorXd& values) const;
+    [[nodiscard]] PeriodicOrbit solve_near(std::size_t block, const Known& from, const Eigen::VectorXd& theta,
+                                           bool derivatives) const;
+    [[nodiscard]] PeriodicOrbit solve(std::size_t block, const Eigen::VectorXd& theta, bool derivatives) const;
+    [[nodiscard]] estimator::BlockValue value(std::size_t block, const Eigen::VectorXd& theta,
+                                              const Eigen::VectorXd& latents, bool derivatives) const;
+
+    std::shared_ptr<const models::System> system_;
+    std::vector<WaveformRecord> records_;
+    WaveformOptions options_;
+    std::vector<estimator::Group> groups_;
+    std::vector<estimator::BlockLayout> layout_;
+    std::vector<Block> blocks_;
+    std::vector<Known> known_;
+    int anchored_ = 0;
+};
+
+}  // namespace orbid::periodic
+
+#pragma GCC visibility pop

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system/system.hpp"
+#include "periodic/orbit/orbit.hpp"
+#include "periodic/waveforms/waveform_curve.hpp"
+#include "periodic/waveforms/waveform_record.hpp"
+
+namespace orbid::periodic {
+
+/// How a record lies against an orbit.
+struct WaveformPlace {
+    double phase = 0.0;       ///< [rad]; the known one, or the best of a scan, good to 1.5 degrees
+    Eigen::VectorXd offsets;  ///< shape (channels); known ones, or the mean errors
+    double misfit = 0.0;      ///< mean square error over the variance of the readings
+    Eigen::VectorXd size;     ///< shape (n): largest |x| along the orbit, 2 pi for angles
+};
+
+/// A record ready to be laid against orbits: every phase that is not known is tried, 256 per period of the forcing, and
+/// offsets that are not known are the mean errors there.
+class WaveformScan {
+public:
+    /// Everything is kept by reference. @param theta  all parameters of the system, shape (q).
+    WaveformScan(const models::System& system, const Eigen::VectorXd& theta, const WaveformRecord& record,
+                 const std::vector<WaveformChannel>& channels, const models::FlowOptions& flow);
+
+    /// @return nothing when the orbit cannot be followed
+    [[nodiscard]] std::optional<WaveformPlace> place(const PeriodicOrbit& orbit, const PhaseOrigin& origin) const;
+
+    /// Mean reading of every channel, 0 without one.
+    [[nodiscard]] const Eigen::VectorXd& means() const { return mean_; }
+
+private:
+    /// Errors of one channel at one phase.
+    [[nodiscard]] std::vector<double> errors(std::size_t channel, const Eigen::MatrixXd& table, double time,
+                                             double share) const;
+    void try_phase(const Eigen::MatrixXd& table, double time, double turn, double phase, WaveformPlace& best) const;
+    [[nodiscard]] bool reads_angle(std::size_t channel) const;
+
+    const models::System& system_;
+    const Eigen::VectorXd& theta_;
+    const WaveformRecord& record_;
+    const std::vector<WaveformChannel>& channels_;
+    models::FlowOptions flow_;
+    std::vector<Eigen::Index> samples_;
+    Eigen::VectorXd variance_;
+    Eigen::VectorXd mean_;
+};
+
+}  // namespace orbid::periodic

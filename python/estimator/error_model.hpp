@@ -1,0 +1,47 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <pybind11/pybind11.h>
+
+#include "estimator/estimate/estimate.hpp"
+
+namespace orbid::python {
+
+class NamedArguments;
+
+/// A prior as in a job: None or "flat", {"normal": {"mean": 0, "sd": 1}}, {"lognormal": {"median": .., "log_sd": ..}},
+/// "uniform", "half_normal", "half_cauchy", "gamma", "student_t".
+/// @throws TypeError, ValueError naming `where` and what is wrong.
+[[nodiscard]] estimator::Prior prior(pybind11::handle description, const std::string& where);
+
+/// {"normal": {"names": [..], "mean": [..], "covariance": [[..]]}} as in a job.
+[[nodiscard]] estimator::JointNormalPrior joint_prior(pybind11::handle description, const std::string& where);
+
+/// Scale, distribution and floor of errors as in a job: keys distribution, dof, relative, correlation, sd, floor.
+struct ErrorModel {
+    estimator::ErrorScale scale;
+    estimator::ErrorDistribution distribution;
+    double floor = 0.0;
+};
+/// Takes its keys from `description`, which is finished by the caller. A scale without "sd" is estimated from the
+/// residuals on.
+[[nodiscard]] ErrorModel error_model(NamedArguments& description, const std::string& where);
+
+/// One error model for each coordinate: a mapping from names to descriptions; others are normal with an estimated sd.
+/// @throws KeyError for a name that is none of `names`.
+[[nodiscard]] std::vector<ErrorModel> error_models(pybind11::handle descriptions, const std::vector<std::string>& names,
+                                                   const std::string& where);
+
+/// {"name": "phi", "unit": "rad", ...} with the keys of an error model, "factor", "interval" and "interval_unit".
+[[nodiscard]] estimator::Group group(pybind11::handle description, std::size_t number);
+
+/// Parameters of an estimate: a mapping from names to start values or to dicts as under "parameters" of a job (start,
+/// scale, bounds, prior, tied) with "unit" and "typical_size".
+[[nodiscard]] std::vector<estimator::FreeParameter> estimated_parameters(pybind11::handle parameters);
+
+/// A number that is fixed, "estimate", or {"estimate": {"start": .., "prior": ..}}.
+[[nodiscard]] estimator::ErrorParameter error_parameter(pybind11::handle value, double start, const std::string& where);
+
+}  // namespace orbid::python

@@ -1,0 +1,227 @@
+#include <utility>
+
+#include <pybind11/stl.h>
+
+#include "estimator/exploration/marginal.hpp"
+#include "estimator/exploration/profile.hpp"
+#include "estimator/sampling/posterior_sample.hpp"
+#include "python/conversion/arrays.hpp"
+#include "python/conversion/named_arguments.hpp"
+#include "python/estimator/error_model.hpp"
+#include "python/estimator/python_residual.hpp"
+#include "python/estimator/result_bindings.hpp"
+
+namespace orbid::python {
+
+namespace py = pybind11;
+
+namespace {
+
+/// Options of the same estimate, once more with its residuals.
+struct Inquiry {
+    explicit Inquiry(const EstimateResult& result)
+        : call(residuals(result), ResidualCall::Blocks::as_left), options(result.options) {}
+
+    static const std::vector<py::object>& residuals(const EstimateResult& result) {
+        if (result.residuals.empty())
+            throw py::value_error("the estimate of multi_start() has no residuals: estimate() once more from it");
+        return result.residuals;
+    }
+
+    ResidualCall call;
+    estimator::EstimateOptions options;
+};
+
+template <class Point>
+py::array_t<double> column(const std::vector<Point>& points, double Point::*which) {
+    std::vector<double> values;
+    for (const Point& point : points)
+        values.push_back(point.*which);
+    return array(std::move(values));
+}
+
+template <class Point>
+py::array_t<double> thetas(const std::vector<Point>& points) {
+    Eigen::MatrixXd values(points.empty() ? 0 : points.front().theta.size(), std::ssize(points));
+    for (std::size_t k = 0; k < points.size(); ++k)
+        values.col(static_cast<Eigen::Index>(k)) = points[k].theta;
+    return array(std::move(values));
+}
+
+py::dict profile_dict(const estimator::Profile& profile) {
+    py::dict dict;
+    dict["unit"] = profile.unit;
+    dict["known"] = profile.known;
+    dict["message"] = profile.message;
+    dict["value"] = profile.value;
+    dict["interval"] = py::make_tuple(profile.lower, profile.upper);
+    dict["ends"] = py::make_tuple(std::string(name(profile.lower_end)), std::string(name(profile.upper_end)));
+    dict["threshold"] = profile.threshold;
+    dict["method"] = profile.method;
+    dict["values"] = column(profile.points, &estimator::ProfilePoint::value);
+    dict["objectives"] = column(profile.points, &estimator::ProfilePoint::objective);
+    dict["signed_roots"] = column(profile.points, &estimator::ProfilePoint::signed_root);
+    dict["theta"] = thetas(profile.points);
+    dict["failed"] = profile.failed;
+    dict["improvement"] = profile.improvement;
+    dict["evaluations"] = profile.evaluations;
+    return dict;
+}
+
+py::dict profiles(const EstimateResult& result, const py::kwargs& keywords) {
+    NamedArguments given("profiles", keywords);
+    estimator::ProfileOptions how;
+    how.names = given.texts("names");
+    how.level = given.number("level", how.level);
+    how.tolerance = given.number("tolerance", how.tolerance);
+    how.reach = given.number("reach", how.reach);
+    how.curve_points = static_cast<int>(given.integer("curve_points", how.curve_points, 0));
+    how.maximum_points = static_cast<int>(given.integer("maximum_points", how.maximum_points, 1));
+    given.finish();
+    Inquiry inquiry(result);
+    std::vector<estimator::Profile> found;
+    (void)inquiry.call.compute([&](const std::function<bool()>& stopped) {
+        inquiry.options.interrupted = stopped;
+        found = estimator::profiles(result.parameters, inquiry.call.residuals(), inquiry.options, result.estimate, how);
+    });
+    py::dict dict;
+    for (const estimator::Profile& profile : found)
+        dict[py::str(profile.name)] = profile_dict(profile);
+    return dict;
+}
+
+py::dict marginal_dict(const estimator::Marginal& marginal) {
+    py::dict dict;
+    dict["unit"] = marginal.unit;
+    dict["known"] = marginal.known;
+    dict["message"] = marginal.message;
+    dict["mean"] = marginal.mean;
+    dict["sd"] = marginal.sd;
+    dict["median"] = marginal.median;
+    dict["interval95"] = py::make_tuple(marginal.lower95, marginal.upper95);
+    dict["ends"] = py::make_tuple(std::string(name(marginal.lower_end)), std::string(name(marginal.upper_end)));
+    dict["values"] = column(marginal.points, &estimator::MarginalPoint::value);
+    dict["coordinates"] = column(marginal.points, &estimator::MarginalPoint::u);
+    dict["log_densities"] = column(marginal.points, &estimator::MarginalPoint::log_density);
+    dict["theta"] = thetas(marginal.points);
+    dict["failed_points"] = marginal.failed_points;
+    dict["evaluations"] = marginal.evaluations;
+    return dict;
+}
+
+py::dict marginals(const EstimateResult& result, const py::kwargs& keywords) {
+    NamedArguments given("marginals", keywords);
+    estimator::MarginalOptions how;
+    how.names = given.texts("names");
+    how.step = given.number("step", how.step);
+    how.fall = given.number("fall", how.fall);
+    how.reach = given.number("reach", how.reach);
+    how.maximum_points = static_cast<int>(given.integer("maximum_points", how.maximum_points, 1));
+    if (given.has("full_hessian")) how.full_hessian = given.flag("full_hessian", true);
+    given.finish();
+    Inquiry inquiry(result);
+    std::vector<estimator::Marginal> found;
+    (void)inquiry.call.compute([&](const std::function<bool()>& stopped) {
+        inquiry.options.interrupted = stopped;
+        found =
+            estimator::marginals(result.parameters, inquiry.call.residuals(), inquiry.options, result.estimate, how);
+    });
+    py::dict dict;
+    for (const estimator::Marginal& marginal : found)
+        dict[py::str(marginal.name)] = marginal_dict(marginal);
+    return dict;
+}
+
+py::dict quantity_dict(const estimator::SampledQuantity& quantity) {
+    py::dict dict;
+    dict["unit"] = quantity.unit;
+    dict["mean"] = quantity.mean;
+    dict["sd"] = quantity.sd;
+    dict["quantiles"] = quantity.quantiles;
+    dict["mean_error"] = quantity.mean_error;
+    dict["sd_error"] = quantity.sd_error;
+    dict["rhat"] = quantity.rhat;
+    dict["bulk_size"] = quantity.bulk_size;
+    dict["tail_size"] = quantity.tail_size;
+    return dict;
+}
+
+py::dict sample_dict(estimator::PosteriorSample&& sample) {
+    py::dict dict;
+    constexpr const char* statuses[] = {"complete", "interrupted", "failed"};
+    dict["status"] = statuses[static_cast<std::size_t>(sample.status)];
+    dict["message"] = sample.message;
+    dict["trusted"] = sample.trusted;
+    dict["distrust"] = sample.distrust;
+    for (const auto& [name, quantities] :
+         {std::pair{"parameters", &sample.parameters}, {"derived", &sample.derived}, {"errors", &sample.errors}}) {
+        py::dict named;
+        for (const estimator::SampledQuantity& quantity : *quantities)
+            named[py::str(quantity.name)] = quantity_dict(quantity);
+        dict[name] = named;
+    }
+    dict["names"] = sample.names;
+    py::list draws;
+    for (const Eigen::MatrixXd& chain : sample.draws)
+        draws.append(array(Eigen::MatrixXd(chain.transpose())));
+    dict["draws"] = draws;
+    py::list chains;
+    for (const estimator::SampledChain& chain : sample.chains) {
+        py::dict one;
+        one["step"] = chain.step;
+        one["acceptance"] = chain.acceptance;
+        one["divergences"] = chain.divergences;
+        one["saturated"] = chain.saturated;
+        one["energy_mixing"] = chain.energy_mixing;
+        one["evaluations"] = chain.evaluations;
+        chains.append(one);
+    }
+    dict["chains"] = chains;
+    dict["worst_rhat"] = sample.worst_rhat;
+    dict["least_size"] = sample.least_size;
+    return dict;
+}
+
+py::dict sample(const EstimateResult& result, const py::kwargs& keywords) {
+    NamedArguments given("sample", keywords);
+    estimator::SampleOptions how;
+    how.chains = static_cast<int>(given.integer("chains", how.chains, 1));
+    how.warm_up = static_cast<int>(given.integer("warm_up", how.warm_up, 0));
+    how.draws = static_cast<int>(given.integer("draws", how.draws, 1));
+    how.seed = static_cast<std::uint64_t>(given.integer("seed", 1, 0));
+    how.acceptance = given.number("acceptance", how.acceptance);
+    how.maximum_depth = static_cast<int>(given.integer("maximum_depth", how.maximum_depth, 1));
+    how.spread = given.number("spread", how.spread);
+    given.finish();
+    Inquiry inquiry(result);
+    const auto derived = derived_quantities(result.derived, inquiry.call);
+    estimator::PosteriorSample found;
+    (void)inquiry.call.compute([&](const std::function<bool()>& stopped) {
+        inquiry.options.interrupted = stopped;
+        how.interrupted = stopped;
+        found = estimator::sample_posterior(result.parameters, inquiry.call.residuals(), derived, inquiry.options,
+                                            result.estimate, how);
+    });
+    return sample_dict(std::move(found));
+}
+
+}  // namespace
+
+void bind_estimate_inquiry(py::class_<EstimateResult, std::shared_ptr<EstimateResult>>& result) {
+    result
+        .def("profiles", &profiles,
+             "Profile likelihood, dict by name: value, interval, ends, values, objectives, signed_roots, theta.\n\n"
+             "names (parameters, \"group.scale\", \"group.dof\"; all unless given), level (0.95), tolerance, reach,\n"
+             "curve_points, maximum_points. After Ctrl-C what is known by then.")
+        .def(
+            "marginals", &marginals,
+            "Nested Laplace, dict by name: mean, sd, median, interval95, values, coordinates, log_densities, theta.\n\n"
+            "names, step, fall, reach, maximum_points, full_hessian. After Ctrl-C what is known by then.")
+        .def("sample", &sample,
+             "Draws from the posterior by the No-U-Turn sampler: parameters, derived, errors (mean, sd, quantiles at\n"
+             "0.025, 0.25, 0.5, 0.75, 0.975, rhat), names, draws: one array (draws, names) per chain.\n\n"
+             "chains (4), warm_up (500), draws (1000), seed (1), acceptance, maximum_depth, spread. After Ctrl-C the\n"
+             "draws made by then, status \"interrupted\".");
+}
+
+}  // namespace orbid::python

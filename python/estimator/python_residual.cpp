@@ -1,0 +1,304 @@
+#include "python/estimator/python_residual.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include <pybind11/stl.h>
+
+#include "python/conversion/arrays.hpp"
+#include "python/conversion/named_arguments.hpp"
+#include "python/conversion/python_interruption.hpp"
+#include "python/estimator/error_model.hpp"
+
+namespace orbid::python {
+
+namespace py = pybind11;
+
+namespace {
+
+py::list latent_list(const std::vector<Eigen::VectorXd>& latents) {
+    py::list list;
+    for (Eigen::VectorXd one : latents)
+        list.append(array(std::move(one)));
+    return list;
+}
+
+/// Every value of a block, in one word.
+bool finite(const estimator::BlockValue& value) {
+    return value.e.allFinite() && value.c.allFinite() && value.e_theta.allFinite() && value.e_z.allFinite() &&
+           value.e_next.allFinite() && value.c_theta.allFinite() && value.c_z.allFinite() && value.c_next.allFinite();
+}
+
+std::string first_not_finite(const Eigen::MatrixXd& values, const std::string& name) {
+    for (Eigen::Index i = 0; i < values.rows(); ++i)
+        for (Eigen::Index j = 0; j < values.cols(); ++j)
+            if (!std::isfinite(values(i, j)))
+                return name + "[" + std::to_string(i) + (values.cols() > 1 ? ", " + std::to_string(j) : "") +
+                       "] = " + std::to_string(values(i, j));
+    return {};
+}
+
+/// Residuals that take part in a computation: refresh() and suspend() change them, those of the library as well.
+/// Looked at and changed holding the interpreter's lock.
+std::set<const estimator::Residual*>& in_use() {
+    static std::set<const estimator::Residual*> residuals;
+    return residuals;
+}
+
+}  // namespace
+
+ResidualCall::ResidualCall(const std::vector<py::object>& residuals, Blocks blocks) : blocks_(blocks) {
+    if (residuals.empty()) throw py::value_error("residuals: there is none");
+    try {
+        for (const py::object& residual : residuals)
+            add(residual);
+    } catch (...) {
+        end();
+        throw;
+    }
+}
+
+ResidualCall::~ResidualCall() {
+    end();
+}
+
+void ResidualCall::end() {
+    for (estimator::Residual* residual : residuals_) {
+        if (auto* python = dynamic_cast<PythonResidual*>(residual)) python->end();
+        in_use().erase(residual);
+    }
+    residuals_.clear();
+}
+
+void ResidualCall::add(py::handle residual) {
+    if (residual.is_none() || !py::isinstance<estimator::Residual>(residual))
+        throw py::type_error("residuals: " + std::string(py::repr(residual)) + " is no Residual");
+    auto* one = residual.cast<estimator::Residual*>();
+    if (std::find(residuals_.begin(), residuals_.end(), one) != residuals_.end())
+        throw py::value_error("residuals: the same residual is given twice");
+    if (!in_use().insert(one).second)
+        throw py::value_error("residuals: one takes part in another computation that still runs");
+    try {
+        if (auto* python = dynamic_cast<PythonResidual*>(one)) python->begin(*this, blocks_);
+    } catch (...) {
+        in_use().erase(one);
+        throw;
+    }
+    kept_.push_back(py::reinterpret_borrow<py::object>(residual));
+    residuals_.push_back(one);
+}
+
+void ResidualCall::fail(std::exception_ptr exception) {
+    const std::lock_guard lock(mutex_);
+    if (!exception_) exception_ = std::move(exception);
+    failed_ = true;
+}
+
+bool ResidualCall::compute(const std::function<void(const std::function<bool()>& stopped)>& compute) {
+    bool interrupted = false;
+    try {
+        interrupted = computed_until_interrupted(
+            [&](const std::function<bool()>& stopped) { compute([this, &stopped] { return failed() || stopped(); }); });
+    } catch (...) {
+        // What was raised in Python is the cause of whatever came after it.
+        if (exception_) std::rethrow_exception(std::exchange(exception_, nullptr));
+        throw;
+    }
+    if (exception_) std::rethrow_exception(std::exchange(exception_, nullptr));
+    return interrupted;
+}
+
+py::function PythonResidual::method(const char* name) const {
+    return py::get_override(static_cast<const estimator::Residual*>(this), name);
+}
+
+void PythonResidual::begin(ResidualCall& call, ResidualCall::Blocks blocks) {
+    if (!method("evaluate")) throw py::type_error("a Residual needs a method evaluate(theta, latents, derivatives)");
+    if (!method("groups") || !method("layout"))
+        throw py::type_error("a Residual needs methods groups() and layout(), besides evaluate()");
+    if (const py::function type = method("type")) type_ = py::str(type());
+    if (blocks == ResidualCall::Blocks::all) suspended_.clear();
+    read_groups();
+    read_layout();
+    evaluated_ = false;
+    call_ = &call;
+}
+
+void PythonResidual::read_groups() {
+    std::vector<estimator::Group> groups;
+    for (const py::handle description : method("groups")())
+        groups.push_back(group(description, groups.size()));
+    groups_ = std::move(groups);
+    covariances_.clear();
+    const py::function covariances = method("covariances");
+    if (!covariances) return;
+    for (const py::handle description : covariances()) {
+        NamedArguments given("covariance", description);
+        estimator::JointCovariance covariance;
+        for (const std::string& name : given.texts("groups")) {
+            const auto found = std::find_if(groups_.begin(), groups_.end(),
+                                            [&](const estimator::Group& one) { return one.name == name; });
+            if (found == groups_.end()) throw py::value_error("covariance: there is no group '" + name + "'");
+            covariance.groups.push_back(static_cast<int>(found - groups_.begin()));
+        }
+        covariance.dof = given.number("dof", 0.0);
+        covariance.psi = given.matrix("psi");
+        given.finish();
+        covariances_.push_back(std::move(covariance));
+    }
+}
+
+void PythonResidual::read_layout() {
+    std::vector<estimator::BlockLayout> layout;
+    for (const py::handle description : method("layout")())
+        layout.push_back(block_layout(description, groups_, layout.size()));
+    if (layout.empty()) throw py::value_error("layout(): there is no block");
+    if (layout.size() != layout_.size()) suspended_.clear();
+    for (const std::size_t block : suspended_)
+        layout[block].active = false;
+    layout_ = std::move(layout);
+    const auto has_latents = [](const estimator::BlockLayout& block) { return block.latents > 0; };
+    structure_ = std::any_of(layout_.begin(), layout_.end(), has_latents)
+                     ? estimator::LatentStructure::independent_blocks
+                     : estimator::LatentStructure::none;
+    if (const py::function structure = method("structure")) {
+        py::dict answer;
+        answer["structure"] = structure();
+        constexpr estimator::LatentStructure kinds[] = {
+            estimator::LatentStructure::none, estimator::LatentStructure::independent_blocks,
+            estimator::LatentStructure::chain, estimator::LatentStructure::cyclic_chain};
+        structure_ = kinds[NamedArguments("structure()", answer)
+                               .choice("structure", {"none", "independent_blocks", "chain", "cyclic_chain"})];
+    }
+    start_.clear();
+    const py::function latents = method("initial_latents");
+    const py::list given = latents ? py::list(latents()) : py::list();
+    if (latents && given.size() != layout_.size())
+        throw py::value_error("initial_latents(): " + std::to_string(given.size()) +
+                              " vectors, needs one for each of " + std::to_string(layout_.size()) + " blocks");
+    for (std::size_t b = 0; b < layout_.size(); ++b) {
+        const std::string where = "initial_latents()[" + std::to_string(b) + "]";
+        start_.push_back(latents ? Eigen::VectorXd(vector(finite_vector(given[b], where.c_str(), layout_[b].latents)))
+                                 : Eigen::VectorXd::Zero(layout_[b].latents));
+    }
+}
+
+std::vector<estimator::BlockValue> PythonResidual::evaluate(const Eigen::VectorXd& theta,
+                                                            const std::vector<Eigen::VectorXd>& latents,
+                                                            bool derivatives) const {
+    std::vector<estimator::BlockValue> values(layout_.size());
+    if (call_ != nullptr && !call_->failed()) {
+        const py::gil_scoped_acquire lock;
+        try {
+            read_values(method("evaluate")(array(Eigen::VectorXd(theta)), latent_list(latents), derivatives),
+                        theta.size(), derivatives, values);
+            evaluated_ = true;
+            return values;
+        } catch (...) {
+            call_->fail(std::current_exception());
+        }
+    }
+    for (std::size_t b = 0; b < layout_.size(); ++b)
+        if (layout_[b].active) values[b].status = estimator::BlockStatus::failed;
+    return values;
+}
+
+void PythonResidual::read_values(py::handle answer, Eigen::Index parameters, bool derivatives,
+                                 std::vector<estimator::BlockValue>& values) const {
+    py::object blocks = py::reinterpret_borrow<py::object>(answer);
+    if (py::isinstance<py::dict>(blocks)) {
+        py::list only;
+        only.append(blocks);
+        blocks = only;
+    }
+    if (!py::isinstance<py::sequence>(blocks) || py::isinstance<py::str>(blocks) || py::isinstance<py::array>(blocks))
+        throw py::type_error("evaluate() returned " +
+                             std::string(py::str(py::type::handle_of(blocks).attr("__name__"))) +
+                             ", needs a list with a dict for each block");
+    if (py::len(blocks) != values.size())
+        throw py::value_error("evaluate() returned " + std::to_string(py::len(blocks)) + " blocks, layout() has " +
+                              std::to_string(values.size()));
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (!layout_[b].active) continue;
+        const py::object block = blocks[py::int_(b)];
+        const std::string where = "evaluate(), block " + std::to_string(b);
+        if (block.is_none()) {
+            values[b].status = estimator::BlockStatus::failed;
+            continue;
+        }
+        const Eigen::Index next =
+            layout_[b].next >= 0 ? layout_.at(static_cast<std::size_t>(layout_[b].next)).latents : 0;
+        values[b] = block_value(block, layout_[b], next, parameters, derivatives, where);
+        if (finite(values[b])) continue;
+        if (!evaluated_) {
+            for (const auto& [name, matrix] : {std::pair<const char*, Eigen::MatrixXd>{"e", values[b].e},
+                                               {"e_theta", values[b].e_theta},
+                                               {"e_z", values[b].e_z},
+                                               {"e_next", values[b].e_next},
+                                               {"c", values[b].c},
+                                               {"c_theta", values[b].c_theta},
+                                               {"c_z", values[b].c_z},
+                                               {"c_next", values[b].c_next}})
+                if (const std::string what = first_not_finite(matrix, name); !what.empty())
+                    throw py::value_error(where + ": " + what +
+                                          " at the start; return None for a block that cannot be "
+                                          "evaluated");
+        }
+        values[b] = {};
+        values[b].status = estimator::BlockStatus::failed;
+    }
+}
+
+estimator::RefreshReport PythonResidual::refresh(const Eigen::VectorXd& theta,
+                                                 const std::vector<Eigen::VectorXd>& latents,
+                                                 const Eigen::VectorXd& scales) {
+    estimator::RefreshReport report;
+    if (call_ == nullptr || call_->failed()) return report;
+    const py::gil_scoped_acquire lock;
+    try {
+        const py::function refresh = method("refresh");
+        if (!refresh) return report;
+        const py::object answer =
+            refresh(array(Eigen::VectorXd(theta)), latent_list(latents), array(Eigen::VectorXd(scales)));
+        if (answer.is_none()) return report;
+        NamedArguments given("refresh()", answer);
+        report.changed = given.flag("changed", false);
+        report.lost = static_cast<int>(given.integer("lost", 0, 0));
+        report.rejected = static_cast<int>(given.integer("rejected", 0, 0));
+        report.added = static_cast<int>(given.integer("added", 0, 0));
+        given.finish();
+        read_groups();
+        read_layout();
+    } catch (...) {
+        call_->fail(std::current_exception());
+    }
+    return report;
+}
+
+void PythonResidual::suspend(std::size_t block) {
+    suspended_.insert(block);
+    layout_.at(block).active = false;
+    if (call_ == nullptr || call_->failed()) return;
+    const py::gil_scoped_acquire lock;
+    try {
+        if (const py::function suspend = method("suspend")) suspend(block);
+    } catch (...) {
+        call_->fail(std::current_exception());
+    }
+}
+
+bool PythonResidual::provisional() const {
+    if (call_ == nullptr || call_->failed()) return false;
+    const py::gil_scoped_acquire lock;
+    try {
+        const py::function provisional = method("provisional");
+        return provisional && provisional().cast<bool>();
+    } catch (...) {
+        call_->fail(std::current_exception());
+        return false;
+    }
+}
+
+}  // namespace orbid::python

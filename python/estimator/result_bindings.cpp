@@ -1,0 +1,315 @@
+#include "python/estimator/result_bindings.hpp"
+
+#include <pybind11/stl.h>
+
+#include "python/conversion/arrays.hpp"
+
+namespace orbid::python {
+
+namespace py = pybind11;
+
+namespace {
+
+using estimator::Estimate;
+using estimator::Estimated;
+using estimator::EstimatedScale;
+
+py::array_t<double> matrix_array(const Eigen::MatrixXd& matrix) {
+    return array(Eigen::MatrixXd(matrix.transpose()));
+}
+
+py::array_t<double> vector_array(const Eigen::VectorXd& vector) {
+    return array(Eigen::VectorXd(vector));
+}
+
+py::list nested(const std::vector<std::vector<Eigen::VectorXd>>& values) {
+    py::list residuals;
+    for (const auto& residual : values) {
+        py::list blocks;
+        for (const Eigen::VectorXd& block : residual)
+            blocks.append(read_only(vector_array(block)));
+        residuals.append(blocks);
+    }
+    return residuals;
+}
+
+py::list errors(const Estimate& estimate) {
+    py::list residuals;
+    for (const auto& residual : estimate.residuals) {
+        py::list blocks;
+        for (const estimator::BlockValue& block : residual)
+            blocks.append(read_only(vector_array(block.e)));
+        residuals.append(blocks);
+    }
+    return residuals;
+}
+
+/// By name: names are unique within an estimate.
+py::dict by_name(const std::vector<Estimated>& values) {
+    py::dict dict;
+    for (const Estimated& value : values)
+        dict[py::str(value.name)] = value;
+    return dict;
+}
+
+py::dict scales_by_group(const Estimate& estimate) {
+    py::dict dict;
+    for (const EstimatedScale& scale : estimate.scales)
+        dict[py::str(scale.group)] = scale;
+    return dict;
+}
+
+py::list covariances(const Estimate& estimate) {
+    py::list list;
+    for (const estimator::EstimatedCovariance& covariance : estimate.covariances) {
+        py::dict dict;
+        dict["groups"] = covariance.groups;
+        dict["value"] = matrix_array(covariance.value);
+        dict["sd"] = matrix_array(covariance.uncertainty);
+        list.append(dict);
+    }
+    return list;
+}
+
+py::list counts(const Estimate& estimate) {
+    py::list list;
+    for (const estimator::ResidualCount& count : estimate.counts) {
+        py::dict dict;
+        dict["type"] = count.type;
+        dict["used"] = count.used;
+        dict["lost"] = count.lost;
+        dict["rejected"] = count.rejected;
+        dict["added"] = count.added;
+        list.append(dict);
+    }
+    return list;
+}
+
+py::list history(const Estimate& estimate) {
+    py::list list;
+    for (const estimator::StepRecord& step : estimate.history) {
+        py::dict dict;
+        dict["round"] = step.round;
+        dict["block"] = std::string(step.block);
+        dict["accepted"] = step.accepted;
+        dict["before"] = step.before;
+        dict["after"] = step.after;
+        dict["damping"] = step.damping;
+        dict["reason"] = std::string(step.reason);
+        dict["provisional"] = step.provisional;
+        list.append(dict);
+    }
+    return list;
+}
+
+py::list null_directions(const Estimate& estimate) {
+    py::list list;
+    for (const estimator::NullDirection& direction : estimate.null_directions)
+        list.append(read_only(vector_array(direction.components)));
+    return list;
+}
+
+py::list sloppy_directions(const Estimate& estimate) {
+    py::list list;
+    for (const estimator::SloppyDirection& direction : estimate.sloppy_directions) {
+        py::dict dict;
+        dict["components"] = vector_array(direction.components);
+        dict["sd"] = direction.sd;
+        list.append(dict);
+    }
+    return list;
+}
+
+py::dict estimated_dict(const Estimated& value) {
+    py::dict dict;
+    dict["value"] = value.value;
+    dict["unit"] = value.unit;
+    dict["start"] = value.start;
+    dict["sd"] = value.sd;
+    dict["interval95"] = std::vector<double>{value.lower95, value.upper95};
+    dict["interval_method"] = value.interval_method;
+    dict["at_bound"] = value.at_bound;
+    dict["laplace_sd"] = value.laplace_sd;
+    dict["data_share"] = value.data_share;
+    return dict;
+}
+
+py::dict scale_dict(const EstimatedScale& scale) {
+    py::dict dict;
+    dict["value"] = scale.value;
+    dict["unit"] = scale.unit;
+    dict["factor"] = scale.factor;
+    dict["estimated"] = scale.estimated;
+    dict["sd"] = scale.uncertainty;
+    dict["interval95"] = std::vector<double>{scale.lower95, scale.upper95};
+    dict["interval_method"] = scale.interval_method;
+    dict["count"] = scale.count;
+    dict["rms"] = scale.rms;
+    dict["lag1"] = scale.lag1;
+    dict["effective_count"] = scale.effective_count;
+    dict["distribution"] = scale.distribution;
+    py::dict shape;
+    for (const Estimated& one : scale.shape)
+        shape[py::str(one.name)] = estimated_dict(one);
+    dict["shape"] = shape;
+    return dict;
+}
+
+py::tuple interval(double lower, double upper) {
+    return py::make_tuple(lower, upper);
+}
+
+std::string shown(const std::string& name, double value, double sd, const std::string& unit) {
+    return std::string(py::str("{} = {:.6g} (sd {:.2g}){}").format(name, value, sd, unit.empty() ? "" : " " + unit));
+}
+
+using Class = py::class_<EstimateResult, std::shared_ptr<EstimateResult>>;
+
+/// A member of the estimate as a property.
+template <class Member>
+void member(Class& result, const char* name, Member Estimate::*which, const char* text) {
+    result.def_property_readonly(
+        name, [which](const EstimateResult& one) { return one.estimate.*which; }, text);
+}
+
+/// A property that is made of the estimate.
+template <class Value>
+void made(Class& result, const char* name, Value (*make)(const Estimate&), const char* text) {
+    result.def_property_readonly(
+        name, [make](const EstimateResult& one) { return make(one.estimate); }, text);
+}
+
+}  // namespace
+
+py::dict estimate_dict(const Estimate& estimate) {
+    py::dict dict;
+    dict["status"] = std::string(name(estimate.status));
+    dict["message"] = estimate.message;
+    const auto described = [](const std::vector<Estimated>& values) {
+        py::dict named;
+        for (const Estimated& value : values)
+            named[py::str(value.name)] = estimated_dict(value);
+        return named;
+    };
+    dict["parameters"] = described(estimate.parameters);
+    dict["derived"] = described(estimate.derived);
+    py::dict scales;
+    for (const EstimatedScale& scale : estimate.scales)
+        scales[py::str(scale.group)] = scale_dict(scale);
+    dict["scales"] = scales;
+    const auto list = [](const auto& array) { return array.attr("tolist")(); };
+    dict["covariance"] = list(matrix_array(estimate.covariance));
+    dict["correlation"] = list(matrix_array(estimate.correlation));
+    dict["singular_values"] = list(vector_array(estimate.singular_values));
+    dict["trust_normal"] = estimate.trust_normal;
+    dict["distrust"] = estimate.distrust;
+    dict["counts"] = counts(estimate);
+    dict["objective"] = estimate.objective;
+    dict["log_likelihood"] = estimate.log_likelihood;
+    dict["log_integral"] = estimate.log_integral;
+    dict["degrees_of_freedom"] = estimate.degrees_of_freedom;
+    dict["effective_count"] = estimate.effective_count;
+    dict["iterations"] = estimate.iterations;
+    dict["evaluations"] = estimate.evaluations;
+    dict["rounds"] = estimate.rounds;
+    dict["remaining"] = estimate.remaining;
+    return dict;
+}
+
+void bind_estimate_result(py::module_& module) {
+    py::class_<Estimated>(module, "Estimated", "One estimated or derived number with its uncertainty.")
+        .def_readonly("name", &Estimated::name)
+        .def_readonly("unit", &Estimated::unit)
+        .def_readonly("value", &Estimated::value)
+        .def_readonly("start", &Estimated::start)
+        .def_readonly("sd", &Estimated::sd, "nan when undetermined: a singular direction, or at a bound")
+        .def_property_readonly(
+            "interval95", [](const Estimated& one) { return interval(one.lower95, one.upper95); }, "(lower, upper)")
+        .def_readonly("interval_method", &Estimated::interval_method)
+        .def_readonly("at_bound", &Estimated::at_bound, "\"\", \"lower\" or \"upper\"")
+        .def_readonly("laplace_sd", &Estimated::laplace_sd, "sd if errors were independent")
+        .def_readonly("data_share", &Estimated::data_share, "of the information; 0: the prior alone decides")
+        .def("__repr__", [](const Estimated& one) { return shown(one.name, one.value, one.sd, one.unit); });
+    py::class_<EstimatedScale>(module, "EstimatedScale", "Error scale of a group of records.")
+        .def_readonly("group", &EstimatedScale::group)
+        .def_readonly("unit", &EstimatedScale::unit)
+        .def_readonly("factor", &EstimatedScale::factor)
+        .def_readonly("estimated", &EstimatedScale::estimated)
+        .def_readonly("value", &EstimatedScale::value)
+        .def_readonly("sd", &EstimatedScale::uncertainty, "of the value; 0 when it is fixed")
+        .def_property_readonly("interval95",
+                               [](const EstimatedScale& one) { return interval(one.lower95, one.upper95); })
+        .def_readonly("interval_method", &EstimatedScale::interval_method)
+        .def_readonly("count", &EstimatedScale::count, "records")
+        .def_readonly("rms", &EstimatedScale::rms)
+        .def_readonly("lag1", &EstimatedScale::lag1)
+        .def_readonly("effective_count", &EstimatedScale::effective_count)
+        .def_readonly("distribution", &EstimatedScale::distribution)
+        .def_property_readonly(
+            "shape", [](const EstimatedScale& one) { return by_name(one.shape); },
+            "further parameters of the distribution: dof, relative, correlation")
+        .def("__repr__", [](const EstimatedScale& one) {
+            return shown(one.group, one.value, one.uncertainty, one.factor ? "" : one.unit);
+        });
+
+    Class result(module, "Estimate", "Result of estimate(); profiles, marginals and samples are asked of it.");
+    result.def_property_readonly(
+        "status", [](const EstimateResult& one) { return std::string(name(one.estimate.status)); },
+        "\"converged\", \"no_progress\", \"iteration_limit\", \"singular\", \"failed\" or \"interrupted\"");
+    member(result, "message", &Estimate::message, "why it ended");
+    result.def_property_readonly(
+        "parameters", [](const EstimateResult& one) { return by_name(one.estimate.parameters); },
+        "dict of Estimated, in the order of theta");
+    result.def_property_readonly("derived", [](const EstimateResult& one) { return by_name(one.estimate.derived); });
+    result.def_property_readonly(
+        "theta",
+        [](const EstimateResult& one) {
+            Eigen::VectorXd theta(std::ssize(one.estimate.parameters));
+            for (Eigen::Index i = 0; i < theta.size(); ++i)
+                theta[i] = one.estimate.parameters[static_cast<std::size_t>(i)].value;
+            return read_only(array(std::move(theta)));
+        },
+        "values of the parameters, shape (parameters,)");
+    made(result, "scales", scales_by_group, "dict of EstimatedScale by group");
+    made(result, "covariances", covariances, "full covariances of several responses");
+    result.def_property_readonly(
+        "covariance", [](const EstimateResult& one) { return read_only(matrix_array(one.estimate.covariance)); },
+        "of theta in natural units, shape (parameters, parameters)");
+    result.def_property_readonly(
+        "correlation", [](const EstimateResult& one) { return read_only(matrix_array(one.estimate.correlation)); });
+    result.def_property_readonly("singular_values", [](const EstimateResult& one) {
+        return read_only(vector_array(one.estimate.singular_values));
+    });
+    result.def_property_readonly(
+        "latents", [](const EstimateResult& one) { return nested(one.estimate.latents); }, "per residual, per block");
+    result.def_property_readonly("latent_sds",
+                                 [](const EstimateResult& one) { return nested(one.estimate.latent_sds); });
+    made(result, "residuals", errors, "errors e at the estimate, per residual, per block");
+    made(result, "null_directions", null_directions, "in relative changes of the parameters");
+    made(result, "sloppy_directions", sloppy_directions, "products of powers that the data hardly know");
+    made(result, "counts", counts, "blocks used, lost, rejected, added, per residual");
+    made(result, "history", history, "every step, accepted or not");
+    result.def(
+        "to_dict", [](const EstimateResult& one) { return estimate_dict(one.estimate); },
+        "All of it but latent states, errors and history as dicts, lists, numbers and texts.");
+    member(result, "trust_normal", &Estimate::trust_normal, "False: use profiles, marginals or samples");
+    member(result, "distrust", &Estimate::distrust, "why not");
+    member(result, "objective", &Estimate::objective, "-ln of the posterior density at the estimate");
+    member(result, "log_likelihood", &Estimate::log_likelihood, "");
+    member(result, "log_integral", &Estimate::log_integral, "");
+    member(result, "degrees_of_freedom", &Estimate::degrees_of_freedom, "");
+    member(result, "effective_count", &Estimate::effective_count, "");
+    member(result, "iterations", &Estimate::iterations, "");
+    member(result, "evaluations", &Estimate::evaluations, "");
+    member(result, "rounds", &Estimate::rounds, "");
+    member(result, "remaining", &Estimate::remaining, "full step that is left, in posterior sds");
+    result.def("__repr__", [](const EstimateResult& one) {
+        std::string text = "<Estimate " + std::string(name(one.estimate.status));
+        for (const Estimated& value : one.estimate.parameters)
+            text += "; " + shown(value.name, value.value, value.sd, value.unit);
+        return text + ">";
+    });
+    bind_estimate_inquiry(result);
+}
+
+}  // namespace orbid::python

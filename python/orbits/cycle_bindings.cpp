@@ -1,0 +1,209 @@
+#include <algorithm>
+#include <utility>
+
+#include <pybind11/complex.h>
+#include <pybind11/stl.h>
+
+#include "orbits/cycles/cycle_search.hpp"
+#include "orbits/cycles/harvest.hpp"
+#include "python/conversion/arguments.hpp"
+#include "python/conversion/arrays.hpp"
+#include "python/conversion/named_arguments.hpp"
+#include "python/conversion/python_interruption.hpp"
+#include "python/orbits/series_bindings.hpp"
+
+namespace orbid::python {
+
+namespace py = pybind11;
+
+namespace {
+
+using orbits::Cycle;
+using orbits::CycleSearch;
+using Method = orbits::CycleSearchOptions::Method;
+
+constexpr auto search_text = R"(Unstable periodic orbits of a section series: .cycles, .missing, .remarks and counts.
+
+method   "automatic", "local_maps", "patch_map" or "closest_return"; periods ([1, 2, 3, 4, 5]); box (0.1), relative to
+         Series.scale; neighbours, order (0: chosen by the data); minimum_recurrences (1); symmetry_signs, +1 or -1 per
+         coordinate; reading_covariance, shape (n, n); partition, {"coordinate": "x", "boundaries": [0], "symbols": "LR"}.
+A search is not stopped on its way: after Ctrl-C it ends, and KeyboardInterrupt is raised.)";
+
+constexpr auto harvest_text =
+    R"(Cycles of the series that an improved model leads to, as a dict: cycles, orbits, candidates, not_visited, rejected,
+known, remarks.
+
+parameters  of the system: dict, array of all, or None. known: the cycles of find_cycles(), mirror partners included.
+covariance  of the free parameters, shape (f, f), and free, their names: how far off they may be; sensor, phase, section as
+            in simulate(); maximum_orbits (400), search_points (100000); and the options of find_cycles().)";
+
+const Cycle& cycle_of(const py::object& self) {
+    return self.cast<const Cycle&>();
+}
+
+py::object optional_index(const std::optional<std::size_t>& index) {
+    return index ? py::object(py::int_(*index)) : py::object(py::none());
+}
+
+orbits::CycleSearchOptions search_options(NamedArguments& given, const std::vector<std::string>& names) {
+    orbits::CycleSearchOptions options;
+    constexpr Method methods[] = {Method::automatic, Method::local_maps, Method::patch_map, Method::closest_return};
+    options.method = methods[given.choice("method", {"automatic", "local_maps", "patch_map", "closest_return"})];
+    if (const py::object periods = given.find_value("periods")) {
+        if (!py::isinstance<py::iterable>(periods) || py::isinstance<py::str>(periods))
+            throw py::type_error("find_cycles: periods: needs a list of whole numbers");
+        options.periods.clear();
+        for (const py::handle period : periods)
+            options.periods.push_back(static_cast<int>(whole_number(period, "find_cycles: periods")));
+    }
+    options.box = given.number("box", options.box);
+    options.neighbours = static_cast<int>(given.integer("neighbours", options.neighbours, 0));
+    options.order = static_cast<int>(given.integer("order", options.order, 0));
+    options.minimum_recurrences =
+        static_cast<int>(given.integer("minimum_recurrences", options.minimum_recurrences, 1));
+    if (const Eigen::VectorXd signs = given.vector("symmetry_signs"); signs.size() > 0)
+        options.symmetry_signs = std::vector<double>(signs.begin(), signs.end());
+    options.reading_covariance = given.matrix("reading_covariance");
+    if (const py::object partition = given.find_value("partition")) {
+        NamedArguments parts("partition", partition);
+        orbits::Partition cut;
+        cut.coordinate = index_of(parts.text("coordinate", names.front()), names, "coordinate");
+        const Eigen::VectorXd boundaries = parts.vector("boundaries");
+        cut.boundaries.assign(boundaries.begin(), boundaries.end());
+        cut.symbols = parts.text("symbols", "");
+        parts.finish();
+        options.partition = std::move(cut);
+    }
+    return options;
+}
+
+std::vector<std::string> names_of(const orbits::Series& series) {
+    std::vector<std::string> names;
+    for (const orbits::SeriesCoordinate& coordinate : series.coordinates)
+        names.push_back(coordinate.name);
+    return names;
+}
+
+std::shared_ptr<CycleSearch> find_cycles(const std::shared_ptr<orbits::Series>& series, const py::kwargs& keywords) {
+    NamedArguments given("find_cycles", keywords);
+    const orbits::CycleSearchOptions options = search_options(given, names_of(*series));
+    given.finish();
+    auto search = std::make_shared<CycleSearch>();
+    compute_interruptibly([&](const auto&) { *search = orbits::find_cycles(*series, options); });
+    return search;
+}
+
+py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object& system, const py::object& parameters,
+                 const std::vector<Cycle>& known, const py::kwargs& keywords) {
+    const auto model = system_of(system);
+    const Eigen::VectorXd theta = parameter_values(*model, parameters);
+    NamedArguments given("harvest", keywords);
+    orbits::HarvestOptions options;
+    options.search = search_options(given, names_of(*series));
+    options.sensor = sensor(given.find("sensor"), *model);
+    options.phase = given.number("phase", 0.0);
+    if (const py::object crossed = given.find_value("section")) options.section = plane(*model, crossed);
+    options.covariance = given.matrix("covariance");
+    for (const std::string& name : given.texts("free"))
+        options.free.push_back(index_of(name, parameter_names(*model), "parameter"));
+    options.maximum_orbits = static_cast<std::size_t>(given.integer("maximum_orbits", 400, 1));
+    options.search_points = static_cast<std::size_t>(given.integer("search_points", 100000, 100));
+    given.finish();
+    orbits::Harvest found;
+    compute_interruptibly([&](const auto&) { found = orbits::harvest(*series, *model, theta, known, options); });
+    py::dict dict;
+    dict["cycles"] = found.cycles;
+    dict["orbits"] = found.orbits;
+    dict["candidates"] = found.candidates;
+    dict["not_visited"] = found.not_visited;
+    dict["rejected"] = found.rejected;
+    dict["known"] = found.known;
+    dict["remarks"] = found.remarks;
+    return dict;
+}
+
+/// A cycle that was measured elsewhere.
+Cycle make_cycle(const py::object& points, const py::kwargs& keywords) {
+    NamedArguments given("Cycle", keywords);
+    const Doubles written = doubles(points, "points");
+    if (written.ndim() != 2 || written.size() == 0)
+        throw py::value_error("points: shape " + std::string(py::str(written.attr("shape"))) +
+                              ", needs (period, coordinates)");
+    const Doubles checked = records(written, "points", written.shape(1));
+    Cycle cycle;
+    cycle.points = matrix(checked);
+    cycle.period = static_cast<int>(cycle.points.cols());
+    cycle.covariance = given.matrix("covariance");
+    const Eigen::Index size = cycle.points.size();
+    if (cycle.covariance.size() > 0 && (cycle.covariance.rows() != size || cycle.covariance.cols() != size))
+        throw py::value_error("Cycle: covariance: needs shape (" + std::to_string(size) + ", " + std::to_string(size) +
+                              ")");
+    cycle.ln_multiplier = given.vector("ln_multiplier");
+    cycle.ln_multiplier_covariance = given.matrix("ln_multiplier_covariance");
+    cycle.time = given.number("time", cycle.time);
+    cycle.time_sd = given.number("time_sd", cycle.time_sd);
+    if (const py::object multipliers = given.find_value("multipliers")) try {
+            cycle.multipliers = multipliers.cast<std::vector<std::complex<double>>>();
+        } catch (const py::cast_error&) {
+            throw py::type_error("Cycle: multipliers: needs a list of complex numbers");
+        }
+    given.finish();
+    return cycle;
+}
+
+}  // namespace
+
+void bind_cycles(py::module_& module) {
+    py::class_<Cycle>(module, "Cycle",
+                      "An unstable periodic orbit found in a series.\n\n"
+                      "points, shape (period, n); covariance of all of them, shape (period n, period n), coordinate\n"
+                      "fastest; multipliers, largest modulus first, and ln |multiplier| with covariance; time [s].")
+        .def(py::init(&make_cycle), py::arg("points"))
+        .def_readonly("period", &Cycle::period, "prime period, in sections")
+        .def_readonly("rotation", &Cycle::rotation, "turns per cycle, one per angle; empty: the data do not tell")
+        .def_property_readonly("points", [](const py::object& self) { return view(cycle_of(self).points, self); })
+        .def_property_readonly(
+            "covariance",
+            [](const py::object& self) -> py::object { return view(cycle_of(self).covariance, self).attr("T"); })
+        .def_property_readonly("multipliers",
+                               [](const py::object& self) {
+                                   const std::vector<std::complex<double>>& values = cycle_of(self).multipliers;
+                                   return read_only(py::array_t<std::complex<double>>(
+                                       static_cast<py::ssize_t>(values.size()), values.data(), self));
+                               })
+        .def_property_readonly("ln_multiplier",
+                               [](const py::object& self) { return view(cycle_of(self).ln_multiplier, self); })
+        .def_property_readonly("ln_multiplier_covariance",
+                               [](const py::object& self) -> py::object {
+                                   return view(cycle_of(self).ln_multiplier_covariance, self).attr("T");
+                               })
+        .def_readonly("time", &Cycle::time)
+        .def_readonly("time_sd", &Cycle::time_sd)
+        .def_readonly("code", &Cycle::code, "one symbol per point; empty without a partition")
+        .def_readonly("recurrences", &Cycle::recurrences, "points of the series that led here")
+        .def_property_readonly(
+            "mirror", [](const Cycle& one) { return optional_index(one.mirror); },
+            "index of the mirror partner in the list, or None")
+        .def_readonly("quality", &Cycle::quality, "remarks in words; empty: nothing to remark")
+        .def("__repr__", [](const Cycle& one) { return "<Cycle of period " + std::to_string(one.period) + ">"; });
+    py::class_<CycleSearch, std::shared_ptr<CycleSearch>>(module, "CycleSearch", "What a search for cycles found.")
+        .def_property_readonly(
+            "cycles", [](const CycleSearch& one) -> const std::vector<Cycle>& { return one.cycles; },
+            "by period, then by descending recurrences")
+        .def_readonly("missing", &CycleSearch::missing, "periods of which no cycle was found")
+        .def_readonly("candidates", &CycleSearch::candidates)
+        .def_readonly("rejected", &CycleSearch::rejected)
+        .def_readonly("patch_map", &CycleSearch::patch_map)
+        .def_property_readonly(
+            "reading_covariance",
+            [](const py::object& self) -> py::object {
+                return view(self.cast<const CycleSearch&>().reading_covariance, self).attr("T");
+            },
+            "of the errors of one reading, shape (n, n); empty: not estimated")
+        .def_readonly("remarks", &CycleSearch::remarks);
+    module.def("find_cycles", &find_cycles, py::arg("series").none(false), search_text);
+    module.def("harvest", &harvest, py::arg("series").none(false), py::arg("system"), py::arg("parameters"),
+               py::arg("known"), harvest_text);
+}
+
+}  // namespace orbid::python

@@ -1,0 +1,152 @@
+#include <utility>
+
+#include <pybind11/stl.h>
+
+#include "orbits/invariants/correlation_dimension.hpp"
+#include "orbits/invariants/cycle_expansion.hpp"
+#include "orbits/invariants/lyapunov_spectrum.hpp"
+#include "orbits/sections/delay_embedding.hpp"
+#include "python/conversion/arguments.hpp"
+#include "python/conversion/arrays.hpp"
+#include "python/conversion/named_arguments.hpp"
+#include "python/conversion/python_interruption.hpp"
+#include "python/orbits/series_bindings.hpp"
+
+namespace orbid::python {
+
+namespace py = pybind11;
+
+namespace {
+
+using SharedSeries = std::shared_ptr<orbits::Series>;
+
+py::dict lyapunov(const SharedSeries& series, const py::kwargs& keywords) {
+    NamedArguments given("lyapunov_spectrum", keywords);
+    orbits::LyapunovOptions options;
+    options.order = static_cast<int>(given.integer("order", 0, 0));
+    options.neighbours = static_cast<std::size_t>(given.integer("neighbours", 0, 0));
+    options.steps = static_cast<std::size_t>(given.integer("steps", static_cast<long long>(options.steps), 1));
+    if (const Eigen::VectorXd signs = given.vector("symmetry_signs"); signs.size() > 0)
+        options.symmetry_signs = std::vector<double>(signs.begin(), signs.end());
+    given.finish();
+    orbits::LyapunovSpectrum found;
+    compute_interruptibly([&](const auto&) { found = orbits::lyapunov_spectrum(*series, options); });
+    py::dict dict;
+    dict["exponents"] = array(std::move(found.exponents));
+    dict["sds"] = array(std::move(found.sds));
+    dict["dimension"] = found.dimension;
+    dict["timed"] = found.timed;
+    dict["mean_time"] = found.mean_time;
+    dict["divergence_rate"] = found.divergence_rate;
+    dict["divergence_sd"] = found.divergence_sd;
+    dict["order"] = found.order;
+    dict["neighbours"] = found.neighbours;
+    dict["steps"] = found.steps;
+    dict["lost"] = found.lost;
+    dict["prediction_error"] = found.prediction_error;
+    dict["attenuation"] = found.attenuation;
+    dict["remarks"] = found.remarks;
+    return dict;
+}
+
+py::dict correlation(const SharedSeries& series, const py::kwargs& keywords) {
+    NamedArguments given("correlation_dimension", keywords);
+    orbits::CorrelationOptions options;
+    options.theiler = static_cast<std::size_t>(given.integer("theiler", 0, 0));
+    options.pairs = static_cast<std::size_t>(given.integer("pairs", static_cast<long long>(options.pairs), 1));
+    options.points = static_cast<std::size_t>(given.integer("points", static_cast<long long>(options.points), 1));
+    given.finish();
+    orbits::CorrelationDimension found;
+    compute_interruptibly([&](const auto&) { found = orbits::correlation_dimension(*series, options); });
+    py::dict dict;
+    dict["dimension"] = found.dimension;
+    dict["sd"] = found.sd;
+    dict["takens"] = found.takens;
+    dict["takens_sd"] = found.takens_sd;
+    dict["radii"] = py::make_tuple(found.smallest_radius, found.largest_radius);
+    dict["entropy"] = found.entropy;
+    dict["entropy_sd"] = found.entropy_sd;
+    dict["timed"] = found.timed;
+    dict["remarks"] = found.remarks;
+    return dict;
+}
+
+py::dict term_dict(const orbits::CycleExpansionTerm& term) {
+    py::dict dict;
+    dict["period"] = term.period;
+    dict["cycles"] = term.cycles;
+    dict["conservation"] = term.conservation;
+    dict["escape_rate"] = term.escape_rate;
+    dict["exponents"] = array(Eigen::VectorXd(term.exponents));
+    dict["metric_entropy"] = term.metric_entropy;
+    dict["topological_entropy"] = term.topological_entropy;
+    dict["mean_time"] = term.mean_time;
+    dict["dimension"] = term.dimension;
+    return dict;
+}
+
+py::dict expansion(const std::vector<orbits::Cycle>& cycles, py::handle complete_to, bool continuous) {
+    orbits::CycleExpansionOptions options;
+    options.complete_to = static_cast<int>(whole_number(complete_to, "complete_to"));
+    options.continuous = continuous;
+    orbits::CycleExpansion found;
+    compute_interruptibly([&](const auto&) { found = orbits::expand_cycles(cycles, options); });
+    py::dict dict = term_dict(found.answer());
+    py::list by_period;
+    for (const orbits::CycleExpansionTerm& term : found.by_period)
+        by_period.append(term_dict(term));
+    dict["by_period"] = by_period;
+    dict["timed"] = found.timed;
+    dict["index_sums"] = found.index_sums;
+    dict["escape_rate_sd"] = found.escape_rate_sd;
+    dict["exponent_sds"] = array(Eigen::VectorXd(found.exponent_sds));
+    return dict;
+}
+
+py::dict embedded(const SharedSeries& series, const py::kwargs& keywords) {
+    NamedArguments given("embed", keywords);
+    std::vector<std::string> names;
+    for (const orbits::SeriesCoordinate& coordinate : series->coordinates)
+        names.push_back(coordinate.name);
+    orbits::DelayEmbeddingOptions options;
+    options.coordinate = index_of(given.text("coordinate", names.front()), names, "coordinate");
+    options.delay = static_cast<int>(given.integer("delay", 0, 0));
+    options.dimension = static_cast<int>(given.integer("dimension", 0, 0));
+    options.largest_delay = static_cast<int>(given.integer("largest_delay", options.largest_delay, 1));
+    options.largest_dimension = static_cast<int>(given.integer("largest_dimension", options.largest_dimension, 1));
+    given.finish();
+    orbits::DelayEmbedding found;
+    compute_interruptibly([&](const auto&) { found = orbits::embed(*series, options); });
+    py::dict dict;
+    dict["series"] = std::make_shared<orbits::Series>(std::move(found.series));
+    dict["delay"] = found.delay;
+    dict["dimension"] = found.dimension;
+    dict["mutual_information"] = array(std::move(found.mutual_information));
+    dict["false_neighbours"] = array(std::move(found.false_neighbours));
+    dict["minimum_found"] = found.minimum_found;
+    dict["unfolded"] = found.unfolded;
+    return dict;
+}
+
+}  // namespace
+
+void bind_invariants(py::module_& module) {
+    module.def(
+        "lyapunov_spectrum", &lyapunov, py::arg("series").none(false),
+        "Lyapunov exponents of a series from local maps, per section or, with times, per second: exponents, sds,\n"
+        "dimension (Kaplan-Yorke), divergence_rate, remarks.\n\norder, neighbours (0: chosen), steps,\n"
+        "symmetry_signs.");
+    module.def("correlation_dimension", &correlation, py::arg("series").none(false),
+               "Correlation dimension and entropy of a series: dimension, sd, takens, entropy, remarks.\n\n"
+               "theiler, pairs, points.");
+    module.def(
+        "expand_cycles", &expansion, py::arg("cycles"), py::kw_only(), py::arg("complete_to"),
+        py::arg("continuous") = true,
+        "Invariants from all cycles up to the period `complete_to`: escape_rate, exponents, entropies, dimension,\n"
+        "by_period, index_sums.");
+    module.def("embed", &embedded, py::arg("series").none(false),
+               "States rebuilt from one observable of samples: series, delay [samples], dimension.\n\n"
+               "coordinate, delay, dimension (0: chosen by the data), largest_delay, largest_dimension.");
+}
+
+}  // namespace orbid::python

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <pybind11/pybind11.h>
+
+#include "models/definition/sensor.hpp"
+#include "models/system/system.hpp"
+#include "orbits/records/series.hpp"
+
+namespace orbid::python {
+
+class NamedArguments;
+
+/// The system as the library takes it.
+[[nodiscard]] std::shared_ptr<const models::System> system_of(pybind11::handle system);
+
+/// Coordinates of a series: a system's, or a list of names or of dicts with name, unit and angle.
+[[nodiscard]] std::vector<orbits::SeriesCoordinate> series_coordinates(pybind11::handle coordinates);
+
+/// A sensor with the keys and rules of a job: type "state", "function" (readings) or "angle_difference" (angle, rate,
+/// delay), with angle, step and rounding of an encoder; None: the state.
+/// @throws TypeError, ValueError, KeyError naming the key.
+[[nodiscard]] models::Sensor sensor(pybind11::handle description, const models::System& system);
+
+/// rtol, atol and maximum_steps among keyword arguments.
+[[nodiscard]] models::FlowOptions flow_options(NamedArguments& given, models::FlowOptions usual);
+
+/// Class Series, its files.
+void bind_series(pybind11::module_& module);
+/// read_csv, read_hdf5, write_csv, write_hdf5.
+void bind_series_files(pybind11::module_& module);
+/// simulate().
+void bind_simulation(pybind11::module_& module);
+/// Search of cycles, harvest.
+void bind_cycles(pybind11::module_& module);
+/// Lyapunov spectrum, correlation dimension, cycle expansion, delay embedding.
+void bind_invariants(pybind11::module_& module);
+/// Residuals of series and cycles.
+void bind_series_residuals(pybind11::module_& module);
+
+}  // namespace orbid::python

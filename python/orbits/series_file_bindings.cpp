@@ -1,0 +1,108 @@
+#include "orbits/records/series_file.hpp"
+
+#include <filesystem>
+#include <utility>
+
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include "python/conversion/named_arguments.hpp"
+#include "python/conversion/python_interruption.hpp"
+#include "python/orbits/series_bindings.hpp"
+
+namespace orbid::python {
+
+namespace py = pybind11;
+
+namespace {
+
+using orbits::Series;
+
+/// Coordinates as columns of a table: {"phi": "angle"} or {"phi": {"column": .., "unit": .., ...}}.
+std::vector<orbits::CoordinateColumn> columns(py::handle description, const py::object& known) {
+    if (!is_mapping(description))
+        throw py::type_error("columns: needs a dict from coordinates to columns, or to dicts with \"column\"");
+    std::vector<orbits::SeriesCoordinate> table;
+    if (known && !known.is_none()) table = series_coordinates(known);
+    std::vector<orbits::CoordinateColumn> result;
+    for (const auto& [key, value] : mapping(description, "columns")) {
+        const std::string name = py::str(key);
+        orbits::CoordinateColumn column;
+        column.coordinate.name = name;
+        for (const orbits::SeriesCoordinate& one : table)
+            if (one.name == name) column.coordinate = one;
+        if (py::isinstance<py::str>(value)) {
+            column.column = value.cast<std::string>();
+        } else {
+            NamedArguments given("columns: " + name, value);
+            column.column = given.text("column", name);
+            column.unit = given.text("unit", "");
+            column.sign = given.number("sign", 1.0);
+            column.offset = given.number("offset", 0.0);
+            column.sd = given.text("sd", "");
+            given.finish();
+        }
+        result.push_back(std::move(column));
+    }
+    return result;
+}
+
+std::shared_ptr<Series> read_csv(const std::filesystem::path& file, const py::object& described,
+                                 const py::object& coordinates, const py::kwargs& keywords) {
+    NamedArguments given("read_csv", keywords);
+    orbits::TableLayout layout;
+    layout.coordinates = columns(described, coordinates);
+    layout.segment = given.text("segment", "");
+    layout.time = given.text("time", "");
+    layout.sampling = given.choice("sampling", {"section", "samples"}, layout.time.empty() ? 0 : 1) == 0
+                          ? Series::Sampling::section
+                          : Series::Sampling::samples;
+    layout.time_unit = given.text("time_unit", layout.time_unit);
+    layout.nan_is_missing = given.flag("nan_is_missing", layout.nan_is_missing);
+    layout.phase = given.number("phase", 0.0);
+    layout.minimum_points = static_cast<std::size_t>(given.integer("minimum_points", 1, 1));
+    layout.time_tolerance = given.number("time_tolerance", layout.time_tolerance);
+    layout.equidistant = given.flag("equidistant", layout.equidistant);
+    layout.complete = given.flag("complete", layout.complete);
+    given.finish();
+    auto series = std::make_shared<Series>();
+    compute_interruptibly([&](const auto&) { *series = orbits::read_csv(file, layout); });
+    return series;
+}
+
+}  // namespace
+
+void bind_series_files(py::module_& module) {
+    module.def("read_csv", &read_csv, py::arg("file"), py::arg("columns"), py::arg("coordinates") = py::none(),
+               "A Series from a table in text with a header line.\n\n"
+               "columns: dict from coordinates to columns, or to dicts with column, unit, sign, offset, sd: value =\n"
+               "sign * (column * unit - offset). coordinates: a System or a list as for Series, for units and angles.\n"
+               "segment, time: columns; time_unit (\"s\"), sampling, nan_is_missing, phase, minimum_points,\n"
+               "time_tolerance (0.05), equidistant (True), complete (False). DataError names file, line and column.");
+    module.def(
+        "read_hdf5",
+        [](const std::filesystem::path& file, std::size_t minimum_points) {
+            auto series = std::make_shared<Series>();
+            compute_interruptibly([&](const auto&) { *series = orbits::read_hdf5(file, minimum_points); });
+            return series;
+        },
+        py::arg("file"), py::kw_only(), py::arg("minimum_points") = 1,
+        "The Series that write_hdf5() wrote, to the bit.");
+    module.def(
+        "write_csv",
+        [](const std::filesystem::path& file, const std::shared_ptr<Series>& series) {
+            const py::gil_scoped_release unlocked;
+            orbits::write_csv(file, *series);
+        },
+        py::arg("file"), py::arg("series").none(false),
+        "One column per coordinate, \"segment\" and, with times, \"t\"; known sds are not stored.");
+    module.def(
+        "write_hdf5",
+        [](const std::filesystem::path& file, const std::shared_ptr<Series>& series) {
+            const py::gil_scoped_release unlocked;
+            orbits::write_hdf5(file, *series);
+        },
+        py::arg("file"), py::arg("series").none(false), "Format \"orbid-series/1\"; equal series give equal bytes.");
+}
+
+}  // namespace orbid::python

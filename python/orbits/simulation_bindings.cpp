@@ -1,0 +1,109 @@
+#include <utility>
+
+#include <pybind11/stl.h>
+
+#include "orbits/simulation/virtual_experiment.hpp"
+#include "python/conversion/arguments.hpp"
+#include "python/conversion/arrays.hpp"
+#include "python/conversion/named_arguments.hpp"
+#include "python/conversion/python_interruption.hpp"
+#include "python/orbits/series_bindings.hpp"
+
+namespace orbid::python {
+
+namespace py = pybind11;
+
+namespace {
+
+constexpr auto simulate_text = R"(A record as an experiment would take it: .series, .events, .complete, .message.
+
+parameters   dict, array of all, or None: the model's defaults.
+sections     how many, of all trajectories together: forced models and maps; autonomous ones at a `section`, which is a
+             dict as in a job, {"coordinate": "z", "value": 27, "direction": -1}; or
+step, count  [s] samples in time of each trajectory.
+transient    sections (300) or samples (0) left out at the start; trajectories (1); initial, shape (trajectories, n);
+             random_range, shape (n,); restart (True); phase [rad]; sensor as in a job; noise, noise_correlation, shape
+             (n,); seed (0); longest_return [s]; rtol, atol, maximum_steps.)";
+
+orbits::VirtualExperimentOptions experiment(NamedArguments& given, const models::System& system) {
+    orbits::VirtualExperimentOptions options;
+    const bool sections = given.has("sections");
+    if (sections == (given.has("step") || given.has("count")))
+        throw py::type_error("simulate: needs either sections, or step and count");
+    if (sections) {
+        orbits::SectionPlan plan;
+        plan.sections = static_cast<std::size_t>(given.integer("sections", 0, 1));
+        plan.transient =
+            static_cast<std::size_t>(given.integer("transient", static_cast<long long>(plan.transient), 0));
+        const py::object crossed = given.find_value("section");
+        if (crossed) plan.section = plane(system, crossed);
+        plan.longest_return = given.number("longest_return", 0.0);
+        options.plan = plan;
+    } else {
+        orbits::SamplePlan plan;
+        plan.step = given.required_number("step");
+        plan.count = static_cast<std::size_t>(given.integer("count", 0, 1));
+        plan.transient = static_cast<std::size_t>(given.integer("transient", 0, 0));
+        options.plan = plan;
+    }
+    options.trajectories = static_cast<std::size_t>(given.integer("trajectories", 1, 1));
+    if (const py::object initial = given.find_value("initial")) {
+        const Doubles starts = records(initial, "initial", system.dimension());
+        options.initial = matrix(starts);
+        if (!given.has("trajectories")) options.trajectories = static_cast<std::size_t>(starts.shape(0));
+    }
+    options.random_range = given.vector("random_range");
+    options.restart = given.flag("restart", true) ? orbits::Restart::when_captured_or_at_rest : orbits::Restart::never;
+    options.phase = given.number("phase", 0.0);
+    options.sensor = sensor(given.find("sensor"), system);
+    options.noise = given.vector("noise");
+    options.noise_correlation = given.vector("noise_correlation");
+    options.seed = static_cast<std::uint64_t>(given.integer("seed", 0, 0));
+    options.flow = flow_options(given, options.flow);
+    return options;
+}
+
+py::list event_list(const orbits::VirtualExperiment& experiment) {
+    py::list list;
+    for (const orbits::TrajectoryEvent& event : experiment.events) {
+        py::dict dict;
+        dict["kind"] = std::string(name(event.kind));
+        dict["trajectory"] = event.trajectory;
+        dict["section"] = event.section;
+        dict["period"] = event.period;
+        dict["state"] = array(Eigen::VectorXd(event.state));
+        list.append(dict);
+    }
+    return list;
+}
+
+}  // namespace
+
+void bind_simulation(py::module_& module) {
+    using orbits::VirtualExperiment;
+    py::class_<VirtualExperiment, std::shared_ptr<VirtualExperiment>>(module, "VirtualExperiment",
+                                                                      "A simulated record and what happened.")
+        .def_property_readonly("series",
+                               [](const std::shared_ptr<VirtualExperiment>& one) {
+                                   // Belongs to the experiment, and keeps it.
+                                   return std::shared_ptr<orbits::Series>(one, &one->series);
+                               })
+        .def_property_readonly("events", &event_list, "captured, at_rest, failed, restarted: where and when")
+        .def_readonly("complete", &VirtualExperiment::complete)
+        .def_readonly("message", &VirtualExperiment::message);
+    module.def(
+        "simulate",
+        [](const py::object& system, const py::object& parameters, const py::kwargs& keywords) {
+            const auto model = system_of(system);
+            const Eigen::VectorXd theta = parameter_values(*model, parameters);
+            NamedArguments given("simulate", keywords);
+            const orbits::VirtualExperimentOptions options = experiment(given, *model);
+            given.finish();
+            auto result = std::make_shared<VirtualExperiment>();
+            compute_interruptibly([&](const auto&) { *result = orbits::simulate(*model, theta, options); });
+            return result;
+        },
+        py::arg("system"), py::arg("parameters") = py::none(), simulate_text);
+}
+
+}  // namespace orbid::python

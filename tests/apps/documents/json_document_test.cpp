@@ -1,0 +1,55 @@
+#include "apps/documents/json_document.hpp"
+
+#include <string>
+
+#include "tests/catch.hpp"
+
+using namespace orbid::apps;
+using orbid::tests::ContainsSubstring;
+
+TEST_CASE("every value knows its place", "[apps][json]") {
+    const auto document = parse_json("// note\n{\n  \"a\": 1.5, /* two\nlines */ \"b\": [true, null,\n \"x\\\"y\"]\n}");
+    REQUIRE(document.root);
+    REQUIRE(document.problems.empty());
+    const JsonValue& root = *document.root;
+    CHECK(root.place.line == 2);
+    REQUIRE(root.members.size() == 2);
+    CHECK(root.members[0].place.line == 3);
+    CHECK(root.members[0].place.column == 3);
+    CHECK(root.members[0].value.number == 1.5);
+    CHECK(root.members[0].value.place.column == 8);
+    CHECK(root.members[1].place.line == 4);
+    REQUIRE(root.members[1].value.items.size() == 3);
+    CHECK(root.members[1].value.items[2].place.line == 5);
+    CHECK(root.members[1].value.items[2].text == "x\"y");
+}
+
+TEST_CASE("duplicate keys are named with both lines", "[apps][json]") {
+    const auto document = parse_json("{\n\"a\": 1,\n\"b\": { \"c\": 1,\n \"c\": 2 },\n\"a\": 3 }");
+    REQUIRE(document.problems.size() == 2);
+    CHECK(message(document.problems[0], "job.json") ==
+          "job.json:4:2: /b/c: duplicate key, first given in line 3, column 8");
+    CHECK(message(document.problems[1], "job.json") ==
+          "job.json:5:1: /a: duplicate key, first given in line 2, column 1");
+}
+
+TEST_CASE("text that is no JSON is refused with its place", "[apps][json]") {
+    const auto refusal = [](const std::string& text) {
+        const auto document = parse_json(text);
+        CHECK_FALSE(document.root);
+        REQUIRE(document.problems.size() == 1);
+        return message(document.problems[0], "f");
+    };
+    CHECK_THAT(refusal(""), ContainsSubstring("f:1:1: the file is empty"));
+    CHECK_THAT(refusal("{\n \"a\" 1}"), ContainsSubstring("f:2:6: ") && ContainsSubstring("expected ':'"));
+    CHECK_THAT(refusal("{\"a\": 1,}"), ContainsSubstring("expected string literal"));
+    CHECK_THAT(refusal("{\"a\": nan}"), ContainsSubstring("invalid literal"));
+    CHECK_THAT(refusal("{\"a\":\n1e999}"), ContainsSubstring("f:2:1:") && ContainsSubstring("number overflow"));
+    CHECK_THAT(refusal("{\"a\": \"\xff\"}"), ContainsSubstring("ill-formed UTF-8"));
+    CHECK_THAT(refusal("{} x"), ContainsSubstring("expected end of input"));
+    CHECK_THAT(refusal(std::string(100, '[') + std::string(100, ']')), ContainsSubstring("nested deeper than 64"));
+}
+
+TEST_CASE("pointers escape as RFC 6901 says", "[apps][json]") {
+    CHECK(child_pointer("/a", "b/c~d") == "/a/b~1c~0d");
+}

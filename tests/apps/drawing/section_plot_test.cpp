@@ -1,0 +1,143 @@
+#include "apps/drawing/section_plot.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "apps/drawing/plot_axis.hpp"
+#include "tests/catch.hpp"
+
+namespace orbid {
+namespace {
+
+using tests::ContainsSubstring;
+
+/// Henon map (1976), a = 1.4, b = 0.3: a chaotic section in three lines.
+orbits::Series henon(Eigen::Index points) {
+    orbits::Series series;
+    series.coordinates = {{"x", "", false}, {"x_dot", "m/s", false}};
+    Eigen::MatrixXd values(2, points);
+    Eigen::Vector2d x(0.1, 0.1);
+    for (Eigen::Index k = 0; k < points; ++k) {
+        x = Eigen::Vector2d(1.0 - 1.4 * x[0] * x[0] + x[1], 0.3 * x[0]);
+        values.col(k) = x;
+    }
+    series.segments.push_back({"0", values, {}});
+    return series;
+}
+
+std::vector<apps::PlottedOrbit> fixed_points() {
+    // x = (-0.7 +- sqrt(0.7^2 + 4 * 1.4)) / 2.8 of x = 1 - 1.4 x^2 + 0.3 x; two more periods only to be drawn.
+    const double x = (-0.7 + std::sqrt(0.49 + 5.6)) / 2.8;
+    std::vector<apps::PlottedOrbit> orbits{{1, Eigen::Vector2d(x, 0.3 * x)}};
+    for (int period = 2; period <= 9; ++period) {
+        orbits.push_back({period, Eigen::MatrixXd::Constant(2, period, 0.01 * period)});
+    }
+    return orbits;
+}
+
+std::size_t count(const std::string& text, const std::string& what) {
+    std::size_t found = 0;
+    for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + what.size())) {
+        ++found;
+    }
+    return found;
+}
+
+/// Opening and closing tags match in order; no attribute or text breaks out of its place.
+bool well_formed(const std::string& xml) {
+    std::vector<std::string> open;
+    for (std::size_t at = xml.find('<'); at != std::string::npos; at = xml.find('<', at)) {
+        const std::size_t end = xml.find('>', at);
+        if (end == std::string::npos) {
+            return false;
+        }
+        const std::string tag = xml.substr(at + 1, end - at - 1);
+        if (std::count(tag.begin(), tag.end(), '"') % 2 != 0 || tag.find('<') != std::string::npos) {
+            return false;
+        }
+        if (tag.front() == '/') {
+            if (open.empty() || open.back() != tag.substr(1)) {
+                return false;
+            }
+            open.pop_back();
+        } else if (tag.back() != '/') {
+            open.push_back(tag.substr(0, tag.find(' ')));
+        }
+        at = end;
+    }
+    return open.empty();
+}
+
+TEST_CASE("the picture is well-formed, deterministic and holds legend, axes and title", "[apps]") {
+    const auto series = henon(5000);
+    const std::string svg = apps::section_svg(series, fixed_points(), {"Henon <a & b>", "", 0, 1, 1000});
+    CHECK(svg == apps::section_svg(series, fixed_points(), {"Henon <a & b>", "", 0, 1, 1000}));
+    CHECK(well_formed(svg));
+    CHECK_FALSE(well_formed("<svg><g></svg>"));  // the check itself can fail
+    CHECK_THAT(svg, ContainsSubstring("Henon &lt;a &amp; b&gt;") && ContainsSubstring("dx/dt [m/s]"));
+    CHECK_THAT(svg, ContainsSubstring("period 1: 1 orbit<") && ContainsSubstring("period 9: 1 orbit<"));
+    CHECK_THAT(svg, !ContainsSubstring("nan") && !ContainsSubstring("inf"));
+}
+
+TEST_CASE("dots are thinned, and every periodic point is drawn", "[apps]") {
+    const std::string svg = apps::section_svg(henon(5000), {{3, Eigen::MatrixXd::Zero(2, 3)}}, {"", "", 0, 1, 1000});
+    // Every fifth point of 5000 is drawn; dots at the same tenth of a pixel are drawn once.
+    CHECK(count(svg, "h0") <= 1000);
+    CHECK(count(svg, "h0") > 950);
+    // Three triangles and the one of the legend begin with the same steps.
+    CHECK(count(svg, "m0 -6.0l") == 4);
+    // 60 000 dots, the default, stay below a third of the 1.5 MB a page bears.
+    CHECK(apps::section_svg(henon(200000), {}).size() < 700000);
+}
+
+TEST_CASE("points with missing coordinates are left out, an empty series is a picture too", "[apps]") {
+    auto series = henon(100);
+    series.segments[0].values(0, 7) = std::numeric_limits<double>::quiet_NaN();
+    CHECK(count(apps::section_svg(series, {}), "h0") == 99);
+    series.segments.clear();
+    const std::string svg = apps::section_svg(series, {});
+    CHECK(well_formed(svg));
+    CHECK(count(svg, "h0") == 0);
+}
+
+TEST_CASE("angles show the whole circle", "[apps]") {
+    orbits::Series series;
+    series.coordinates = {{"phi", "rad", true}, {"phi_dot", "rad/s", false}};
+    series.segments.push_back({"0", (Eigen::MatrixXd(2, 2) << 0.1, 0.2, 1.0, 2.0).finished(), {}});
+    const std::string svg = apps::section_svg(series, {});
+    CHECK_THAT(svg, ContainsSubstring(">−π<") && ContainsSubstring(">π/2<") && ContainsSubstring("φ [rad]") &&
+                        ContainsSubstring("dφ/dt [rad/s]"));
+    // A reading outside (-pi, pi] lands on the same dot.
+    series.segments[0].values(0, 0) += 2.0 * std::acos(-1.0);
+    CHECK(apps::section_svg(series, {}) == svg);
+}
+
+TEST_CASE("ticks are round numbers", "[apps]") {
+    const auto labels = [](double lowest, double highest) {
+        std::string out;
+        for (const auto& tick : apps::plot_axis({"v", "m/s", false}, lowest, highest).ticks) {
+            out += tick.label + " ";
+        }
+        return out;
+    };
+    CHECK(labels(-14.6, 14.6) == "−15 −10 −5 0 5 10 15 ");
+    CHECK(labels(0.0, 1.0) == "0.0 0.2 0.4 0.6 0.8 1.0 ");
+    CHECK(labels(3.0, 3.0) == "2.6 2.8 3.0 3.2 3.4 ");
+    CHECK(labels(1.0e-4, 3.0e-4).find("0.00010 0.00015") == 0);
+}
+
+TEST_CASE("what cannot be plotted is refused", "[apps]") {
+    auto series = henon(10);
+    CHECK_THROWS_WITH(apps::section_svg(series, {}, {"", "", 0, 2, 10}), ContainsSubstring("coordinate 2"));
+    CHECK_THROWS_WITH(apps::section_svg(series, {}, {"", "", 0, 1, 0}), ContainsSubstring("maximum_dots"));
+    CHECK_THROWS_WITH(apps::section_svg(series, {{1, Eigen::VectorXd::Zero(3)}}), ContainsSubstring("3 coordinates"));
+    series.sampling = orbits::Series::Sampling::samples;
+    CHECK_THROWS_WITH(apps::section_svg(series, {}), ContainsSubstring("must be a section"));
+}
+
+}  // namespace
+}  // namespace orbid

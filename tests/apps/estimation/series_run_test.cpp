@@ -1,0 +1,127 @@
+// Sampled data from simulation to estimate, and jobs of several experiments.
+
+#include <cmath>
+#include <sstream>
+
+#include "tests/apps/program/program.hpp"
+#include "tests/catch.hpp"
+
+using namespace orbid::tests;
+
+namespace {
+
+json duffing_job() {
+    return json::parse(R"({
+      "model": { "name": "duffing" },
+      "seed": 3,
+      "data": { "name": "swing", "simulate": { "samples": { "step": 0.05, "count": 401 }, "trajectories": 3,
+                  "initial": [[1.0, 1.0], [0.5, 0.0], [-1.0, 0.3]], "noise": { "x": 0.01, "x_dot": 0.02 } },
+                "segments": { "fit": ["1", "2"], "predict": ["3"] } },
+      "estimate": { "parameters": { "delta": { "start": 0.33 } }, "residuals": [ { "type": "series" } ] },
+      "reference": { "delta": 0.3 },
+      "output": { "series": "csv" } })");
+}
+
+}  // namespace
+
+TEST_CASE("sampled data are simulated, stored, fitted and predicted", "[apps][run]") {
+    const TemporaryFolder folder;
+    json job = duffing_job();
+    const Path out = folder.path() / "out";
+    // Which labels a simulation gives its segments stands in its file.
+    job["data"].erase("segments");
+    REQUIRE(orbid_with({"simulate", write_job(folder.path() / "labels.json", job), "--out", folder.path() / "labels"})
+                .code == 0);
+    std::vector<std::string> labels;
+    std::istringstream lines(orbid::apps::read_whole_file(folder.path() / "labels" / "series.csv"));
+    for (std::string line; std::getline(lines, line);) {
+        if (line.starts_with("#") || line.starts_with("segment")) continue;
+        const std::string label = line.substr(0, line.find(','));
+        if (labels.empty() || labels.back() != label) labels.push_back(label);
+    }
+    REQUIRE(labels.size() == 3);
+    job["data"]["segments"] = {{"fit", {labels[0], labels[1]}}, {"predict", {labels[2]}}};
+
+    const Outcome run = orbid_with({"run", write_job(folder.path() / "job.json", job), "--out", out});
+    CAPTURE(run.error);
+    REQUIRE(run.code == 0);
+    const json result = read_json(out / "result.json");
+    CHECK(result["status"] == "converged");
+    const json& delta = result["parameters"]["delta"];
+    CHECK(std::abs(delta["value"].get<double>() - 0.3) < 4.0 * delta["sd"].get<double>());
+    CHECK(delta["sd"].get<double>() < 0.01);
+    // 2 x 401 readings of each coordinate: the sd of their error is known to 1 / sqrt(2 * 802) = 2.5 %; four of that.
+    CHECK_THAT(result["errors"]["series.x"]["sd"].get<double>(), WithinRel(0.01, 0.1));
+    CHECK_THAT(result["errors"]["series.x_dot"]["sd"].get<double>(), WithinRel(0.02, 0.1));
+    CHECK(result["errors"]["series.x"]["count"] == 802);
+    REQUIRE(result["initial_states"].size() == 2);
+    for (const json& state : result["initial_states"]) {
+        for (const char* coordinate : {"x", "x_dot"}) {
+            CHECK(state["state"][coordinate]["estimated"] == true);
+            CHECK(state["state"][coordinate]["sd"].get<double>() > 0.0);
+        }
+    }
+    const double x0 = result["initial_states"][0]["state"]["x"]["value"];
+    CHECK(std::abs(x0 - 1.0) < 4.0 * result["initial_states"][0]["state"]["x"]["sd"].get<double>());
+    REQUIRE(result["prediction"].size() == 3);
+    CHECK(result["prediction"][2]["segment"] == labels[2]);
+    CHECK(result["prediction"][2]["fitted"] == false);
+    CHECK(result["prediction"][0]["fitted"] == true);
+    std::istringstream residuals(orbid::apps::read_whole_file(out / "residuals.csv"));
+    int rows = -1;  // the header
+    for (std::string line; std::getline(residuals, line);)
+        ++rows;
+    CHECK(rows == 4 * 401);
+
+    // Again, from the stored table: the same bytes.
+    const auto before = content(out);
+    REQUIRE(orbid_with({"run", folder.path() / "job.json", "--out", out, "--threads", "1"}).code == 0);
+    CHECK(read_json(out / "timing.json")["stages"][0]["reused"] == true);
+    const auto after = content(out);
+    for (const char* name : {"series.csv", "result.json", "residuals.csv", "job.json"}) {
+        CAPTURE(name);
+        CHECK((after.at(name) == before.at(name)));
+    }
+}
+
+TEST_CASE("a segment that is not there is refused by name", "[apps][data]") {
+    const TemporaryFolder folder;
+    json job = duffing_job();
+    job["data"]["segments"] = {{"fit", {"nowhere"}}, {"predict", json::array()}};
+    const Outcome run =
+        orbid_with({"run", write_job(folder.path() / "job.json", job), "--out", folder.path() / "out", "--quiet"});
+    CHECK(run.code == 3);
+    CHECK_THAT(run.error, ContainsSubstring("swing: there is no segment \"nowhere\""));
+    CHECK_FALSE(std::filesystem::exists(folder.path() / "out" / "result.json"));
+}
+
+TEST_CASE("several experiments share parameters and keep some for themselves", "[apps][run]") {
+    const TemporaryFolder folder;
+    const json job = json::parse(R"({
+      "model": { "name": "duffing" },
+      "data": [
+        { "name": "soft", "parameters": { "gamma": 0.48 }, "free": ["gamma"],
+          "simulate": { "samples": { "step": 0.05, "count": 201 }, "initial": [[1.0, 1.0]], "noise": { "x": 1e-3, "x_dot": 1e-3 } } },
+        { "name": "hard", "parameters": { "gamma": 0.52 }, "free": ["gamma"],
+          "simulate": { "samples": { "step": 0.05, "count": 201 }, "initial": [[0.2, 0.0]], "noise": { "x": 1e-3, "x_dot": 1e-3 } } } ],
+      "estimate": { "parameters": { "delta": { "start": 0.32 }, "gamma": { "start": 0.5 } },
+                    "residuals": [ { "type": "series", "data": ["soft", "hard"] } ] } })");
+    const Path out = folder.path() / "out";
+    const Outcome run = orbid_with({"run", write_job(folder.path() / "job.json", job), "--out", out});
+    CAPTURE(run.error);
+    REQUIRE(run.code == 0);
+    CHECK(std::filesystem::exists(out / "series_soft.h5"));
+    CHECK(std::filesystem::exists(out / "series_hard.h5"));
+    const json parameters = read_json(out / "result.json")["parameters"];
+    const std::map<std::string, double> truth{{"delta", 0.3}, {"gamma@soft", 0.48}, {"gamma@hard", 0.52}};
+    CHECK(parameters.size() == truth.size());
+    for (const auto& [name, value] : truth) {
+        CAPTURE(name);
+        REQUIRE(parameters.contains(name));
+        CHECK(std::abs(parameters[name]["value"].get<double>() - value) < 4.0 * parameters[name]["sd"].get<double>());
+        CHECK(parameters[name]["sd"].get<double>() < 0.01);
+    }
+    CHECK(orbid_with({"run", out / "job.json", "--out", folder.path() / "again"}).code == 0);
+    CHECK(orbid::apps::read_whole_file(out / "result.json") ==
+          orbid::apps::read_whole_file(folder.path() / "again" / "result.json"));
+}

@@ -1,0 +1,215 @@
+// Measured inputs in a job: what is read, written, run and refused.
+
+#include <cmath>
+#include <sstream>
+
+#include <fmt/format.h>
+
+#include "apps/job/reading/job_reader.hpp"
+#include "apps/job/writing/job_writer.hpp"
+#include "apps/program/job_summary.hpp"
+#include "tests/apps/job/job_problems.hpp"
+#include "tests/apps/program/program.hpp"
+#include "tests/catch.hpp"
+
+using namespace orbid;
+using namespace orbid::apps;
+using tests::ContainsSubstring;
+using tests::Path;
+using tests::problems;
+using tests::WithinAbs;
+
+namespace {
+
+constexpr double amplitude = 0.03, omega = 12.0;  // of the ground, the defaults of the model with harmonic ground
+
+/// z'' of the harmonic ground [m/s^2].
+double acceleration(double t) {
+    return -amplitude * omega * omega * std::cos(omega * t);
+}
+
+/// A record of the ground from -0.1 s to 2.1 s, in g and milliseconds; `gap`: a row without a value.
+Path write_ground(const Path& folder, int gap = -1) {
+    std::string text = "ms,acc\n";
+    for (int k = 0; k <= 440; ++k) {
+        const double t = -0.1 + 0.005 * k;
+        text += k == gap ? fmt::format("{},\n", 1e3 * t) : fmt::format("{},{}\n", 1e3 * t, acceleration(t) / 9.80665);
+    }
+    return tests::write_text(folder / "ground.csv", text);
+}
+
+std::string job_with(const std::string& data, const std::string& variant = "measured_base") {
+    return R"({ "model": { "name": "landing_gear_damper", "variant": ")" + variant + R"(" }, "seed": 4,
+  "data": { "name": "roll", )" +
+           data + R"( },
+  "output": { "series": "csv" } })";
+}
+
+const std::string simulated = R"("simulate": { "samples": { "step": 0.01, "count": 201 }, "initial": [[0.14, 0.1]] })";
+const std::string ground = R"("inputs": { "file": "ground.csv", "time": { "column": "ms", "unit": "ms" },
+    "base_acceleration": { "column": "acc", "unit": "g" } }, "interpolation": "cubic")";
+
+/// Columns of a table with a header, comments left out.
+std::vector<std::vector<double>> table(const Path& file) {
+    std::vector<std::vector<double>> rows;
+    std::istringstream lines(read_whole_file(file));
+    bool header = true;
+    for (std::string line; std::getline(lines, line);) {
+        if (line.starts_with("#")) continue;
+        if (!std::exchange(header, false)) {
+            rows.emplace_back();
+            std::istringstream cells(line);
+            for (std::string cell; std::getline(cells, cell, ',');)
+                rows.back().push_back(std::stod(cell));
+        }
+    }
+    return rows;
+}
+
+}  // namespace
+
+TEST_CASE("measured inputs are read and written", "[apps][job]") {
+    const tests::TemporaryFolder folder;
+    write_ground(folder.path());
+    const auto reading = read_job(job_with(simulated + ", " + ground), folder.path() / "job.json");
+    REQUIRE(reading.job);
+    const InputJob& input = *reading.job->data[0].inputs;
+    CHECK(input.file->filename() == "ground.csv");
+    CHECK(input.time_column == "ms");
+    CHECK(input.time_unit == "ms");
+    REQUIRE(input.columns.size() == 1);
+    CHECK(input.columns[0].column == "acc");
+    CHECK(input.columns[0].unit == "g");
+    CHECK(input.interpolation == models::InputSignal::Interpolation::cubic);
+    const std::string complete = job_text(*reading.job, folder.path());
+    const auto again = read_job(complete, folder.path() / "job.json");
+    REQUIRE(again.job);
+    CHECK(job_text(*again.job, folder.path()) == complete);
+    CHECK_THAT(job_summary(*reading.job),
+               ContainsSubstring("  inputs     roll: base_acceleration from ground.csv, cubic\n"));
+}
+
+TEST_CASE("measured inputs that cannot be are refused with place and rule", "[apps][job]") {
+    const tests::TemporaryFolder folder;
+    write_ground(folder.path());
+    tests::write_text(folder.path() / "run.csv", "t,stroke,acc\n0,0.1,0\n0.1,0.1,0\n");
+    tests::write_text(folder.path() / "run.h5", "");
+    const auto refused = [&](const std::string& data, const std::string& rule,
+                             const std::string& variant = "measured_base") {
+        // That a record alone is nothing to do is another matter.
+        auto found = problems(job_with(data, variant), folder.path());
+        std::erase_if(found, [](const std::string& problem) { return problem.find("/data") == std::string::npos; });
+        CAPTURE(data, found);
+        REQUIRE(found.size() == 1);
+        CHECK_THAT(found[0], ContainsSubstring(rule));
+    };
+    refused(simulated, "/data: the model landing_gear_damper reads measured inputs (base_acceleration): \"inputs\" is");
+    refused(simulated + ", " + ground, "/data/inputs: the model landing_gear_damper, variant harmonic_base, reads no",
+            "harmonic_base");
+    refused(simulated + R"(, "inputs": { "base_acceleration": "acc" })",
+            "/data/inputs: inputs of a simulation need a \"file\"");
+    refused(simulated + R"(, "inputs": { "file": "none.csv", "base_acceleration": "acc" })", "does not exist");
+    refused(simulated + R"(, "inputs": { "file": "ground.csv" })", "/data/inputs: \"base_acceleration\" is missing");
+    refused(simulated + R"(, "inputs": { "file": "ground.csv", "base_acceleration": "acc", "base": "acc" })",
+            "/data/inputs/base: unknown key; known: \"file\", \"sha256\", \"time\", \"base_acceleration\"");
+    refused(
+        simulated + R"(, "inputs": { "file": "ground.csv", "base_acceleration": { "column": "acc", "unit": "m" } })",
+        "/data/inputs/base_acceleration/unit: unit \"m\" cannot be turned into m/s^2");
+    refused(simulated + R"(, "inputs": { "file": "ground.csv", "base_acceleration": "acc" }, "interpolation": "step")",
+            "/data/interpolation: unknown value \"step\"");
+    const std::string file = R"("kind": "samples", "columns": { "time": "t", "stroke": "stroke" })";
+    refused(R"("file": "run.csv", )" + file +
+                R"(, "interpolation": "cubic", "inputs": { "base_acceleration": "acc", "time": "t" })",
+            "/data/inputs/time: belongs to \"file\"");
+    refused(R"("file": "run.h5", "kind": "samples", "inputs": { "base_acceleration": "acc" })",
+            "/data/inputs: inputs come from a table in text");
+    refused(
+        R"("file": "run.csv", "kind": "section", "columns": { "stroke": "stroke" }, "inputs": { "base_acceleration": "acc" })",
+        "/data/inputs: measured inputs of a section series: not in this version");
+    refused(
+        R"("simulate": { "samples": { "step": 0.01, "count": 201 }, "initial": [[0.14, 0.1]] }, "interpolation": "cubic")",
+        "/data/interpolation: belongs to \"inputs\", which is missing", "harmonic_base");
+}
+
+TEST_CASE("a measured ground moves the strut as the harmonic one it was taken from", "[apps][run]") {
+    const tests::TemporaryFolder folder;
+    write_ground(folder.path());
+    const auto measured = tests::write_text(folder.path() / "job.json", job_with(simulated + ", " + ground));
+    const auto harmonic = tests::write_text(folder.path() / "harmonic.json", job_with(simulated, "harmonic_base"));
+    const auto run = tests::orbid_with({"run", measured, "--out", folder.path() / "out"});
+    CAPTURE(run.error);
+    REQUIRE(run.code == 0);
+    REQUIRE(tests::orbid_with({"run", harmonic, "--out", folder.path() / "harmonic"}).code == 0);
+    const auto by_input = table(folder.path() / "out" / "series.csv");
+    const auto by_formula = table(folder.path() / "harmonic" / "series.csv");
+    REQUIRE(by_input.size() == 201);
+    double worst = 0.0;
+    for (std::size_t k = 0; k < 201; ++k)
+        worst = std::max(worst, std::abs(by_input[k][2] - by_formula[k][2]));
+    // The spline errs by h^4 z'''' / 384 = 1.5e-7 m/s^2 (h = 5 ms), which over a second moves the strut less than this.
+    CHECK(worst < 1e-7);
+    CHECK(worst > 0.0);
+    // Another ground: the stored series is stale.
+    tests::write_text(folder.path() / "ground.csv", "ms,acc\n-100,0\n3000,0\n");
+    CHECK(tests::orbid_with({"run", measured, "--out", folder.path() / "out"}).code == 2);
+    CHECK(tests::orbid_with({"run", measured, "--out", folder.path() / "out", "--force"}).code == 0);
+    CHECK(std::abs(table(folder.path() / "out" / "series.csv").back()[2] - by_input.back()[2]) > 1e-3);
+}
+
+TEST_CASE("damping is estimated from a record with its ground in the same table", "[apps][run]") {
+    const tests::TemporaryFolder folder;
+    const auto harmonic = tests::write_text(
+        folder.path() / "harmonic.json",
+        job_with(R"("simulate": { "samples": { "step": 0.01, "count": 151 }, "initial": [[0.14, 0.1], [0.1, -0.2]],
+                    "trajectories": 2, "noise": { "stroke": 1e-4 } })",
+                 "harmonic_base"));
+    REQUIRE(tests::orbid_with({"run", harmonic, "--out", folder.path() / "harmonic"}).code == 0);
+    std::string text = "run,t,stroke,acc\n";
+    for (const auto& row : table(folder.path() / "harmonic" / "series.csv"))
+        text += fmt::format("{},{},{},{}\n", row[0], row[1], row[2], -acceleration(row[1]) + 0.5);
+    tests::write_text(folder.path() / "run.csv", text);
+    const auto with = [&](const std::string& estimate) {
+        return tests::write_text(folder.path() / "job.json",
+                                 R"({ "model": { "name": "landing_gear_damper", "variant": "measured_base" },
+      "data": { "name": "roll", "file": "run.csv", "kind": "samples",
+        "columns": { "segment": "run", "time": "t", "stroke": "stroke" },
+        "inputs": { "base_acceleration": { "column": "acc", "sign": -1, "offset": 0.5 } }, "interpolation": "cubic",
+        "segments": { "fit": [0], "predict": [1] } },
+      "estimate": )" + estimate + " }");
+    };
+    const auto job = with(R"({ "parameters": { "c_compression": { "start": 1.5e4 }, "c_rebound": { "start": 8e4 } },
+                              "residuals": [ { "type": "series" } ] })");
+    const auto run = tests::orbid_with({"run", job, "--out", folder.path() / "out"});
+    CAPTURE(run.error);
+    REQUIRE(run.code == 0);
+    const auto result = tests::read_json(folder.path() / "out" / "result.json");
+    for (const auto& [name, truth] : std::map<std::string, double>{{"c_compression", 2e4}, {"c_rebound", 6e4}}) {
+        CAPTURE(name);
+        const auto& parameter = result["parameters"][name];
+        CHECK(std::abs(parameter["value"].get<double>() - truth) < 4.0 * parameter["sd"].get<double>());
+        CHECK(parameter["sd"].get<double>() < 0.05 * truth);
+    }
+    REQUIRE(result["prediction"].size() == 2);
+    CHECK(result["prediction"][1]["rms"]["stroke"].get<double>() < 2e-4);
+
+    // A gap in the ground names its line; a record that ends too early its segment.
+    const std::string whole = text;
+    const auto line = text.find("\n0,0.5,") + 1;
+    text.erase(text.rfind(',', text.find('\n', line)) + 1,
+               text.find('\n', line) - text.rfind(',', text.find('\n', line)) - 1);
+    tests::write_text(folder.path() / "run.csv", text);
+    const auto gap = tests::orbid_with({"run", job, "--out", folder.path() / "gap"});
+    CHECK(gap.code == 3);
+    CHECK_THAT(gap.error, ContainsSubstring("run.csv:52, column \"acc\": is empty; this column must be complete"));
+    tests::write_text(folder.path() / "run.csv", whole);
+    write_ground(folder.path(), -1);
+    std::string other = read_whole_file(job);
+    const std::string own = R"("base_acceleration": { "column": "acc", "sign": -1, "offset": 0.5 })";
+    tests::write_text(folder.path() / "short.csv", "t,acc\n0,1\n1.2,2\n");
+    other.replace(other.find(own), own.size(), R"("file": "short.csv", "base_acceleration": "acc")");
+    const auto early = tests::orbid_with(
+        {"run", tests::write_text(folder.path() / "early.json", other), "--out", folder.path() / "early"});
+    CHECK(early.code == 3);
+    CHECK_THAT(early.error,
+               ContainsSubstring("roll: series residual: segment 0: the measured inputs cover [0, 1.2] s"));
+}

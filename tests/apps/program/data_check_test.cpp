@@ -1,0 +1,107 @@
+// What `orbid check` finds in the files that a job names, and what it expects of the run.
+
+#include <string>
+
+#include "apps/job/reading/job_reader.hpp"
+#include "apps/program/data_check.hpp"
+#include "apps/program/work_estimate.hpp"
+#include "tests/apps/program/program.hpp"
+#include "tests/catch.hpp"
+
+using namespace orbid;
+using namespace orbid::tests;
+
+namespace {
+
+json swing_job(const Path& table) {
+    json job = json::parse(R"({
+      "model": { "name": "free_pendulum" },
+      "data": { "file": "", "kind": "samples", "columns": { "time": "t", "phi": "angle" }, "observe": ["phi"] },
+      "estimate": { "parameters": { "c2": { "start": 1e-3 } }, "residuals": [ { "type": "series", "data": ["data"] } ] } })");
+    job["data"]["file"] = table;
+    job["data"]["name"] = "data";
+    return job;
+}
+
+const apps::StageWork& stage(const std::vector<apps::StageWork>& work, const std::string& name) {
+    for (const apps::StageWork& one : work)
+        if (one.stage == name) return one;
+    throw std::invalid_argument("no stage " + name);
+}
+
+std::vector<apps::StageWork> work_of(const json& job, int threads = 1) {
+    const auto reading = apps::read_job(job.dump(), "job.json");
+    if (!reading.job) throw std::invalid_argument(reading.problems.front().rule);
+    return apps::estimated_work(*reading.job, apps::check_data(*reading.job), threads);
+}
+
+}  // namespace
+
+TEST_CASE("check reads the data as a run does", "[apps][command]") {
+    const TemporaryFolder folder;
+    const Path table = folder.path() / "swing.csv";
+    const Path file = write_job(folder.path() / "job.json", swing_job(table));
+    std::string rows = "t,angle\n";
+    for (int i = 0; i < 40; ++i)
+        rows += std::to_string(0.01 * i) + "," + std::to_string(0.001 * i) + "\n";
+    const auto refused = [&](const std::string& text, const std::string& message) {
+        write_text(table, text);
+        const Outcome check = orbid_with({"check", file});
+        CHECK(check.code == 3);
+        CHECK_THAT(check.error, ContainsSubstring(message));
+        // The run ends with the very same words.
+        const Outcome run = orbid_with({"run", file, "--out", folder.path() / "out", "--quiet"});
+        CHECK(run.code == 3);
+        CHECK(run.error == check.error);
+    };
+    refused("t,phi\n0,1\n", "angle");
+    std::string wrong = rows;
+    wrong.replace(wrong.find("0.003000"), 8, "0,03");
+    refused(wrong, "swing.csv:5");
+    wrong = rows;
+    wrong.replace(wrong.find("0.003000"), 8, "x");
+    refused(wrong, "is not a number");
+    // Three readings for two initial values, a parameter and an error scale.
+    refused("t,angle\n0,0.1\n0.01,0.2\n0.02,0.3\n", "readings");
+
+    write_text(table, rows);
+    const Outcome good = orbid_with({"check", file, "--threads", "3"});
+    CAPTURE(good.error);
+    CHECK(good.code == 0);
+    CHECK_THAT(good.out, ContainsSubstring("40 points in 1 segment") && ContainsSubstring("with 3 threads"));
+    std::filesystem::remove(table);
+    CHECK(orbid_with({"check", file}).code == 3);
+}
+
+TEST_CASE("the estimate of the work follows the numbers of the job", "[apps][command]") {
+    json job = pendulum_job(1 << 20);
+    const auto work = work_of(job);
+    // 2^20 sections of two doubles.
+    CHECK_THAT(stage(work, "simulate").megabytes, WithinRel(16.777216, 1e-12));
+    CHECK(stage(work, "orbits").megabytes >= stage(work, "simulate").megabytes);
+    CHECK(stage(work, "estimate").seconds > 0.0);
+    // Four trajectories, so that more threads than these do not help.
+    CHECK_THAT(stage(work_of(job, 4), "simulate").seconds, WithinRel(stage(work, "simulate").seconds / 4.0, 1e-12));
+    CHECK(stage(work_of(job, 64), "simulate").seconds == stage(work_of(job, 4), "simulate").seconds);
+    job["data"]["simulate"]["sections"] = 1 << 21;
+    CHECK_THAT(stage(work_of(job), "simulate").megabytes, WithinRel(2.0 * 16.777216, 1e-12));
+    CHECK_THAT(stage(work_of(job), "simulate").seconds, WithinRel(2.0 * stage(work, "simulate").seconds, 1e-2));
+    // Errors of readings need the longer search.
+    job["data"]["simulate"]["noise"] = {{"phi", 1e-3}, {"phi_dot", 1e-3}};
+    CHECK(stage(work_of(job), "orbits").seconds > 10.0 * stage(work, "orbits").seconds);
+    CHECK(apps::work_table({}, 4).empty());
+}
+
+TEST_CASE("every example job is checked with its data", "[apps][command]") {
+    std::size_t jobs = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(ORBID_SOURCE_DIR "/configs")) {
+        if (entry.path().extension() != ".json") continue;
+        CAPTURE(entry.path().string());
+        const Outcome check = orbid_with({"check", entry.path()});
+        CAPTURE(check.error);
+        CHECK(check.code == 0);
+        CHECK_THAT(check.out, ContainsSubstring("about") && ContainsSubstring("memory"));
+        ++jobs;
+    }
+    CHECK(jobs >= 18);
+}

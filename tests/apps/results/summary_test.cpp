@@ -1,0 +1,86 @@
+#include "apps/program/summary.hpp"
+
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <stdexcept>
+
+#include "apps/results/summary_table.hpp"
+#include "tests/apps/results/made_up_estimate.hpp"
+#include "tests/catch.hpp"
+
+namespace orbid {
+namespace {
+
+using tests::ContainsSubstring;
+constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
+
+TEST_CASE("a value shows the digits its standard deviation supports", "[apps]") {
+    CHECK(apps::with_digits_of(0.31700123456, 2.5e-6) == "0.3170012");
+    CHECK(apps::with_digits_of(64.0481234, 0.031) == "64.048");
+    CHECK(apps::with_digits_of(4.85123e-4, 2.3e-7) == "4.8512e-04");
+    CHECK(apps::with_digits_of(1234567.0, 1200.0) == "1.2346e+06");
+    CHECK(apps::with_digits_of(0.0, 0.02) == "0.000");
+    CHECK(apps::with_digits_of(0.5, 3.0) == "0.5");
+    CHECK(apps::with_digits_of(-0.317, undefined) == "-0.317");
+    CHECK(apps::with_digits_of(1.0 / 3.0, 0.0) == "0.333333");
+    CHECK(apps::with_digits_of(undefined, 1.0) == "undefined");
+    CHECK(apps::percent(3.2e-6) == "+0.00032 %");
+    CHECK(apps::percent(undefined).empty());
+}
+
+TEST_CASE("columns are aligned by what is shown, empty ones are left out", "[apps]") {
+    apps::SummaryTable table({{"name", apps::SummaryTable::Align::left}, {"nothing"}, {"± sd"}});
+    CHECK(table.text().empty());
+    table.add({"φ", "", "1"});
+    table.add({"longer", "", "22222"});
+    CHECK(table.text() == "  name     ± sd\n  φ           1\n  longer  22222\n");
+    CHECK_THROWS_AS(table.add({"a", "b"}), std::invalid_argument);
+}
+
+TEST_CASE("the summary tells what a reader must know", "[apps]") {
+    const std::string text = apps::estimate_summary(tests::made_up_estimate(), tests::made_up_context(), "A swing");
+    CHECK(text.substr(0, 8) == "A swing\n");
+    for (const char* words :
+         {"singular: one direction carries no information", "0.3170012", "2.5e-06", "[0.3169962, 0.3170062]",
+          "at lower", "c2 lies at its lower bound", "+18.9 %", "+0.000379 %", "+0.48",
+          "m is decided by the prior alone", "c2, m cannot be told apart", "+1 : -0.5",
+          "36668 autocorrelated records are worth about 30 independent", "sandwich over blocks", "0.998",
+          "period 1: 6, period 2: 9, period 3: none found", "phi 0.002"}) {
+        CAPTURE(words);
+        CHECK_THAT(text, ContainsSubstring(words));
+    }
+    // The sd from white noise must not stand anywhere near a parameter whose interval is a sandwich.
+    CHECK_THAT(text, !ContainsSubstring("0.0001 "));
+    CHECK_THAT(text, !ContainsSubstring("nan"));
+    CHECK_THAT(text, !ContainsSubstring("\x1b"));
+    std::istringstream lines(text);
+    std::string line;
+    while (std::getline(lines, line)) {
+        CAPTURE(line);
+        CHECK(apps::shown_width(line) <= 100);
+        CHECK((line.empty() || line.back() != ' '));
+    }
+}
+
+TEST_CASE("cycles are summarised by period, missing ones named", "[apps]") {
+    orbits::CycleSearch search;
+    for (const double multiplier : {-1.7, 18.5}) {
+        orbits::Cycle cycle;
+        cycle.period = 2;
+        cycle.points = Eigen::Matrix2d::Zero();
+        cycle.covariance = Eigen::Matrix4d::Identity() * 4e-12;
+        cycle.multipliers = {{multiplier, 0.0}, {0.04, 0.0}};
+        cycle.recurrences = multiplier > 0.0 ? 5 : 40;
+        search.cycles.push_back(cycle);
+    }
+    search.missing = {3};
+    const std::string text = apps::cycles_summary(search);
+    CHECK_THAT(text, ContainsSubstring("       2       2       4     5 ... 40"));
+    CHECK_THAT(text, ContainsSubstring("1.7 ... 18.5"));
+    CHECK_THAT(text, ContainsSubstring("2e-06"));
+    CHECK_THAT(text, ContainsSubstring("period 3: none found"));
+}
+
+}  // namespace
+}  // namespace orbid

@@ -1,0 +1,154 @@
+// orbid predict: from a stored estimate and a further record to errors and horizons.
+
+#include <cmath>
+
+#include "tests/apps/program/program.hpp"
+#include "tests/catch.hpp"
+
+using namespace orbid::tests;
+
+namespace {
+
+/// A driven pendulum-like oscillator in one well: not chaotic, so that a forecast holds to the end.
+json duffing_job(int seed, double start) {
+    json job = json::parse(R"({
+      "model": { "name": "duffing" },
+      "data": { "name": "swing", "simulate": { "samples": { "step": 0.05, "count": 401 }, "trajectories": 2,
+                  "initial": [[1.0, 1.0], [0.5, 0.0]], "noise": { "x": 0.01, "x_dot": 0.02 } } },
+      "estimate": { "parameters": { "delta": { "start": 0.33 } }, "residuals": [ { "type": "series" } ] },
+      "output": { "series": "csv" } })");
+    job["seed"] = seed;
+    job["data"]["simulate"]["initial"][0][0] = start;
+    return job;
+}
+
+/// An estimate, and the table of another record of the same system.
+struct Runs {
+    TemporaryFolder folder;
+    Path run = folder.path() / "run";
+    Path record = folder.path() / "further.csv";
+
+    Runs() {
+        REQUIRE(orbid_with({"run", write_job(folder.path() / "run.json", duffing_job(3, 1.0)), "--out", run}).code ==
+                0);
+        const Path other = folder.path() / "other";
+        REQUIRE(orbid_with({"simulate", write_job(folder.path() / "other.json", duffing_job(8, 0.9)), "--out", other})
+                    .code == 0);
+        std::filesystem::copy_file(other / "series.csv", record);
+    }
+};
+
+}  // namespace
+
+TEST_CASE("a further record of the same system is predicted to the errors of its readings", "[apps][predict]") {
+    const Runs runs;
+    const Outcome outcome = orbid_with({"predict", runs.run, runs.record});
+    CAPTURE(outcome.error, outcome.out);
+    REQUIRE(outcome.code == 0);
+    const Path out = runs.run / "predict_further";
+    const json prediction = read_json(out / "prediction.json");
+    CHECK(prediction["format"] == "orbid-prediction/1");
+    CHECK(prediction["known_errors"] == true);
+    REQUIRE(prediction["segments"].size() == 2);
+    for (const json& segment : prediction["segments"]) {
+        CHECK(segment["message"].is_null());
+        CHECK(segment["readings"] == 802);
+        // 802 readings: an rms of true errors is 1 to 1 / sqrt(2 * 802) = 2.5 %, and the scale is known to as much;
+        // four of both together.
+        CHECK_THAT(segment["course"]["normalised_rms"].get<double>(), WithinAbs(1.0, 0.15));
+        CHECK_THAT(segment["course"]["rms"]["x"].get<double>(), WithinRel(0.01, 0.2));
+        // 40 samples are a tenth: the rest is 18 s long, and errors of the beginning do not grow.
+        CHECK_THAT(segment["ahead"]["beginning"].get<double>(), WithinAbs(1.95, 1e-9));
+        CHECK(segment["ahead"]["covered"].get<int>() > 600);
+        // 95 % of 722 readings have an sd of 0.8 %; errors of the beginning are common to them all, so ten of that.
+        CHECK_THAT(segment["ahead"]["coverage95"].get<double>(), WithinAbs(0.95, 0.08));
+    }
+    CHECK_THAT(outcome.out, ContainsSubstring("further.csv predicted by") && ContainsSubstring("within 2 sds for"));
+    // The folder is a run: it can be plotted, and its job repeats the fit with the parameters held.
+    CHECK_THAT(orbid_with({"plot", out}).out, ContainsSubstring("prediction"));
+    const json job = read_json(out / "job.json");
+    CHECK(job["estimate"]["parameters"].empty());
+    CHECK(job["model"]["parameters"]["delta"] == read_json(runs.run / "result.json")["parameters"]["delta"]["value"]);
+    CHECK(orbid_with({"check", out / "job.json"}).code == 0);
+    // Again: the same bytes, with any number of threads.
+    const auto before = content(out);
+    REQUIRE(orbid_with({"predict", runs.run, runs.record, "--threads", "1"}).code == 0);
+    CHECK(content(out) == before);
+}
+
+TEST_CASE("a record of another system stands out", "[apps][predict]") {
+    const Runs runs;
+    json job = duffing_job(9, 1.0);
+    job["model"]["parameters"] = {{"delta", 0.45}};
+    const Path other = runs.folder.path() / "damped";
+    REQUIRE(orbid_with({"simulate", write_job(runs.folder.path() / "damped.json", job), "--out", other}).code == 0);
+    const Outcome outcome =
+        orbid_with({"predict", runs.run, other / "series.csv", "--out", runs.folder.path() / "prediction"});
+    REQUIRE(outcome.code == 0);
+    CHECK_THAT(outcome.out, ContainsSubstring("do not describe this record"));
+    CHECK(read_json(runs.folder.path() / "prediction" / "prediction.json")["segments"][0]["course"]["normalised_rms"]
+              .get<double>() > 1.5);
+}
+
+TEST_CASE("a record in another layout comes with its data object", "[apps][predict]") {
+    const Runs runs;
+    std::string text = orbid::apps::read_whole_file(runs.record);
+    // The same numbers under other headers.
+    const auto header = text.find("segment,t,x,x_dot");
+    REQUIRE(header != std::string::npos);
+    text.replace(header, 17, "seg,time,pos,speed");
+    write_text(runs.folder.path() / "renamed.csv", text);
+    write_text(runs.folder.path() / "renamed.json",
+               R"({ "file": "renamed.csv", "kind": "samples",
+                    "columns": { "segment": "seg", "time": "time", "x": "pos", "x_dot": "speed" } })");
+    REQUIRE(orbid_with({"predict", runs.run, runs.folder.path() / "renamed.json"}).code == 0);
+    REQUIRE(orbid_with({"predict", runs.run, runs.record}).code == 0);
+    CHECK(read_json(runs.run / "predict_renamed" / "prediction.json") ==
+          read_json(runs.run / "predict_further" / "prediction.json"));
+}
+
+TEST_CASE("sections are predicted one step ahead", "[apps][predict]") {
+    const TemporaryFolder folder;
+    json job = json::parse(R"({ "model": { "name": "henon" }, "seed": 4,
+        "data": { "name": "map", "simulate": { "sections": 4000, "noise": { "x": 0.001, "y": 0.001 } } },
+        "estimate": { "parameters": { "a": { "start": 1.39 } }, "residuals": [
+          { "type": "series", "errors": { "x": { "sd": 0.001 }, "y": { "sd": 0.001 } } } ] },
+        "output": { "series": "csv" } })");
+    const Path run = folder.path() / "run";
+    REQUIRE(orbid_with({"run", write_job(folder.path() / "job.json", job), "--out", run}).code == 0);
+    job["seed"] = 5;
+    const Path other = folder.path() / "other";
+    REQUIRE(orbid_with({"simulate", write_job(folder.path() / "other.json", job), "--out", other}).code == 0);
+    const Outcome outcome = orbid_with({"predict", run, other / "series.csv"});
+    CAPTURE(outcome.error, outcome.out);
+    REQUIRE(outcome.code == 0);
+    const json steps = read_json(run / "predict_series" / "prediction.json")["steps"];
+    CHECK(steps["count"] == 3999);
+    CHECK(steps["failed"] == 0);
+    // What the readings' errors become in a step is known exactly: x' = 1 - a x^2 + y, y' = b x.
+    CHECK_THAT(steps["normalised_rms"].get<double>(), WithinAbs(1.0, 4.0 / std::sqrt(2.0 * 3999.0)));
+    CHECK_THAT(steps["coordinates"]["y"]["expected_rms"].get<double>(),
+               WithinRel(0.001 * std::sqrt(1.0 + 0.3 * 0.3), 1e-3));
+}
+
+TEST_CASE("predictions that cannot be made are refused", "[apps][predict]") {
+    const Runs runs;
+    const auto refused = [&](const std::vector<std::string>& arguments, int code) {
+        const Outcome outcome = orbid_with(arguments);
+        CHECK(outcome.code == code);
+        CHECK(outcome.out.empty());
+        return outcome.error;
+    };
+    CHECK_THAT(refused({"predict", runs.run, runs.folder.path() / "none.csv"}, 3), ContainsSubstring("no such file"));
+    CHECK_THAT(refused({"predict", runs.run, runs.record, "--experiment", "other"}, 2),
+               ContainsSubstring("there is no experiment \"other\"; there are: swing"));
+    CHECK_THAT(refused({"predict", runs.folder.path() / "other", runs.record}, 2),
+               ContainsSubstring("holds no estimate"));
+    CHECK_THAT(refused({"predict", runs.run, write_text(runs.folder.path() / "bad.csv", "t,y\n0,1\n1,2\n")}, 3),
+               ContainsSubstring("/data"));
+    CHECK_THAT(
+        refused({"predict", runs.run, write_text(runs.folder.path() / "bad.json", "{ \"kind\": \"samples\" }")}, 3),
+        ContainsSubstring("with \"file\" in it"));
+    // Nothing is left behind.
+    CHECK_FALSE(std::filesystem::exists(runs.run / "predict_bad"));
+}

@@ -1,0 +1,171 @@
+#include <cmath>
+#include <random>
+
+#include "estimator/estimate/estimate.hpp"
+#include "tests/catch.hpp"
+#include "tests/estimator/interface/function_residual.hpp"
+
+namespace orbid::tests {
+
+namespace {
+
+/// e = y_b - exp(theta x), 5 records; cannot be evaluated where theta is above `limit`.
+FunctionResidual::Function exponential(double limit) {
+    return [limit](const Eigen::VectorXd& theta, const Eigen::VectorXd&, bool) {
+        estimator::BlockValue value;
+        if (theta[0] > limit) {
+            value.status = estimator::BlockStatus::failed;
+            return value;
+        }
+        const Eigen::VectorXd x = Eigen::VectorXd::LinSpaced(5, 0.2, 1.0);
+        const Eigen::VectorXd predicted = (theta[0] * x.array()).exp();
+        const Eigen::VectorXd wiggle = (20.0 * x.array()).sin() * 0.01;
+        value.e = (0.5 * x.array()).exp().matrix() + wiggle - predicted;
+        value.e_theta = -predicted.cwiseProduct(x);
+        value.e_z.resize(5, 0);
+        return value;
+    };
+}
+
+FunctionResidual three_blocks(double limit) {
+    FunctionResidual residual;
+    residual.add_group(group("y"));
+    residual.add_block(layout("first", 5), exponential(limit));
+    residual.add_block(layout("second", 5), exponential(1e9));
+    residual.add_block(layout("third", 5), exponential(1e9));
+    return residual;
+}
+
+}  // namespace
+
+TEST_CASE("a block that cannot be evaluated shortens the step; one that stops every step is suspended", "[estimator]") {
+    // Start below the optimum 0.5: the block fails beyond 0.45, so it stops every step towards the others' optimum.
+    FunctionResidual residual = three_blocks(0.45);
+    const auto result = estimator::estimate({free_parameter("theta", 0.0)}, {&residual});
+    CAPTURE(result.message);
+    CHECK(result.status == estimator::EstimateStatus::converged);
+    CHECK(result.counts[0].used == 2);
+    CHECK(result.counts[0].lost == 1);
+    CHECK(result.rounds == 2);
+    CHECK(residual.refreshes >= 1);
+    bool failed = false;
+    for (const auto& step : result.history) {
+        failed = failed || step.reason == "block failed";
+        if (step.accepted) CHECK(step.after <= step.before);
+    }
+    CHECK(failed);
+    FunctionResidual others = three_blocks(1e9);
+    others.suspend(0);
+    const auto expected = estimator::estimate({free_parameter("theta", 0.0)}, {&others});
+    CHECK_THAT(result.parameters[0].value, WithinRel(expected.parameters[0].value, 1e-9));
+}
+
+TEST_CASE("a start that cannot be evaluated fails and names the block", "[estimator]") {
+    FunctionResidual residual;
+    residual.add_group(group("y"));
+    residual.add_block(layout("only", 5), exponential(0.45));
+    const auto result = estimator::estimate({free_parameter("theta", 0.5)}, {&residual});
+    CHECK(result.status == estimator::EstimateStatus::failed);
+    CHECK_THAT(result.message, ContainsSubstring("only"));
+}
+
+TEST_CASE("refresh between rounds, interrupted, iteration limit, no degrees of freedom", "[estimator]") {
+    FunctionResidual residual = three_blocks(1e9);
+    residual.suspend(0);
+    residual.on_refresh = [](FunctionResidual& self) {
+        estimator::RefreshReport report;
+        if (self.refreshes == 1) {
+            self.activate(0);
+            report.changed = true;
+            report.added = 1;
+        }
+        return report;
+    };
+    const auto result = estimator::estimate({free_parameter("theta", 0.0)}, {&residual});
+    CHECK(result.status == estimator::EstimateStatus::converged);
+    CHECK(result.counts[0].used == 3);
+    CHECK(result.counts[0].added == 1);
+    CHECK(result.rounds == 2);
+
+    FunctionResidual again = three_blocks(1e9);
+    estimator::EstimateOptions options;
+    options.interrupted = [] { return true; };
+    const auto interrupted = estimator::estimate({free_parameter("theta", 0.0)}, {&again}, {}, options);
+    CHECK(interrupted.status == estimator::EstimateStatus::interrupted);
+    CHECK(std::isfinite(interrupted.parameters[0].sd));
+    options.interrupted = {};
+    options.maximum_iterations = 1;
+    const auto limited = estimator::estimate({free_parameter("theta", -3.0)}, {&again}, {}, options);
+    CHECK(limited.status == estimator::EstimateStatus::iteration_limit);
+    CHECK_THAT(limited.message, ContainsSubstring("limit of 1 steps"));
+
+    FunctionResidual single;
+    single.add_group(group("y"));
+    single.add_block(layout("one", 1), linear(Eigen::VectorXd::Ones(1), Eigen::MatrixXd::Ones(1, 1)));
+    const auto none = estimator::estimate({free_parameter("theta", 0.0)}, {&single});
+    CHECK(none.status == estimator::EstimateStatus::failed);
+    CHECK_THAT(none.message, ContainsSubstring("1 records cannot determine"));
+}
+
+TEST_CASE("calls that are wrong are refused with value and rule", "[estimator]") {
+    FunctionResidual residual = three_blocks(1e9);
+    const auto refuses = [&](const estimator::FreeParameter& parameter, const std::string& part) {
+        CHECK_THROWS_WITH(estimator::estimate({parameter}, {&residual}), ContainsSubstring(part));
+    };
+    auto parameter = free_parameter("theta", 0.0);
+    parameter.scale = estimator::Scale::log;
+    refuses(parameter, "linear scale");
+    parameter = free_parameter("theta", 2.0);
+    parameter.upper = 1.0;
+    refuses(parameter, "outside its bounds");
+    parameter = free_parameter("theta", std::nan(""));
+    refuses(parameter, "must be finite");
+    parameter = free_parameter("theta", 0.0);
+    parameter.prior = estimator::NormalPrior{0.0, -1.0};
+    refuses(parameter, "must be positive");
+    CHECK_THROWS_WITH(estimator::estimate({free_parameter("a", 0.0), free_parameter("a", 0.0)}, {&residual}),
+                      ContainsSubstring("given twice"));
+    CHECK_THROWS_WITH(estimator::estimate({}, {}), ContainsSubstring("at least one"));
+}
+
+// Residuals of an AR(1) with lag-1 correlation 0.99 around a line: 20000 records are worth about 20000 / 199 = 100.
+TEST_CASE("autocorrelated residuals: effective count and sandwich intervals against Monte Carlo", "[estimator]") {
+    const Eigen::Index n = 20000;
+    const double rho = 0.99;
+    Eigen::MatrixXd x(n, 2);
+    x << Eigen::VectorXd::Ones(n), Eigen::VectorXd::LinSpaced(n, -1.0, 1.0);
+    int covered = 0;
+    int naive = 0;
+    constexpr int runs = 200;
+    for (int run = 0; run < runs; ++run) {
+        std::mt19937_64 generator(static_cast<unsigned>(100 + run));
+        std::normal_distribution<double> normal;
+        Eigen::VectorXd y = 1.0 + 2.0 * x.col(1).array();
+        double e = normal(generator);
+        for (Eigen::Index i = 0; i < n; ++i) {
+            y[i] += 0.1 * e;
+            e = rho * e + std::sqrt(1.0 - rho * rho) * normal(generator);
+        }
+        FunctionResidual residual;
+        auto series = group("y");
+        series.ordered = true;
+        series.interval = 0.001;
+        residual.add_group(series);
+        residual.add_block(layout("series", n), linear(y, x));
+        const auto result = estimator::estimate({free_parameter("a", 0.0), free_parameter("b", 0.0)}, {&residual});
+        REQUIRE(result.status == estimator::EstimateStatus::converged);
+        CHECK(result.parameters[1].interval_method == "sandwich");
+        // n (1 - rho) / (1 + rho) = 100.5; the sampling sd of the estimate of rho is 0.001, ten per cent of 1 - rho.
+        CHECK(result.effective_count > 30.0);
+        CHECK(result.effective_count < 170.0);
+        const auto& slope = result.parameters[1];
+        if (slope.lower95 <= 2.0 && 2.0 <= slope.upper95) ++covered;
+        if (std::abs(slope.value - 2.0) <= 1.96 * slope.laplace_sd) ++naive;
+    }
+    INFO("coverage of the 95 % sandwich interval: " << covered << " of 200; of the white-noise one: " << naive);
+    // 190 expected, binomial sd 3.1: four of them below; a little above is caution, not an error.
+    CHECK(covered >= 178);
+    CHECK(naive < 100);
+}
+
+}  // namespace orbid::tests

@@ -1,0 +1,24 @@
+// Says: map must return State<T, n>
+#include "tests/models/definition/broken_models/parts.hpp"
+
+namespace orbid::models::parts::map_of_other_type {
+
+#ifdef REPAIRED
+struct Model : Texts, Coordinates, Parameters {
+    template <class T>
+    static State<T, 2> map(const State<T, 2>& x, const Values<T, 2>& p) {
+        return {x[1], p[0] * x[0]};
+    }
+};
+#else
+struct Model : Texts, Coordinates, Parameters {
+    template <class T>
+    static T map(const State<T, 2>& x, const Values<T, 2>& p) {
+        return p[0] * x[0];
+    }
+};
+#endif
+
+constexpr bool checked = is_complete<Model>();
+
+}  // namespace orbid::models::parts::map_of_other_type
