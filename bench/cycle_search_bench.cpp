@@ -22,7 +22,7 @@
 #include "bench/odeint_loop.hpp"
 #include "models/catalogue/registry.hpp"
 #include "orbits/cycles/cycle_search.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 #include "tests/orbits/cycles/true_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
@@ -46,7 +46,7 @@ double seconds_of(const Work& work) {
 double grid_pass(const orbits::SectionPoints& points) {
     std::size_t found = 0;
     const double seconds = seconds_of([&] {
-        const orbits::BoxGrid grid(points);
+        const orbits::NeighbourIndex grid(points);
         for (std::size_t i = 0; i < points.size(); i += 100)
             found += grid.nearest(Eigen::Map<const Eigen::VectorXd>(points.point(i), points.dimension()), 40).size();
     });

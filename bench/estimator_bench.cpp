@@ -226,11 +226,11 @@ public:
         });
         return values;
     }
-    estimator::RefreshReport refresh(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                     const Eigen::VectorXd&) override {
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
+                                               const Eigen::VectorXd&) override {
         return {};
     }
-    void suspend(std::size_t block) override { layout_[block].active = false; }
+    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
 private:
     std::vector<estimator::Group> groups_;

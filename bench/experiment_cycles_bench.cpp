@@ -21,7 +21,7 @@
 #include "models/catalogue/registry.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "orbits/cycles/cycle_search.hpp"
-#include "orbits/cycles/harvest.hpp"
+#include "orbits/cycles/model_guided_search.hpp"
 #include "tests/orbits/cycles/measured_cycles.hpp"
 #include "tests/orbits/cycles/true_cycles.hpp"
 
@@ -167,13 +167,14 @@ void print_truth(const char* name, const Experiment& experiment, const std::vect
     std::printf("\n");
 }
 
-orbits::Harvest reap(const Experiment& experiment, const Result& result, const std::vector<orbits::Cycle>& known) {
-    orbits::HarvestOptions options;
+orbits::ModelGuidedSearch reap(const Experiment& experiment, const Result& result,
+                               const std::vector<orbits::Cycle>& known) {
+    orbits::ModelGuidedSearchOptions options;
     options.search = experiment.search;
     options.sensor = experiment.sensor;
     options.free = result.free;
     options.covariance = result.estimate.covariance;
-    return harvest(experiment.series, *experiment.system, result.theta, known, options);
+    return model_guided_search(experiment.series, *experiment.system, result.theta, known, options);
 }
 
 std::vector<orbits::Cycle> joined(const std::vector<orbits::Cycle>& known, std::vector<orbits::Cycle> more) {
@@ -185,7 +186,7 @@ std::vector<orbits::Cycle> joined(const std::vector<orbits::Cycle>& known, std::
     return all;
 }
 
-void print(const orbits::Harvest& harvest, double seconds) {
+void print(const orbits::ModelGuidedSearch& harvest, double seconds) {
     std::printf(
         "  harvest    %zu cycles; orbits %zu, candidates %zu, not visited %zu, rejected %zu, known %zu; %.1f s\n",
         harvest.cycles.size(), harvest.orbits, harvest.candidates, harvest.not_visited, harvest.rejected, harvest.known,

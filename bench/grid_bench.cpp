@@ -13,7 +13,7 @@
 
 #include "bench/nanoflann_tree.hpp"
 #include "models/catalogue/registry.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 
 namespace {
 
@@ -60,7 +60,7 @@ void compare(const char* name, const orbits::Series& series) {
     const orbits::SectionPoints points(series);
     const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
     std::clock_t start = std::clock();
-    const orbits::BoxGrid grid(points);
+    const orbits::NeighbourIndex grid(points);
     const double build = seconds(start);
     std::vector<std::uint32_t> index;
     std::vector<double> coordinates;

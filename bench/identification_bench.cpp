@@ -137,12 +137,12 @@ void paper_method(const Experiment& from, const std::vector<std::pair<std::strin
     options.targets.weights = orbits::CycleWeights::equal;
     options.targets.sensor = e.sensor;
     orbits::CycleResidual residual(e.system, e.binding, found.cycles, e.series.phase, start_of(e), {}, options);
-    // Orbits that are not found at the start are left out until refresh() finds them.
+    // Orbits that are not found at the start are left out until update_active_set() finds them.
     const auto values = residual.evaluate(start_of(e), residual.initial_latents(), false);
     std::size_t lost = 0;
     for (std::size_t b = 0; b < values.size(); ++b)
         if (values[b].status != estimator::BlockStatus::ok) {
-            residual.suspend(b);
+            residual.deactivate(b);
             ++lost;
         }
     estimator::EstimateOptions estimation;

@@ -23,11 +23,11 @@ public:
     const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
     estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
     std::vector<Eigen::VectorXd> initial_latents() const override { return {Eigen::VectorXd(0)}; }
-    estimator::RefreshReport refresh(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                     const Eigen::VectorXd&) override {
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
+                                               const Eigen::VectorXd&) override {
         return {};
     }
-    void suspend(std::size_t block) override { layout_[block].active = false; }
+    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
     std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>&,
                                                 bool /*derivatives*/) const override {

@@ -134,8 +134,7 @@ std::vector<ValueReader> ValueReader::items() const {
         report_kind("a list [ ... ]");
         return {};
     }
-    const ValueDescription* item =
-        description_ != nullptr && description_->list ? description_->list->item.get() : nullptr;
+    const ValueSchema* item = description_ != nullptr && description_->list ? description_->list->item.get() : nullptr;
     std::vector<ValueReader> result;
     result.reserve(value_->items.size());
     for (std::size_t i = 0; i < value_->items.size(); ++i) {
@@ -152,7 +151,7 @@ std::vector<std::pair<std::string, ValueReader>> ValueReader::members() const {
     std::vector<std::pair<std::string, ValueReader>> result;
     result.reserve(value_->members.size());
     for (const JsonMember& member : value_->members) {
-        const ValueDescription* described =
+        const ValueSchema* described =
             description_ != nullptr && description_->object ? description_->object->value_of(member.key) : nullptr;
         result.emplace_back(member.key,
                             ValueReader(member.value, child_pointer(pointer_, member.key), *problems_, described));
@@ -164,17 +163,17 @@ ObjectReader::ObjectReader(const ValueReader& value) : self_(value), valid_(valu
     if (!valid_) value.report_kind("an object { ... }");
 }
 
-const ValueDescription* ObjectReader::description_of(std::string_view key) const {
-    const ValueDescription* own = self_.description_;
+const ValueSchema* ObjectReader::description_of(std::string_view key) const {
+    const ValueSchema* own = self_.description_;
     if (own == nullptr || own->anything) return nullptr;
-    const ValueDescription* described = own->object ? own->object->value_of(key) : nullptr;
+    const ValueSchema* described = own->object ? own->object->value_of(key) : nullptr;
     if (described == nullptr)
         throw std::logic_error(fmt::format("the key {} is read and not described", child_pointer(self_.pointer_, key)));
     return described;
 }
 
 std::optional<ValueReader> ObjectReader::find(std::string_view key) {
-    const ValueDescription* described = description_of(key);
+    const ValueSchema* described = description_of(key);
     known_.emplace_back(key);
     if (self_.refused()) return std::nullopt;
     for (const JsonMember& member : self_.value_->members) {
@@ -197,7 +196,7 @@ void ObjectReader::reserve(const std::vector<std::string>& keys) {
 void ObjectReader::finish() const {
     for (const JsonMember& member : self_.value_->members) {
         if (is_in(member.key, known_) || member.value.flaw == JsonValue::Flaw::itself) continue;
-        const ValueDescription* own = self_.description_;
+        const ValueSchema* own = self_.description_;
         if (own != nullptr && own->object != nullptr && own->object->find(member.key) != nullptr) {
             if (self_.problems_->empty())
                 throw std::logic_error(

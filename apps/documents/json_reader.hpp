@@ -9,8 +9,8 @@
 
 #include <fmt/format.h>
 
-#include "apps/documents/description.hpp"
 #include "apps/documents/json_document.hpp"
+#include "apps/documents/schema.hpp"
 
 namespace orbid::apps {
 
@@ -33,7 +33,7 @@ class ObjectReader;
 class ValueReader {
 public:
     ValueReader(const JsonValue& value, std::string pointer, std::vector<Problem>& problems,
-                const ValueDescription* description = nullptr)
+                const ValueSchema* description = nullptr)
         : value_(&value), pointer_(std::move(pointer)), problems_(&problems), description_(description) {}
 
     [[nodiscard]] const JsonValue& value() const { return *value_; }
@@ -70,7 +70,7 @@ public:
 
     /// Another value read in the place of this one (what a short form stands for), by the description of what it stands
     /// for; it must live as long as the reader.
-    [[nodiscard]] ValueReader standing_for(const JsonValue& value, const ValueDescription* description) const {
+    [[nodiscard]] ValueReader standing_for(const JsonValue& value, const ValueSchema* description) const {
         return {value, pointer_, *problems_, description};
     }
 
@@ -93,7 +93,7 @@ private:
     const JsonValue* value_;
     std::string pointer_;
     std::vector<Problem>* problems_;
-    const ValueDescription* description_;
+    const ValueSchema* description_;
 };
 
 /// An object with known keys. Notes each key asked for; `finish` refuses the rest.
@@ -116,7 +116,7 @@ public:
     /// Keys that are refused until their method is built.
     void reserve(const std::vector<std::string>& keys);
     /// What the description says of a key's value; null without one.
-    [[nodiscard]] const ValueDescription* description_of(std::string_view key) const;
+    [[nodiscard]] const ValueSchema* description_of(std::string_view key) const;
     /// Reports every key never asked for.
     void finish() const;
 

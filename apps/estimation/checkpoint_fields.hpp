@@ -150,8 +150,8 @@ inline void fields(apps::Archive& archive, Cycle& value) {
 }
 
 inline void fields(apps::Archive& archive, CycleSearch& value) {
-    auto& [cycles, missing, candidates, rejected, patch_map, reading_covariance, remarks] = value;
-    archive(cycles, missing, candidates, rejected, patch_map, reading_covariance, remarks);
+    auto& [cycles, missing, candidates, rejected, spline_map, reading_covariance, remarks] = value;
+    archive(cycles, missing, candidates, rejected, spline_map, reading_covariance, remarks);
 }
 
 }  // namespace orbid::orbits

@@ -74,9 +74,9 @@ struct Candidate {
 };
 
 /// The way from one start to the next better one.
-class Approach {
+class FarStartSearch {
 public:
-    Approach(const CycleStartProblem& problem, const CycleStartOptions& options, CycleStart& count)
+    FarStartSearch(const CycleStartProblem& problem, const CycleStartOptions& options, CycleStart& count)
         : problem_(problem), options_(options), count_(count) {
         // On the way to a start normal errors will do: their form only matters for the final estimate.
         problem_.targets.forms.clear();
@@ -142,7 +142,7 @@ private:
         if (estimate.status == estimator::EstimateStatus::failed || estimate.latents.empty()) return found;
         move_starts(found.parameters, estimate);
         found.nodes = residual.nodes(estimate.latents.front());
-        if (!residual.provisional())
+        if (!residual.is_intermediate_stage())
             found.distance = typical_distance(residual.distances(starts(found.parameters), estimate.latents.front()));
         if (options_.log) options_.log(fmt::format("{}: orbits within {:.2e} of the points", name, found.distance));
         return found;
@@ -184,7 +184,7 @@ private:
 CycleStart start_from_cycles(const CycleStartProblem& problem, const std::vector<estimator::FreeParameter>& parameters,
                              const CycleStartOptions& options) {
     CycleStart result;
-    Approach approach(problem, options, result);
+    FarStartSearch approach(problem, options, result);
     const auto begin = for_stages(parameters, options.estimate.joint_priors);
     const auto predicted = approach.predicted(begin);
     Candidate best = approach.lifted(predicted);

@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "apps/estimation/posterior_stage.hpp"
-#include "estimator/errors/error_law.hpp"
+#include "estimator/errors/noise_model.hpp"
 
 namespace orbid::apps {
 
@@ -16,10 +16,10 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using estimator::ErrorLaw;
+using estimator::NoiseModel;
 
 /// The error parameters of a law at the estimate, in their coordinates.
-VectorXd error_parameters(const ErrorLaw& law, const std::vector<std::string>& names,
+VectorXd error_parameters(const NoiseModel& law, const std::vector<std::string>& names,
                           const estimator::Estimate& estimate) {
     VectorXd psi(static_cast<Index>(law.coordinates.size()));
     const auto scale_of = [&](int channel) -> const estimator::EstimatedScale& {
@@ -52,7 +52,7 @@ VectorXd error_parameters(const ErrorLaw& law, const std::vector<std::string>& n
     return psi;
 }
 
-/// Standardised residuals of one group, block after block.
+/// Whitened residuals of one group, block after block.
 struct Collected {
     std::vector<double> values;
     std::vector<Index> sequences;
@@ -115,7 +115,7 @@ std::vector<GroupDiagnostic> diagnose_residuals(const std::vector<estimator::Res
                 }
                 continue;
             }
-            for (const ErrorLaw& law : laws) {
+            for (const NoiseModel& law : laws) {
                 std::vector<Index> records;
                 std::vector<Index> counts;
                 for (const int channel : law.channels) {

@@ -27,13 +27,13 @@ Eigen::VectorXd model_range(const models::System& system, const orbits::Series& 
     return orbits::coordinate_range(system, series, Eigen::MatrixXd::Zero(system.dimension(), 0));
 }
 
-orbits::Matching matching(const Job& job, const DataJob& data, const orbits::Series& series) {
+orbits::Continuity matching(const Job& job, const DataJob& data, const orbits::Series& series) {
     const MatchingJob& asked = job.estimate->series->matching;
-    orbits::Matching result;
+    orbits::Continuity result;
     // A simulated record follows its equations; a measured one only as far as the model is right.
     const bool perfect = asked.kind == MatchingJob::Kind::exact ||
                          (asked.kind == MatchingJob::Kind::automatic && data.simulation.has_value());
-    result.kind = perfect ? orbits::Matching::Kind::exact : orbits::Matching::Kind::normal;
+    result.kind = perfect ? orbits::Continuity::Kind::exact : orbits::Continuity::Kind::normal;
     result.estimate = !perfect && asked.kind != MatchingJob::Kind::given;
     if (asked.kind == MatchingJob::Kind::given) result.sd = asked.sd * model_range(*job.model.system, series);
     return result;

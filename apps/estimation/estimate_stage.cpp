@@ -5,13 +5,13 @@
 #include <fmt/format.h>
 
 #include "apps/estimation/checkpoint_fields.hpp"
-#include "apps/estimation/criticism_stage.hpp"
+#include "apps/estimation/derivative_self_check.hpp"
 #include "apps/estimation/estimate_records.hpp"
 #include "apps/estimation/estimate_residuals.hpp"
 #include "apps/estimation/estimate_setup.hpp"
 #include "apps/estimation/estimate_strategy.hpp"
-#include "apps/estimation/first_use.hpp"
 #include "apps/estimation/matching_check.hpp"
+#include "apps/estimation/model_comparison.hpp"
 #include "apps/estimation/posterior_stage.hpp"
 #include "apps/results/cycle_file.hpp"
 #include "apps/results/orbit_file.hpp"

@@ -11,7 +11,7 @@
 #include "apps/estimation/estimate_shooting.hpp"
 #include "apps/estimation/harvest_stage.hpp"
 #include "apps/estimation/posterior_stage.hpp"
-#include "apps/estimation/stage_memory.hpp"
+#include "apps/estimation/stage_checkpoint.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -92,7 +92,8 @@ JobResiduals stage_residuals(StageInput& input, const StageJob& stage, Parameter
 
 /// Tries other starts and takes the residuals to the best end.
 /// @param known  `memory` holds what was found here before.
-void try_starts(StageInput& input, StageMemory& memory, bool known, JobResiduals& residuals, Parameters& parameters) {
+void try_starts(StageInput& input, StageCheckpoint& memory, bool known, JobResiduals& residuals,
+                Parameters& parameters) {
     const Job& job = input.work.job;
     if (known) {
         input.starts->optima = memory.optima;
@@ -122,7 +123,7 @@ void try_starts(StageInput& input, StageMemory& memory, bool known, JobResiduals
 
 /// The minimisation, or what it came to before, with the residuals in the state that it left them in.
 estimator::Estimate minimised(const StageInput& input, const Parameters& parameters, const JobResiduals& residuals,
-                              const estimator::EstimateOptions& options, StageMemory& memory, bool known) {
+                              const estimator::EstimateOptions& options, StageCheckpoint& memory, bool known) {
     const std::vector<estimator::Residual*> all = residuals.all();
     if (known) {
         for (std::size_t r = 0; r < all.size(); ++r)
@@ -141,7 +142,7 @@ estimator::Estimate minimised(const StageInput& input, const Parameters& paramet
 }
 
 /// @param known  the stage has run before and left `memory`, which is filled otherwise.
-StageRun estimate_stage(StageInput& input, const StageJob& stage, Parameters parameters, StageMemory& memory,
+StageRun estimate_stage(StageInput& input, const StageJob& stage, Parameters parameters, StageCheckpoint& memory,
                         bool known) {
     StageRun run;
     run.result.stage = stage.name();
@@ -202,7 +203,7 @@ const models::ParameterBinding& searched_binding(const Job& job, const EstimateS
 }
 
 StageRun fit_stage(StageInput& input, const StageJob& stage, const Parameters& parameters) {
-    StageMemory unused;
+    StageCheckpoint unused;
     StageRun run = estimate_stage(input, stage, parameters, unused, false);
     if (run.result.status != skipped_status) describe(input, run);
     return run;
@@ -211,7 +212,8 @@ StageRun fit_stage(StageInput& input, const StageJob& stage, const Parameters& p
 namespace {
 
 /// A stage that has finished before: everything but the computing.
-StageRun remembered_stage(StageInput& input, const StageJob& stage, const Parameters& parameters, StageMemory& memory) {
+StageRun remembered_stage(StageInput& input, const StageJob& stage, const Parameters& parameters,
+                          StageCheckpoint& memory) {
     if (memory.search) {
         input.search = *memory.search;
         store_harvest(input);
@@ -230,7 +232,7 @@ StageRun remembered_stage(StageInput& input, const StageJob& stage, const Parame
 }
 
 StageRun computed_stage(StageInput& input, const StageJob& stage, const Parameters& parameters, const StageRun* before,
-                        StageMemory& memory, const std::string& name) {
+                        StageCheckpoint& memory, const std::string& name) {
     if (stage.kind == StageJob::Kind::harvest) {
         const std::string cycles = name + " cycles";
         const bool known = input.checkpoint != nullptr && input.checkpoint->recall(cycles, memory);
@@ -261,7 +263,7 @@ StageRun computed_stage(StageInput& input, const StageJob& stage, const Paramete
 
 StageRun run_stage(StageInput& input, const StageJob& stage, const Parameters& parameters, const StageRun* before,
                    const std::string& name) {
-    StageMemory memory;
+    StageCheckpoint memory;
     if (input.checkpoint != nullptr && input.checkpoint->recall(name, memory))
         return remembered_stage(input, stage, parameters, memory);
     StageRun run = computed_stage(input, stage, parameters, before, memory, name);

@@ -9,7 +9,7 @@
 #include "apps/results/cycle_file.hpp"
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/stage_fingerprint.hpp"
-#include "orbits/cycles/harvest.hpp"
+#include "orbits/cycles/model_guided_search.hpp"
 
 namespace orbid::apps {
 
@@ -40,7 +40,7 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
     if (input.section == nullptr) return "cycles were not searched for in a series";
     const auto covariance = known_covariance(before.estimate, input.cycle_binding);
     if (!covariance) return "the estimate before leaves a direction undetermined: it points nowhere";
-    orbits::HarvestOptions options;
+    orbits::ModelGuidedSearchOptions options;
     options.search = input.section->options;
     // Known from the first search, they need not be estimated again.
     if (options.search.reading_covariance.size() == 0 &&
@@ -54,11 +54,11 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
     Eigen::VectorXd theta(static_cast<Eigen::Index>(before.estimate.parameters.size()));
     for (Eigen::Index i = 0; i < theta.size(); ++i)
         theta[i] = before.estimate.parameters[static_cast<std::size_t>(i)].value;
-    orbits::Harvest found;
+    orbits::ModelGuidedSearch found;
     try {
         const Departure::Allowed leaving(input.work.departure);
-        found = orbits::harvest(input.section->series(), *job.model.system, input.cycle_binding.values(theta),
-                                input.search.cycles, options);
+        found = orbits::model_guided_search(input.section->series(), *job.model.system,
+                                            input.cycle_binding.values(theta), input.search.cycles, options);
     } catch (const std::invalid_argument& error) {
         input.work.progress.end(error.what());
         return error.what();

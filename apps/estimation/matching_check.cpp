@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include "apps/estimation/model_fit.hpp"
-#include "orbits/series_residuals/matching_report.hpp"
+#include "orbits/series_residuals/continuity_report.hpp"
 
 namespace orbid::apps {
 
@@ -43,7 +43,7 @@ Eigen::VectorXd laplace_sds(const estimator::Estimate& estimate) {
 }
 
 /// The same estimate with looser matching, from its own nodes.
-void compare_looser(const StageInput& input, const StageRun& run, std::vector<orbits::MatchingReport>& reports) {
+void compare_looser(const StageInput& input, const StageRun& run, std::vector<orbits::ContinuityReport>& reports) {
     const auto& shooting = run.residuals.shooting;
     std::vector<orbits::ShootingResidual> looser;
     looser.reserve(shooting.size());
@@ -84,7 +84,7 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
     const auto& shooting = run.residuals.shooting;
     const std::size_t first = first_shooting(run.residuals);
     if (shooting.empty() || run.estimate.latents.size() != run.residuals.all().size()) return {};
-    std::vector<orbits::MatchingReport> reports;
+    std::vector<orbits::ContinuityReport> reports;
     for (std::size_t i = 0; i < shooting.size(); ++i)
         reports.push_back(
             orbits::matching_report(*shooting[i], estimated_theta(run.estimate), run.estimate.latents[first + i]));
@@ -94,7 +94,7 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
     std::vector<MatchingResult> results;
     const auto coordinates = job.model.system->coordinates();
     for (std::size_t i = 0; i < shooting.size(); ++i) {
-        const orbits::MatchingReport& report = reports[i];
+        const orbits::ContinuityReport& report = reports[i];
         MatchingResult& result = results.emplace_back();
         result.experiment = job.data[run.residuals.shooting_experiments[i]].name;
         result.interval = static_cast<std::size_t>(shooting[i]->interval());

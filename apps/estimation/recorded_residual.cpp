@@ -2,24 +2,24 @@
 
 namespace orbid::apps {
 
-estimator::RefreshReport RecordedResidual::refresh(const Eigen::VectorXd& theta,
-                                                   const std::vector<Eigen::VectorXd>& latents,
-                                                   const Eigen::VectorXd& scales) {
+estimator::RefreshReport RecordedResidual::update_active_set(const Eigen::VectorXd& theta,
+                                                             const std::vector<Eigen::VectorXd>& latents,
+                                                             const Eigen::VectorXd& scales) {
     changes_.push_back({true, 0, theta, latents, scales});
-    return inner_.refresh(theta, latents, scales);
+    return inner_.update_active_set(theta, latents, scales);
 }
 
-void RecordedResidual::suspend(std::size_t block) {
+void RecordedResidual::deactivate(std::size_t block) {
     changes_.push_back({false, block, {}, {}, {}});
-    inner_.suspend(block);
+    inner_.deactivate(block);
 }
 
 void repeat_changes(const std::vector<ResidualChange>& changes, estimator::Residual& residual) {
     for (const ResidualChange& change : changes) {
         if (change.refreshed) {
-            residual.refresh(change.theta, change.latents, change.scales);
+            residual.update_active_set(change.theta, change.latents, change.scales);
         } else {
-            residual.suspend(change.block);
+            residual.deactivate(change.block);
         }
     }
 }

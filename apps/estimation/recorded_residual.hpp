@@ -11,13 +11,13 @@ namespace orbid::apps {
 struct ResidualChange {
     bool refreshed = true;  ///< false: a block was suspended
     std::size_t block = 0;  ///< suspended one
-    Eigen::VectorXd theta;  ///< of refresh()
+    Eigen::VectorXd theta;  ///< of update_active_set()
     std::vector<Eigen::VectorXd> latents;
     Eigen::VectorXd scales;
 };
 
-/// A residual that notes what changes it. Nothing but refresh() and suspend() does: another one of the same data that
-/// goes through the same changes is in the same state, to the bit, without the estimate between them.
+/// A residual that notes what changes it. Nothing but update_active_set() and deactivate() does: another one of the
+/// same data that goes through the same changes is in the same state, to the bit, without the estimate between them.
 class RecordedResidual final : public estimator::Residual {
 public:
     explicit RecordedResidual(estimator::Residual& inner) : inner_(inner) {}
@@ -35,10 +35,11 @@ public:
                                                               bool derivatives) const override {
         return inner_.evaluate(theta, latents, derivatives);
     }
-    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                     const Eigen::VectorXd& scales) override;
-    void suspend(std::size_t block) override;
-    [[nodiscard]] bool provisional() const override { return inner_.provisional(); }
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+                                               const std::vector<Eigen::VectorXd>& latents,
+                                               const Eigen::VectorXd& scales) override;
+    void deactivate(std::size_t block) override;
+    [[nodiscard]] bool is_intermediate_stage() const override { return inner_.is_intermediate_stage(); }
 
 private:
     estimator::Residual& inner_;

@@ -61,8 +61,7 @@ void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estim
 void read_shooting(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series);
 /// What "auto" uses where no residuals are named: cycles where they are searched or given, and the data as series.
 /// What is wrong with them is reported at `at`; `residuals` is the description of a list of residuals.
-void add_usual_residuals(const ValueReader& at, const ValueDescription* residuals, const Job& job,
-                         EstimateJob& estimate);
+void add_usual_residuals(const ValueReader& at, const ValueSchema* residuals, const Job& job, EstimateJob& estimate);
 /// "strategy" and "scan", after the residuals.
 void read_strategy(ObjectReader& object, const Job& job, EstimateJob& estimate);
 /// "criticism", after the parameters and residuals.

@@ -5,12 +5,12 @@
 #include <ostream>
 #include <thread>
 
+#include "apps/check/data_check.hpp"
+#include "apps/check/job_summary.hpp"
+#include "apps/check/work_estimate.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/program/colour.hpp"
-#include "apps/program/data_check.hpp"
-#include "apps/program/job_summary.hpp"
 #include "apps/program/run.hpp"
-#include "apps/program/work_estimate.hpp"
 
 namespace orbid::apps {
 

@@ -4,9 +4,9 @@
 
 #include <fmt/format.h>
 
-#include "apps/documents/description_page.hpp"
-#include "apps/documents/description_schema.hpp"
-#include "apps/job/schema/job_description.hpp"
+#include "apps/documents/json_schema.hpp"
+#include "apps/documents/schema_page.hpp"
+#include "apps/job/schema/job_schema.hpp"
 
 #include "models/catalogue/registry.hpp"
 

@@ -11,10 +11,10 @@
 #include <fmt/format.h>
 
 #include "apps/drawing/section_plot.hpp"
+#include "apps/estimation/derivative_self_check.hpp"
 #include "apps/estimation/estimate_stage.hpp"
-#include "apps/estimation/first_use.hpp"
 #include "apps/job/evaluated_model.hpp"
-#include "apps/job/signed_files.hpp"
+#include "apps/job/input_checksums.hpp"
 #include "apps/job/version.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/program/colour.hpp"

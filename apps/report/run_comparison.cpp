@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include "apps/report/cycle_matching.hpp"
+#include "apps/report/cycle_pairing.hpp"
 #include "apps/report/plots/catalog_plots.hpp"
 #include "apps/results/strategy_results.hpp"
 #include "apps/results/summary_table.hpp"

@@ -113,7 +113,7 @@ std::string cycles_text(const CycleFile& file) {
     out["missing"] = file.search.missing;
     out["candidates"] = file.search.candidates;
     out["rejected"] = file.search.rejected;
-    out["patch_map"] = file.search.patch_map;
+    out["patch_map"] = file.search.spline_map;
     out["reading_covariance"] = detail::rows_or_null(file.search.reading_covariance);
     out["remarks"] = file.search.remarks;
     out["cycles"] = Json::array();

@@ -42,7 +42,7 @@ struct CycleFile {
 /// Content of cycles.json, format orbid-cycles/1. Undefined numbers and absent covariances
 /// are null; numbers read back to the bit.
 ///
-/// Beside the keys of the contract: `fingerprint`, `missing`, `candidates`, `rejected`, `patch_map`,
+/// Beside the keys of the contract: `fingerprint`, `missing`, `candidates`, `rejected`, `spline_map`,
 /// `reading_covariance`, `remarks`; of a cycle `time_sd` and `code`.
 /// @throws std::invalid_argument when a cycle's shapes do not fit its period and the coordinates.
 [[nodiscard]] std::string cycles_text(const CycleFile& file);

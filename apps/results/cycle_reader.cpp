@@ -271,7 +271,7 @@ void read_search(ObjectReader& object, std::size_t dimension, orbits::CycleSearc
     };
     search.candidates = count("candidates");
     search.rejected = count("rejected");
-    if (const auto map = given(object, "patch_map")) search.patch_map = map->boolean().value_or(false);
+    if (const auto map = given(object, "patch_map")) search.spline_map = map->boolean().value_or(false);
     if (const auto covariance = given(object, "reading_covariance")) {
         const auto n = static_cast<Eigen::Index>(dimension);
         search.reading_covariance = matrix(*covariance, n, n);

@@ -31,12 +31,11 @@ std::optional<FollowedBranches> from_folder(const Workspace& work, const Fingerp
 /// Points as lists hold them: where no section says which points are meant, the first one stands for the orbit.
 /// Jacobians are not stored.
 void thin_out(const Job& job, std::vector<periodic::Branch>& branches) {
-    const bool free_course = job.model.system->kind() == models::Kind::autonomous && !job.section_plane;
+    const bool free_mesh = job.model.system->kind() == models::Kind::autonomous && !job.section_plane;
     for (periodic::Branch& branch : branches) {
         for (periodic::BranchPoint& point : branch.points) {
             point.orbit.jacobians.clear();
-            if (free_course && point.orbit.points.cols() > 1)
-                point.orbit.points = point.orbit.points.leftCols(1).eval();
+            if (free_mesh && point.orbit.points.cols() > 1) point.orbit.points = point.orbit.points.leftCols(1).eval();
         }
     }
 }

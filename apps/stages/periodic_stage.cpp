@@ -174,9 +174,8 @@ std::optional<models::Section> job_section(const Job& job) {
 }
 
 periodic::StartingSolution starting_solution(const Job& job, const periodic::PeriodicOrbit& orbit) {
-    const bool free_course = job.model.system->kind() == models::Kind::autonomous && !job.section_plane;
-    return starting_solution(job,
-                             OrbitStart{orbit.period, orbit.rotation, orbit.points, free_course ? orbit.time : 0.0});
+    const bool free_mesh = job.model.system->kind() == models::Kind::autonomous && !job.section_plane;
+    return starting_solution(job, OrbitStart{orbit.period, orbit.rotation, orbit.points, free_mesh ? orbit.time : 0.0});
 }
 
 ComputedOrbits compute_orbits(const Workspace& work) {

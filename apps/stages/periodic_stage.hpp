@@ -4,7 +4,7 @@
 
 #include "apps/results/computed_orbit.hpp"
 #include "apps/stages/workspace.hpp"
-#include "periodic/orbit/course.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 
 namespace orbid::apps {
 

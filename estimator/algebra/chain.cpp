@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "estimator/algebra/block_loop.hpp"
-#include "estimator/algebra/triangle.hpp"
+#include "estimator/algebra/r_factor.hpp"
 
 namespace orbid::estimator {
 

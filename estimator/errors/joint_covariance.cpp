@@ -4,7 +4,7 @@
 
 namespace orbid::estimator {
 
-Eigen::MatrixXd covariance_root(const ErrorLaw& law, const Eigen::VectorXd& psi) {
+Eigen::MatrixXd covariance_root(const NoiseModel& law, const Eigen::VectorXd& psi) {
     const auto m = static_cast<Eigen::Index>(law.channels.size());
     Eigen::MatrixXd lower = Eigen::MatrixXd::Zero(m, m);
     Eigen::Index k = law.first;
@@ -24,7 +24,7 @@ Eigen::VectorXd root_coordinates(const Eigen::MatrixXd& lower) {
     return psi;
 }
 
-Eigen::MatrixXd covariance_slopes(const ErrorLaw& law, const Eigen::VectorXd& psi) {
+Eigen::MatrixXd covariance_slopes(const NoiseModel& law, const Eigen::VectorXd& psi) {
     const Eigen::MatrixXd lower = covariance_root(law, psi);
     const Eigen::Index m = lower.rows();
     Eigen::MatrixXd slopes(m * m, m * (m + 1) / 2);

@@ -45,9 +45,9 @@ EstimateStatus status_of(Outcome outcome) {
 }
 
 /// The rounds of one estimate: minimise, take out blocks that stopped, let the residuals look again.
-class Rounds {
+class OuterLoop {
 public:
-    Rounds(const Problem& problem, State& state) : problem_(problem), state_(state) {
+    OuterLoop(const Problem& problem, State& state) : problem_(problem), state_(state) {
         for (const Residual* residual : problem.residuals) {
             ResidualCount count{std::string(residual->type()), 0, 0, 0, 0};
             count.lost = static_cast<int>(std::count_if(residual->layout().begin(), residual->layout().end(),
@@ -60,12 +60,12 @@ public:
 
     BlockSet set;
     Minimum minimum;
-    Ledger ledger;
+    SolverStatistics ledger;
     std::vector<ResidualCount> counts;
 
 private:
     bool suspend_stopped();
-    bool refresh();
+    bool update_active_set();
     void read_scales();
     void adopt_latents(std::size_t residual, const std::vector<bool>& was_active);
 
@@ -74,7 +74,7 @@ private:
 };
 
 /// Takes the stopped blocks out. False when too much would be lost: half of a residual's blocks or more.
-bool Rounds::suspend_stopped() {
+bool OuterLoop::suspend_stopped() {
     std::vector<std::size_t> lost(problem_.residuals.size(), 0);
     std::vector<std::size_t> active(problem_.residuals.size(), 0);
     for (const ActiveBlock& block : set.blocks)
@@ -84,14 +84,14 @@ bool Rounds::suspend_stopped() {
     for (std::size_t r = 0; r < lost.size(); ++r)
         if (2 * lost[r] >= std::max<std::size_t>(active[r], 1) && lost[r] > 0) return false;
     for (const std::size_t b : minimum.stopped) {
-        problem_.residuals[set.blocks[b].residual]->suspend(set.blocks[b].block);
+        problem_.residuals[set.blocks[b].residual]->deactivate(set.blocks[b].block);
         ++counts[set.blocks[b].residual].lost;
     }
     return true;
 }
 
 /// Blocks that are new, or came back, start from the residual's own latent states.
-void Rounds::adopt_latents(std::size_t residual, const std::vector<bool>& was_active) {
+void OuterLoop::adopt_latents(std::size_t residual, const std::vector<bool>& was_active) {
     const auto fresh = problem_.residuals[residual]->initial_latents();
     const auto& layout = problem_.residuals[residual]->layout();
     auto& latents = state_.latents[residual];
@@ -102,7 +102,7 @@ void Rounds::adopt_latents(std::size_t residual, const std::vector<bool>& was_ac
     }
 }
 
-bool Rounds::refresh() {
+bool OuterLoop::update_active_set() {
     bool changed = false;
     std::size_t first = 0;
     const Eigen::VectorXd all_scales = scales_of(problem_.laws, state_.psi);
@@ -113,7 +113,7 @@ bool Rounds::refresh() {
             was_active.push_back(block.active);
         const auto groups = static_cast<Eigen::Index>(residual.groups().size());
         const Eigen::VectorXd scales = all_scales.segment(static_cast<Eigen::Index>(first), groups);
-        const RefreshReport report = residual.refresh(state_.theta, state_.latents[r], scales);
+        const RefreshReport report = residual.update_active_set(state_.theta, state_.latents[r], scales);
         first += residual.groups().size();
         counts[r].lost += report.lost;
         counts[r].rejected += report.rejected;
@@ -125,8 +125,8 @@ bool Rounds::refresh() {
 }
 
 /// Fixed scales as the residuals have them now; in a provisional round the starts of the others as well.
-void Rounds::read_scales() {
-    for (const ErrorLaw& law : problem_.laws) {
+void OuterLoop::read_scales() {
+    for (const NoiseModel& law : problem_.laws) {
         if (law.joint()) continue;
         const Channel& channel = problem_.channels[static_cast<std::size_t>(law.channels.front())];
         const double value =
@@ -136,7 +136,7 @@ void Rounds::read_scales() {
     }
 }
 
-void Rounds::run() {
+void OuterLoop::run() {
     const int limit = problem_.options.maximum_rounds;
     int provisional = 0;
     for (ledger.round = 1;; ++ledger.round) {
@@ -175,7 +175,7 @@ void Rounds::run() {
             return;
         }
         const bool stopped = minimum.outcome == Outcome::blocks_stopped;
-        if (!refresh() && !stopped && !set.provisional) return;
+        if (!update_active_set() && !stopped && !set.provisional) return;
     }
 }
 
@@ -209,7 +209,7 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
     }
     const Problem problem = set_up(parameters, residuals, derived, options);
     State state = initial_state(problem);
-    Rounds rounds(problem, state);
+    OuterLoop rounds(problem, state);
     rounds.run();
 
     Estimate result;

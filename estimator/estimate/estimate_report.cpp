@@ -100,7 +100,7 @@ void fill_interval(EstimatedScale& scale) {
 /// Distribution, uncertainty and further error parameters of a channel.
 void fill_law(const Problem& problem, const State& state, const Posterior& posterior, int channel,
               EstimatedScale& scale) {
-    for (const ErrorLaw& law : problem.laws) {
+    for (const NoiseModel& law : problem.laws) {
         const auto place = std::find(law.channels.begin(), law.channels.end(), channel);
         if (place == law.channels.end()) continue;
         scale.distribution = law.joint() ? "joint normal" : distribution_name(law.distribution);
@@ -147,7 +147,7 @@ void fill_law(const Problem& problem, const State& state, const Posterior& poste
 }
 
 void fill_covariances(const Problem& problem, const State& state, const Posterior& posterior, Estimate& estimate) {
-    for (const ErrorLaw& law : problem.laws) {
+    for (const NoiseModel& law : problem.laws) {
         if (!law.joint()) continue;
         const auto m = static_cast<Eigen::Index>(law.channels.size());
         const auto size = static_cast<Eigen::Index>(law.coordinates.size());
@@ -245,7 +245,7 @@ void describe(const Problem& problem, const Minimum& minimum, const Posterior& p
         if (minimum.step.active[i] != 0)
             estimate.message += "; " + problem.parameters[i].name + " is at its " +
                                 (minimum.step.active[i] < 0 ? "lower" : "upper") + " bound";
-    for (const ErrorLaw& law : problem.laws)
+    for (const NoiseModel& law : problem.laws)
         for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
             const std::size_t k = static_cast<std::size_t>(law.first) + j;
             const std::string& group = estimate.scales[static_cast<std::size_t>(law.channels.front())].group;
@@ -257,7 +257,7 @@ void describe(const Problem& problem, const Minimum& minimum, const Posterior& p
             if (minimum.error_at_ceiling[k])
                 estimate.message += "; the " + law.coordinates[j].name + " of " + group + " is at its upper limit";
         }
-    for (const ErrorLaw& law : problem.laws)
+    for (const NoiseModel& law : problem.laws)
         for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
             const auto& negligible = posterior.negligible_errors();
             if (std::find(negligible.begin(), negligible.end(), law.first + static_cast<Eigen::Index>(j)) ==

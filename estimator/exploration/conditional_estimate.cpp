@@ -90,7 +90,7 @@ Conditional::Conditional(const std::vector<FreeParameter>& parameters, const std
             names.push_back(group.name);
             units.push_back(group.unit);
         }
-    for (const ErrorLaw& law : error_laws(residuals)) {
+    for (const NoiseModel& law : error_laws(residuals)) {
         if (law.joint()) continue;
         const auto channel = static_cast<std::size_t>(law.channels.front());
         const auto scale = std::find_if(estimate.scales.begin(), estimate.scales.end(),

@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-#include "estimator/errors/error_law.hpp"
+#include "estimator/errors/noise_model.hpp"
 #include "estimator/estimate/estimate.hpp"
 #include "estimator/problem/coordinate.hpp"
 #include "estimator/problem/tie.hpp"

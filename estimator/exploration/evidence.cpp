@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "estimator/errors/error_law.hpp"
+#include "estimator/errors/noise_model.hpp"
 
 namespace orbid::estimator {
 
@@ -96,7 +96,7 @@ EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters, const
     for (const Residual* residual : residuals)
         for (const Group& group : residual->groups())
             groups.push_back(group.name);
-    for (const ErrorLaw& law : error_laws(residuals)) {
+    for (const NoiseModel& law : error_laws(residuals)) {
         if (law.joint()) {
             if (law.inverse_wishart_dof > 0.0) continue;
             std::string together;

@@ -96,7 +96,7 @@ Estimate Folds::without(const std::vector<Place>& left_out) const {
         residuals.push_back(adapters.back().get());
     }
     for (const Place& place : left_out)
-        adapters[place.residual]->suspend(place.block);
+        adapters[place.residual]->deactivate(place.block);
     return estimator::estimate(parameters_, residuals, {}, options_);
 }
 

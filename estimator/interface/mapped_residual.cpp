@@ -114,10 +114,11 @@ std::vector<BlockValue> MappedResidual::evaluate(const Eigen::VectorXd& theta,
     return values;
 }
 
-RefreshReport MappedResidual::refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                      const Eigen::VectorXd& scales) {
+RefreshReport MappedResidual::update_active_set(const Eigen::VectorXd& theta,
+                                                const std::vector<Eigen::VectorXd>& latents,
+                                                const Eigen::VectorXd& scales) {
     if (options_.frozen) return {};
-    const RefreshReport report = inner_->refresh(map_.expand(theta), latents, scales);
+    const RefreshReport report = inner_->update_active_set(map_.expand(theta), latents, scales);
     groups_ = inner_->groups();
     const std::vector<JointCovariance> covariances = inner_->covariances();
     for (const ErrorOverride& change : options_.errors)
@@ -125,11 +126,11 @@ RefreshReport MappedResidual::refresh(const Eigen::VectorXd& theta, const std::v
     return report;
 }
 
-void MappedResidual::suspend(std::size_t block) {
+void MappedResidual::deactivate(std::size_t block) {
     if (options_.frozen)
         layout_.at(block).active = false;
     else
-        inner_->suspend(block);
+        inner_->deactivate(block);
 }
 
 }  // namespace orbid::estimator

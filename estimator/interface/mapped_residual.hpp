@@ -29,9 +29,9 @@ struct MappedResidualOptions {
     /// Latent states to start from, one vector per block of the wrapped residual; empty = its own. A block whose
     /// number of latent states has changed by a refresh starts from the wrapped residual's own.
     std::optional<std::vector<Eigen::VectorXd>> initial_latents;
-    /// true: the set of blocks is that of the moment of construction, refresh() does nothing, and blocks that are
-    /// suspended are so for this adapter alone. The wrapped residual is never changed, so that several frozen adapters
-    /// of one residual may work at the same time.
+    /// true: the set of blocks is that of the moment of construction, update_active_set() does nothing, and blocks that
+    /// are suspended are so for this adapter alone. The wrapped residual is never changed, so that several frozen
+    /// adapters of one residual may work at the same time.
     bool frozen = false;
 };
 
@@ -43,8 +43,9 @@ struct MappedResidualOptions {
 /// The same data with a question of its own: profile likelihoods pin one parameter, nested Laplace pins error
 /// parameters, multi-start begins elsewhere. What is estimated has the length and the order of the reduced vector.
 ///
-/// refresh() and suspend() go through to the wrapped residual unless frozen, with theta mapped. Scales that refresh()
-/// receives are those of this adapter's groups, which have the order of the wrapped residual's.
+/// update_active_set() and deactivate() go through to the wrapped residual unless frozen, with theta mapped. Scales
+/// that update_active_set() receives are those of this adapter's groups, which have the order of the wrapped
+/// residual's.
 class MappedResidual : public Residual {
 public:
     /// `inner` is not owned and must outlive the adapter.
@@ -63,10 +64,12 @@ public:
     [[nodiscard]] std::vector<BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                    const std::vector<Eigen::VectorXd>& latents,
                                                    bool derivatives) const override;
-    RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                          const Eigen::VectorXd& scales) override;
-    void suspend(std::size_t block) override;
-    [[nodiscard]] bool provisional() const override { return !options_.frozen && inner_->provisional(); }
+    RefreshReport update_active_set(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                                    const Eigen::VectorXd& scales) override;
+    void deactivate(std::size_t block) override;
+    [[nodiscard]] bool is_intermediate_stage() const override {
+        return !options_.frozen && inner_->is_intermediate_stage();
+    }
 
     [[nodiscard]] const ParameterMap& map() const { return map_; }
 

@@ -120,7 +120,7 @@ struct BlockValue {
     Eigen::MatrixXd c_next;   ///< shape (constraints, latents of the next block)
 };
 
-/// What refresh() did to the set of blocks between two minimisations.
+/// What update_active_set() did to the set of blocks between two minimisations.
 struct RefreshReport {
     bool changed = false;
     int lost = 0;      ///< blocks that can no longer be evaluated
@@ -129,7 +129,8 @@ struct RefreshReport {
 };
 
 /// A source of residuals. Knows models and data; the estimator knows neither.
-/// Const functions are thread-safe. layout() does not change during a minimisation, only by refresh() or suspend().
+/// Const functions are thread-safe. layout() does not change during a minimisation, only by update_active_set() or
+/// deactivate().
 class Residual {
 public:
     virtual ~Residual() = default;
@@ -149,14 +150,14 @@ public:
                                                            bool derivatives) const = 0;
     /// Between two minimisations: gating, new starting solutions, matching. scales = current s_g of groups(). Sds that
     /// layout() knows and the values of fixed scales in groups() may change with it; nothing else of groups() does.
-    virtual RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                  const Eigen::VectorXd& scales) = 0;
+    virtual RefreshReport update_active_set(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                                            const Eigen::VectorXd& scales) = 0;
     /// Takes a block out (it stopped too many steps). Counted as lost.
-    virtual void suspend(std::size_t block) = 0;
-    /// The present residual is a stage on the way (a matching sd that refresh() will lower): it is minimised only
-    /// roughly, error scales stay as they are (at the values of groups(), read anew for each such round), and
-    /// refresh() is asked again until this is false.
-    [[nodiscard]] virtual bool provisional() const { return false; }
+    virtual void deactivate(std::size_t block) = 0;
+    /// The present residual is a stage on the way (a matching sd that update_active_set() will lower): it is minimised
+    /// only roughly, error scales stay as they are (at the values of groups(), read anew for each such round), and
+    /// update_active_set() is asked again until this is false.
+    [[nodiscard]] virtual bool is_intermediate_stage() const { return false; }
 
 protected:
     Residual() = default;

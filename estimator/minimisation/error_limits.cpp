@@ -64,7 +64,7 @@ ErrorLimits error_limits(const Problem& problem, const BlockSet& set, const Stat
     limits.floor.resize(state.psi.size());
     limits.ceiling.resize(state.psi.size());
     limits.size = state.psi;
-    for (const ErrorLaw& law : problem.laws) {
+    for (const NoiseModel& law : problem.laws) {
         Eigen::Index response = 0;
         for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
             const ErrorCoordinate& coordinate = law.coordinates[j];
@@ -96,7 +96,7 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
     for (std::size_t k = 0; k < problem.errors.size(); ++k)
         if (problem.errors[k].kind == ErrorCoordinate::Kind::log && !(problem.errors[k].start > 0.0))
             psi[static_cast<Eigen::Index>(k)] = 0.0;
-    const StandardArrow standard = standard_arrow(rows, problem.laws, psi, matching, Curvature::expected, true);
+    const WhitenedArrow standard = standard_arrow(rows, problem.laws, psi, matching, Curvature::expected, true);
     const std::vector<Eigen::VectorXd> d_z =
         latent_steps(standard.arrow, condense(standard.arrow, 0.0), Eigen::VectorXd::Zero(state.u.size()));
     Eigen::VectorXd square = Eigen::VectorXd::Zero(state.psi.size());
@@ -104,7 +104,7 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
     const auto add = [&](const std::vector<PartRows>& parts, const Eigen::VectorXd& left) {
         Eigen::Index row = 0;
         for (const PartRows& part : parts) {
-            const ErrorLaw& law = problem.laws[part.law];
+            const NoiseModel& law = problem.laws[part.law];
             const Eigen::Index count_of_part = part.records.rows.rows() * rows_per_record(law);
             square[law.first] += left.segment(row, count_of_part).squaredNorm();
             count[law.first] += static_cast<double>(part.records.count);
@@ -123,13 +123,13 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
         add(rows[b].parts, left);
         // Under a covariance shape each row holds a share of the channels before it; the size is good enough.
         for (std::size_t i = 0; i < rows[b].channel.size(); ++i)
-            for (const ErrorLaw& law : problem.laws) {
+            for (const NoiseModel& law : problem.laws) {
                 if (law.channels.front() != rows[b].channel[i]) continue;
                 square[law.first] += left[static_cast<Eigen::Index>(i)] * left[static_cast<Eigen::Index>(i)];
                 count[law.first] += 1.0;
             }
     }
-    for (const ErrorLaw& law : problem.laws)
+    for (const NoiseModel& law : problem.laws)
         if (count[law.first] > 0.0 && square[law.first] > 0.0)
             size[law.first] = psi[law.first] + 0.5 * std::log(square[law.first] / count[law.first]);
     return size;
@@ -153,7 +153,7 @@ Eigen::VectorXd gap_sizes(const Problem& problem, const BlockSet& set, const std
             own[problem.laws[part.law].first] += part.records.rows.leftCols(block.latents).squaredNorm();
     }
     Eigen::VectorXd size = Eigen::VectorXd::Constant(count, -infinity);
-    for (const ErrorLaw& law : problem.laws) {
+    for (const NoiseModel& law : problem.laws) {
         const double records = set.count[law.channels.front()] * static_cast<double>(law.channels.size());
         if (own[law.first] > 0.0) size[law.first] = 0.5 * std::log(gap / length * own[law.first] / records);
     }
@@ -164,7 +164,7 @@ std::string why_no_covariance(const Problem& problem, const BlockSet& set, const
                               Eigen::Index determined) {
     // A response whose sd given the others is below this share of its own: correlation 1 - 5e-13.
     constexpr double least_share = 1e-6;
-    for (const ErrorLaw& law : problem.laws) {
+    for (const NoiseModel& law : problem.laws) {
         if (!law.joint()) continue;
         const std::size_t m = law.channels.size();
         const double least = static_cast<double>(m) + static_cast<double>(determined) / static_cast<double>(m) + 5.0;

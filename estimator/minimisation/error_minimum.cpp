@@ -20,7 +20,7 @@ struct Spread {
 };
 
 Spread spread(const ErrorProblem& problem, const ErrorPoint& point) {
-    const SelectedCovariance covariance = selected_covariance(point.standard.arrow, point.condensed,
+    const SelectedCovariance covariance = selected_covariance(point.standard.arrow, point.reduced_problem,
                                                               problem.restricted ? point.triangle : Eigen::MatrixXd());
     const auto through = [](const Eigen::Ref<const Eigen::MatrixXd>& at, const Eigen::MatrixXd& p) {
         Eigen::MatrixXd result;
@@ -39,7 +39,7 @@ Spread spread(const ErrorProblem& problem, const ErrorPoint& point) {
 }
 
 /// (M10) for a full covariance: V = [sum_i (e_i e_i^T + J_i C J_i^T) + Psi] / (n + nu + m + 1), as a step of psi.
-void joint_step(const ErrorProblem& problem, const ErrorPoint& point, const ErrorLaw& law, std::size_t index,
+void joint_step(const ErrorProblem& problem, const ErrorPoint& point, const NoiseModel& law, std::size_t index,
                 const Eigen::VectorXd& psi, const Spread& spread, Eigen::VectorXd& step) {
     const auto m = static_cast<Eigen::Index>(law.channels.size());
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(m, m);
@@ -104,7 +104,7 @@ std::vector<Eigen::VectorXd> far_steps(const ErrorProblem& problem, const ErrorP
     }
     Spread through;
     for (std::size_t l = 0; l < problem.laws->size(); ++l) {
-        const ErrorLaw& law = (*problem.laws)[l];
+        const NoiseModel& law = (*problem.laws)[l];
         if (!law.joint() || !problem.free[static_cast<std::size_t>(law.first)]) continue;
         if (through.own.empty()) through = spread(problem, point);
         joint_step(problem, point, law, l, psi, through, own);
@@ -286,7 +286,7 @@ Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimu
         jacobi(i, i - 1) = jacobi(i - 1, i) = std::sqrt(0.5 * static_cast<double>(i));
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> rule(jacobi);
     Eigen::VectorXd psi = minimum.psi;
-    for (const ErrorLaw& law : *problem.laws) {
+    for (const NoiseModel& law : *problem.laws) {
         const Eigen::Index k = law.first;
         const auto index = static_cast<std::size_t>(k);
         if (!problem.free[index] || !law.compressible() || minimum.at_floor[index] || minimum.at_ceiling[index])

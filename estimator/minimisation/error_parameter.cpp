@@ -12,8 +12,8 @@ namespace orbid::estimator {
 namespace {
 
 /// Whether psi[k] scales the errors of a law that sees sums of squares only.
-const ErrorLaw* plain_law(const std::vector<ErrorLaw>& laws, Eigen::Index k) {
-    for (const ErrorLaw& law : laws)
+const NoiseModel* plain_law(const std::vector<NoiseModel>& laws, Eigen::Index k) {
+    for (const NoiseModel& law : laws)
         if (law.first == k && law.compressible()) return &law;
     return nullptr;
 }
@@ -30,7 +30,7 @@ struct RowCoordinate {
 /// Calls use() for the free error parameters of a block's rows, always in the same order.
 template <class Use>
 void for_coordinates(const ErrorProblem& problem, const BlockRows& block, const std::vector<PartRows>& parts, Use use) {
-    const std::vector<ErrorLaw>& laws = *problem.laws;
+    const std::vector<NoiseModel>& laws = *problem.laws;
     if (block.rows.size() > 0) {
         for (std::size_t k = 0; k < problem.free.size(); ++k)
             if (problem.free[k]) use(RowCoordinate{static_cast<Eigen::Index>(k), nullptr, 0, 0, false});
@@ -38,7 +38,7 @@ void for_coordinates(const ErrorProblem& problem, const BlockRows& block, const 
     }
     Eigen::Index row = 0;
     for (const PartRows& part : parts) {
-        const ErrorLaw& law = laws[part.law];
+        const NoiseModel& law = laws[part.law];
         const Eigen::Index rows = part.records.rows.rows() * rows_per_record(law);
         for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
             const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
@@ -48,10 +48,10 @@ void for_coordinates(const ErrorProblem& problem, const BlockRows& block, const 
     }
 }
 
-StandardRows<double> derivative_of(const ErrorProblem& problem, const Eigen::VectorXd& psi, const BlockRows& block,
+WhitenedRows<double> derivative_of(const ErrorProblem& problem, const Eigen::VectorXd& psi, const BlockRows& block,
                                    const std::vector<PartRows>& parts, const RowCoordinate& coordinate,
                                    const Eigen::Ref<const Eigen::MatrixXd>& rows) {
-    const StandardRows<double> at{rows, 0.0};
+    const WhitenedRows<double> at{rows, 0.0};
     return block.rows.size() > 0
                ? standard_rows_derivative(block, *problem.laws, psi, coordinate.k, Curvature::expected, at)
                : standard_rows_derivative(parts, *problem.laws, psi, coordinate.k, Curvature::expected, at);
@@ -101,7 +101,7 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
                 result.value[slot++] = -leverage(rows, covariance, coordinate.first, coordinate.rows);
                 return;
             }
-            const StandardRows<double> derivative =
+            const WhitenedRows<double> derivative =
                 derivative_of(problem, psi, problem.rows[b], parts, coordinate, rows);
             const auto columns = covariance.cols();
             result.value[slot++] =
@@ -115,7 +115,7 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
         if (problem.rows[b].linked_parts.empty()) return;
         use(b, problem.rows[b].linked_parts, result.linked[b], point.standard.linked_rows(b), covariance);
     };
-    visit_covariance(point.standard.arrow, point.condensed,
+    visit_covariance(point.standard.arrow, point.reduced_problem,
                      problem.restricted ? inverse_square(point.triangle) : Eigen::MatrixXd(), own,
                      any_linked ? linked : CovarianceUse());
     return result;
@@ -134,7 +134,7 @@ void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Blo
               const std::vector<PartRows>& parts, const Eigen::Ref<const Eigen::MatrixXd>& at, const double* slot,
               const Eigen::VectorXd& moved, Eigen::VectorXd& w, RowSums& sums) {
     if (at.rows() == 0) return;
-    const std::vector<ErrorLaw>& laws = *problem.laws;
+    const std::vector<NoiseModel>& laws = *problem.laws;
     const Eigen::Index last = at.cols() - 1;
     w = at.col(last);
     for (Eigen::Index j = 0; j < moved.size(); ++j)
@@ -152,7 +152,7 @@ void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Blo
             sums.left[k] += count + trace;
             return;
         }
-        const StandardRows<double> derivative = derivative_of(problem, psi, block, parts, coordinate, at);
+        const WhitenedRows<double> derivative = derivative_of(problem, psi, block, parts, coordinate, at);
         double fit = derivative.value;
         if (moved.size() > 0)
             fit += w.dot(derivative.rows.col(last) + derivative.rows.leftCols(last) * moved) -
@@ -161,7 +161,7 @@ void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Blo
         if (coordinate.part != nullptr || plain_law(laws, k) == nullptr) return;
         double count = 0.0;
         for (const int channel : block.channel)
-            for (const ErrorLaw& law : laws)
+            for (const NoiseModel& law : laws)
                 if (law.first == k && law.channels.front() == channel) count += 1.0;
         // d(-ln p) = n - fit for the scale of such a law.
         sums.fit[k] += count - fit;
@@ -173,15 +173,15 @@ void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Blo
 
 ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi) {
     const Eigen::Index rank = problem.prior_gradient.size();
-    const std::vector<ErrorLaw>& laws = *problem.laws;
+    const std::vector<NoiseModel>& laws = *problem.laws;
     ErrorPoint point;
     point.standard = standard_arrow(problem.rows, laws, psi, problem.matching, Curvature::expected, true);
-    point.condensed = condense(point.standard.arrow, 0.0);
+    point.reduced_problem = condense(point.standard.arrow, 0.0);
     point.value = point.standard.value;
 
     // The decided parameters with their prior: triangle R and best step y.
     Eigen::MatrixXd stacked(rank + problem.prior_rows.rows(), rank + 1);
-    stacked << point.condensed.r, point.condensed.rhs, problem.prior_rows,
+    stacked << point.reduced_problem.r, point.reduced_problem.rhs, problem.prior_rows,
         Eigen::VectorXd::Zero(problem.prior_rows.rows());
     const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
     point.triangle = factor.topLeftCorner(rank, rank);
@@ -199,13 +199,13 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
         } else {
             y.setZero();
         }
-        d_z = latent_steps(point.standard.arrow, point.condensed, y);
+        d_z = latent_steps(point.standard.arrow, point.reduced_problem, y);
         const ModelChange change = model_change(point.standard.arrow, y, d_z);
         point.value += change.linear + 0.5 * change.quadratic + problem.prior_gradient.dot(y) +
                        0.5 * (problem.prior_rows * y).squaredNorm();
     }
     if (problem.restricted) point.value += point.triangle.diagonal().array().abs().log().sum();
-    point.value += log_abs_determinant(point.condensed);
+    point.value += log_abs_determinant(point.reduced_problem);
 
     const Traces trace = traces(problem, psi, point);
     const RowSums zero{Eigen::VectorXd::Zero(psi.size()), Eigen::VectorXd::Zero(psi.size()),
@@ -240,7 +240,7 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
         point.fit += part.fit;
         point.left += part.left;
     }
-    for (const ErrorLaw& law : laws) {
+    for (const NoiseModel& law : laws) {
         const auto size = static_cast<Eigen::Index>(law.coordinates.size());
         const Eigen::VectorXd own = psi.segment(law.first, size);
         bool any = false;

@@ -24,7 +24,7 @@ enum class Follow { latents, all };
 /// See above.
 struct ErrorProblem {
     const BlockSet* set = nullptr;
-    const std::vector<ErrorLaw>* laws = nullptr;
+    const std::vector<NoiseModel>* laws = nullptr;
     std::vector<BlockRows> rows;     ///< columns of theta in the basis of decided directions (see BoundedStep)
     Eigen::MatrixXd prior_rows;      ///< square root of the curvature of the parameter prior times basis
     Eigen::VectorXd prior_gradient;  ///< basis^T gradient, shape (rank)
@@ -41,8 +41,8 @@ struct ErrorPoint {
     /// For scales of laws that see squares only: sum of squares of the standard errors, and records less trace; else 0.
     Eigen::VectorXd fit;
     Eigen::VectorXd left;
-    StandardArrow standard;  ///< rows kept
-    Condensed condensed;
+    WhitenedArrow standard;  ///< rows kept
+    ReducedProblem reduced_problem;
     Eigen::MatrixXd triangle;  ///< R of the decided parameters with prior, latent states eliminated
 };
 

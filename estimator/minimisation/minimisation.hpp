@@ -27,7 +27,7 @@ inline constexpr double tight_matching = 1e-3;
 class Minimisation {
 public:
     /// @param limited  parameters keep within their own size of the start until the constraints are tight
-    Minimisation(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger, bool limited)
+    Minimisation(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger, bool limited)
         : problem_(problem),
           set_(set),
           state_(state),
@@ -91,9 +91,9 @@ private:
     const Problem& problem_;
     const BlockSet& set_;
     State& state_;
-    Ledger& ledger_;
+    SolverStatistics& ledger_;
     Minimum minimum_;
-    Arrow arrow_;
+    BlockArrow arrow_;
     double value_ = 0.0;  ///< -ln p of the errors at the state, without ln|Sigma|
     StepModel model_;
     TrialStep full_;  ///< the full step of the model, once asked for

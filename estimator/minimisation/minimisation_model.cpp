@@ -22,15 +22,15 @@ double Minimisation::objective() const {
 }
 
 void Minimisation::factorise_errors() {
-    StandardArrow standard = standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature());
+    WhitenedArrow standard = standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature());
     arrow_ = std::move(standard.arrow);
     value_ = standard.value;
 }
 
 void Minimisation::set_model() {
     const Eigen::VectorXd fallback = sizes(problem_, state_.theta);
-    const Condensed condensed = condense(arrow_, 0.0);
-    Eigen::VectorXd norm = condensed.r.colwise().norm().transpose();
+    const ReducedProblem reduced_problem = condense(arrow_, 0.0);
+    Eigen::VectorXd norm = reduced_problem.r.colwise().norm().transpose();
     for (Eigen::Index i = 0; i < norm.size(); ++i)
         if (!(norm[i] > 0.0)) norm[i] = 1.0 / fallback[i];
     model_.damping = model_.damping.size() == norm.size() ? Eigen::VectorXd(model_.damping.cwiseMax(norm)) : norm;
@@ -39,9 +39,9 @@ void Minimisation::set_model() {
     model_.bounds = {lower_ - state_.u, upper_ - state_.u};
     model_.fallback = fallback;
     model_.rank_tolerance = problem_.options.relative_singular_value;
-    minimum_.step =
-        bounded_step(condensed, minimum_.prior, model_.bounds, 0.0, model_.damping, fallback, model_.rank_tolerance);
-    model_length_ = (condensed.r * minimum_.step.d).norm();
+    minimum_.step = bounded_step(reduced_problem, minimum_.prior, model_.bounds, 0.0, model_.damping, fallback,
+                                 model_.rank_tolerance);
+    model_length_ = (reduced_problem.r * minimum_.step.d).norm();
     full_known_ = false;
 }
 
@@ -109,7 +109,7 @@ void Minimisation::follow_scales() {
     if (!any) return;
     const ErrorPoint point = evaluate_errors(errors, state_.psi);
     Eigen::VectorXd psi = state_.psi;
-    for (const ErrorLaw& law : problem_.laws) {
+    for (const NoiseModel& law : problem_.laws) {
         const Eigen::Index k = law.first;
         const double count = set_.count[law.channels.front()];
         if (!errors.free[static_cast<std::size_t>(k)] || !law.compressible() || !(count > 0.0)) continue;

@@ -74,7 +74,7 @@ bool Minimisation::try_step(const TrialStep& step) {
             // Tiny steps: the gradients at both ends keep what the difference of two objectives loses to rounding.
             if (derivatives_at_trial_ && step.curvature < tiny_sds * tiny_sds) {
                 rows = linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, trial.theta);
-                const Arrow arrow =
+                const BlockArrow arrow =
                     standard_arrow(rows, problem_.laws, state_.psi, minimum_.matching, curvature(), false, false).arrow;
                 const double slope =
                     model_change(arrow, step.parameters.d, step.latents).linear + prior.gradient.dot(step.parameters.d);

@@ -198,7 +198,7 @@ ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Mi
     return errors;
 }
 
-Minimum minimise(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger) {
+Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger) {
     const State start = state;
     Minimisation unlimited(problem, set, state, ledger, false);
     Minimum minimum = unlimited.run();

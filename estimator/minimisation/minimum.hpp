@@ -30,7 +30,7 @@ struct Minimum {
 };
 
 /// Counters and history over all rounds.
-struct Ledger {
+struct SolverStatistics {
     int round = 0;
     int iterations = 0;  ///< accepted steps of theta
     int trials = 0;      ///< accepted and rejected ones
@@ -52,7 +52,7 @@ struct Ledger {
 /// metric), with the scales at their minimum; some more steps are taken then as long as they gain digits. When no
 /// shorter step decreases Phi any more although its length is below `rounding_sds`, the residuals' own rounding is
 /// reached: converged too, and the message says so. Otherwise no_progress.
-[[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger);
+[[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger);
 
 /// See minimise(): a thousandth of a sd is below anything a result shows.
 inline constexpr double rounding_sds = 1e-3;

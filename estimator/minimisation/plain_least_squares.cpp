@@ -10,7 +10,7 @@
 
 #include <oneapi/tbb/parallel_for.h>
 
-#include "estimator/algebra/triangle.hpp"
+#include "estimator/algebra/r_factor.hpp"
 
 namespace orbid::estimator {
 
@@ -54,7 +54,7 @@ constexpr double least_column = 1e-6;
 
 class LeastSquares {
 public:
-    LeastSquares(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger)
+    LeastSquares(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger)
         : problem_(problem), set_(set), state_(state), ledger_(ledger), parameters_(state.u.size()) {
         offset_.reserve(set.blocks.size());
         for (std::size_t b = 0; b < set.blocks.size(); ++b) {
@@ -103,7 +103,7 @@ private:
     const Problem& problem_;
     const BlockSet& set_;
     State& state_;
-    Ledger& ledger_;
+    SolverStatistics& ledger_;
     Eigen::Index parameters_;
     Eigen::Index records_ = 0;
     std::vector<Eigen::Index> offset_;  ///< first record of each block
@@ -435,7 +435,8 @@ bool is_plain_least_squares(const Problem& problem, const BlockSet& set) {
            });
 }
 
-Evaluation solve_plain_least_squares(const Problem& problem, const BlockSet& set, State& state, Ledger& ledger) {
+Evaluation solve_plain_least_squares(const Problem& problem, const BlockSet& set, State& state,
+                                     SolverStatistics& ledger) {
     return LeastSquares(problem, set, state, ledger).run();
 }
 

@@ -22,6 +22,6 @@ namespace orbid::estimator {
 /// with 24000 / 13000 derivatives.
 /// @return the values at the state, with derivatives; blocks that fail at the start are named in it.
 [[nodiscard]] Evaluation solve_plain_least_squares(const Problem& problem, const BlockSet& set, State& state,
-                                                   Ledger& ledger);
+                                                   SolverStatistics& ledger);
 
 }  // namespace orbid::estimator

@@ -21,11 +21,11 @@ void stretch(TrialStep& step, double factor) {
 TrialStep step_at(const StepModel& model, double mu) {
     TrialStep step;
     step.mu = mu;
-    const Condensed condensed = condense(*model.arrow, mu);
-    step.parameters =
-        bounded_step(condensed, *model.prior, model.bounds, mu, model.damping, model.fallback, model.rank_tolerance);
+    const ReducedProblem reduced_problem = condense(*model.arrow, mu);
+    step.parameters = bounded_step(reduced_problem, *model.prior, model.bounds, mu, model.damping, model.fallback,
+                                   model.rank_tolerance);
     const Eigen::VectorXd& d = step.parameters.d;
-    step.latents = latent_steps(*model.arrow, condensed, d);
+    step.latents = latent_steps(*model.arrow, reduced_problem, d);
     const ModelChange change = model_change(*model.arrow, d, step.latents);
     step.slope = change.linear + model.prior->gradient.dot(d);
     step.curvature = change.quadratic + model.prior->quadratic(d);

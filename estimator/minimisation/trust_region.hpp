@@ -21,7 +21,7 @@ struct TrialStep {
 
 /// The quadratic model of Phi at fixed scales, and the metric in which steps are limited.
 struct StepModel {
-    const Arrow* arrow = nullptr;
+    const BlockArrow* arrow = nullptr;
     const PriorModel* prior = nullptr;
     StepBounds bounds;
     Eigen::VectorXd damping;   ///< D of (M11), shape (q)

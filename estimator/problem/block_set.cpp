@@ -41,7 +41,7 @@ bool finite(const BlockValue& value, const ActiveBlock& block, bool derivatives)
 }
 
 /// Log-normal errors need a positive prediction.
-bool predicted(const BlockValue& value, const ActiveBlock& block, const std::vector<ErrorLaw>& laws) {
+bool predicted(const BlockValue& value, const ActiveBlock& block, const std::vector<NoiseModel>& laws) {
     const auto positive = [&](const LawPart& part) {
         if (!std::holds_alternative<LogNormalErrors>(laws[part.law].distribution)) return true;
         for (std::size_t i = 0; i < part.records.size(); ++i)
@@ -53,14 +53,14 @@ bool predicted(const BlockValue& value, const ActiveBlock& block, const std::vec
 }
 
 /// Sorts the records [begin, end) of a block by law.
-std::vector<LawPart> parts_of(const ActiveBlock& block, const BlockLayout& from, const std::vector<ErrorLaw>& laws,
+std::vector<LawPart> parts_of(const ActiveBlock& block, const BlockLayout& from, const std::vector<NoiseModel>& laws,
                               std::size_t begin, std::size_t end) {
     const auto refuse = [&from](const std::string& what) {
         throw std::invalid_argument("residual block \"" + from.label + "\": " + what);
     };
     std::vector<LawPart> parts;
     for (std::size_t l = 0; l < laws.size(); ++l) {
-        const ErrorLaw& law = laws[l];
+        const NoiseModel& law = laws[l];
         LawPart part{l, {}, {}};
         std::size_t first = 0;
         for (const int channel : law.channels) {
@@ -123,7 +123,7 @@ void check_links(const BlockLayout& from, LatentStructure structure, std::size_t
 /// How the records of a law may depend on latent states: all of them alike, for their scale is one.
 enum class Place : char { nowhere, own, linked };
 
-void check_places(const ActiveBlock& block, const std::string& label, const std::vector<ErrorLaw>& laws,
+void check_places(const ActiveBlock& block, const std::string& label, const std::vector<NoiseModel>& laws,
                   std::vector<Place>& place) {
     const auto check = [&](const LawPart& part, Place here) {
         if (place[part.law] != Place::nowhere && place[part.law] != here)
@@ -150,11 +150,11 @@ std::vector<Channel> channels_of(const std::vector<Residual*>& residuals) {
 }
 
 BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
-                const std::vector<ErrorLaw>& laws) {
+                const std::vector<NoiseModel>& laws) {
     BlockSet set;
     set.count = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(channels.size()));
-    std::vector<const ErrorLaw*> law_of(channels.size(), nullptr);
-    for (const ErrorLaw& law : laws)
+    std::vector<const NoiseModel*> law_of(channels.size(), nullptr);
+    for (const NoiseModel& law : laws)
         for (const int channel : law.channels)
             law_of[static_cast<std::size_t>(channel)] = &law;
     std::vector<Place> places(laws.size(), Place::nowhere);
@@ -163,7 +163,7 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
         const auto& layout = residuals[r]->layout();
         const auto groups = static_cast<int>(residuals[r]->groups().size());
         const LatentStructure structure = residuals[r]->structure();
-        set.provisional = set.provisional || residuals[r]->provisional();
+        set.provisional = set.provisional || residuals[r]->is_intermediate_stage();
         const std::size_t first_block = set.blocks.size();
         std::vector<std::ptrdiff_t> place(layout.size(), -1);
         for (std::size_t b = 0; b < layout.size(); ++b) {
@@ -221,7 +221,7 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
                 block.cholesky = factor.matrixL();
                 set.ln_det_shapes += 2.0 * block.cholesky.diagonal().array().log().sum();
                 for (const int c : block.channel) {
-                    const ErrorLaw* law = law_of[static_cast<std::size_t>(c)];
+                    const NoiseModel* law = law_of[static_cast<std::size_t>(c)];
                     if (law->joint() || !std::holds_alternative<NormalErrors>(law->distribution))
                         refuse("a covariance shape needs normal errors in all its groups");
                 }
@@ -249,7 +249,7 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
     return set;
 }
 
-Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set, const std::vector<ErrorLaw>& laws,
+Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set, const std::vector<NoiseModel>& laws,
                     const Eigen::VectorXd& theta, const Latents& latents, bool derivatives) {
     std::vector<std::vector<BlockValue>> answers(residuals.size());
     for (std::size_t r = 0; r < residuals.size(); ++r) {
@@ -278,7 +278,7 @@ Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set
     return evaluation;
 }
 
-Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law,
+Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const NoiseModel& law,
                            const Eigen::VectorXd& e) {
     Eigen::VectorXd errors(static_cast<Eigen::Index>(part.records.size()));
     const bool logarithmic = std::holds_alternative<LogNormalErrors>(law.distribution);
@@ -297,7 +297,7 @@ namespace {
 
 /// Change of one law's records without intermediate vectors where it is a sum of squares: long chains have few records
 /// per block.
-double part_change(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law, const Eigen::VectorXd& psi,
+double part_change(const ActiveBlock& block, const LawPart& part, const NoiseModel& law, const Eigen::VectorXd& psi,
                    const Eigen::VectorXd& from, const Eigen::VectorXd& to) {
     if (law.joint() || !std::holds_alternative<NormalErrors>(law.distribution))
         return value_change(law, law_errors(block, part, law, from), law_errors(block, part, law, to), part.observed,
@@ -312,7 +312,7 @@ double part_change(const ActiveBlock& block, const LawPart& part, const ErrorLaw
 
 }  // namespace
 
-double value_change(const BlockSet& set, const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi,
+double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
                     const std::vector<BlockValue>& from, const std::vector<BlockValue>& to) {
     const Eigen::VectorXd scale = scales_of(laws, psi);
     std::vector<double> change(pieces_of(set.blocks.size()), 0.0);
@@ -358,12 +358,12 @@ Violation violation(const BlockSet& set, const std::vector<BlockValue>& values) 
     return result;
 }
 
-Eigen::VectorXd scales_of(const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi) {
+Eigen::VectorXd scales_of(const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi) {
     Eigen::Index channels = 0;
-    for (const ErrorLaw& law : laws)
+    for (const NoiseModel& law : laws)
         channels += static_cast<Eigen::Index>(law.channels.size());
     Eigen::VectorXd scale(channels);
-    for (const ErrorLaw& law : laws)
+    for (const NoiseModel& law : laws)
         for (std::size_t i = 0; i < law.channels.size(); ++i)
             scale[law.channels[i]] =
                 law.scale(psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size())), i);

@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "estimator/errors/error_law.hpp"
+#include "estimator/errors/noise_model.hpp"
 #include "estimator/interface/residual.hpp"
 
 namespace orbid::estimator {
@@ -51,7 +51,7 @@ struct BlockSet {
     Eigen::Index latents = 0;
     Eigen::Index constraints = 0;
     bool linked = false;       ///< some records depend on the states of the next block
-    bool provisional = false;  ///< a stage on the way, see Residual::provisional()
+    bool provisional = false;  ///< a stage on the way, see Residual::is_intermediate_stage()
 };
 
 /// All groups of all residuals, in order.
@@ -66,7 +66,7 @@ struct BlockSet {
 ///         records are linked outside chains, without a next block, with a shape, or are of a group (or of responses
 ///         with one full covariance) that has other records as well.
 [[nodiscard]] BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
-                              const std::vector<ErrorLaw>& laws);
+                              const std::vector<NoiseModel>& laws);
 
 /// Values of the active blocks, in their order.
 struct Evaluation {
@@ -76,16 +76,16 @@ struct Evaluation {
 
 /// Asks every residual once. @throws std::invalid_argument naming the block when an answer has the wrong shape.
 [[nodiscard]] Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set,
-                                  const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& theta,
+                                  const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta,
                                   const Latents& latents, bool derivatives);
 
 /// The errors of one law's records in the unit in which the law takes them: e, e divided by known sds, or
 /// ln y - ln yhat for log-normal errors.
-[[nodiscard]] Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law,
+[[nodiscard]] Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const NoiseModel& law,
                                          const Eigen::VectorXd& e);
 
 /// Change of -ln p of all blocks between two evaluations, without the cancellation of two sums.
-[[nodiscard]] double value_change(const BlockSet& set, const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi,
+[[nodiscard]] double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
                                   const std::vector<BlockValue>& from, const std::vector<BlockValue>& to);
 
 /// Constraints divided by their sizes: 1/2 sum (c / size)^2 at `to` less the same at `from`.
@@ -99,7 +99,7 @@ struct Violation {
 [[nodiscard]] Violation violation(const BlockSet& set, const std::vector<BlockValue>& values);
 
 /// Scale s of each channel.
-[[nodiscard]] Eigen::VectorXd scales_of(const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi);
+[[nodiscard]] Eigen::VectorXd scales_of(const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi);
 
 /// w = L^-1 D^-1 a: rows divided by their error, in place. `channel` of each row, `scale` of each channel.
 void whiten(const std::vector<int>& channel, const Eigen::MatrixXd& cholesky, const Eigen::VectorXd& scale,

@@ -18,18 +18,18 @@ Eigen::VectorXd pick(const Eigen::VectorXd& from, const std::vector<Eigen::Index
 }
 
 /// The unbounded minimum over the free parameters, the others held at d.
-Eigen::VectorXd free_minimum(const Condensed& condensed, const PriorModel& prior, double mu,
+Eigen::VectorXd free_minimum(const ReducedProblem& reduced_problem, const PriorModel& prior, double mu,
                              const Eigen::VectorXd& damping, const Eigen::VectorXd& fallback, double tolerance,
                              const Eigen::VectorXd& held, BoundedStep& step) {
     const auto count = static_cast<Eigen::Index>(step.free.size());
-    Eigen::MatrixXd r(condensed.r.rows(), count);
+    Eigen::MatrixXd r(reduced_problem.r.rows(), count);
     Eigen::VectorXd rest = held;
     for (Eigen::Index i = 0; i < count; ++i) {
         const Eigen::Index parameter = step.free[static_cast<std::size_t>(i)];
-        r.col(i) = condensed.r.col(parameter);
+        r.col(i) = reduced_problem.r.col(parameter);
         rest[parameter] = 0.0;
     }
-    const Eigen::VectorXd rhs = condensed.rhs + condensed.r * rest;
+    const Eigen::VectorXd rhs = reduced_problem.rhs + reduced_problem.r * rest;
     Eigen::MatrixXd own(prior.rows.rows(), count);
     for (Eigen::Index i = 0; i < count; ++i)
         own.col(i) = prior.rows.col(step.free[static_cast<std::size_t>(i)]);
@@ -68,9 +68,10 @@ Eigen::VectorXd free_minimum(const Condensed& condensed, const PriorModel& prior
 
 }  // namespace
 
-BoundedStep bounded_step(const Condensed& condensed, const PriorModel& prior, const StepBounds& bounds, double mu,
-                         const Eigen::VectorXd& damping, const Eigen::VectorXd& fallback, double rank_tolerance) {
-    const Eigen::Index q = condensed.rhs.size();
+BoundedStep bounded_step(const ReducedProblem& reduced_problem, const PriorModel& prior, const StepBounds& bounds,
+                         double mu, const Eigen::VectorXd& damping, const Eigen::VectorXd& fallback,
+                         double rank_tolerance) {
+    const Eigen::Index q = reduced_problem.rhs.size();
     BoundedStep step;
     step.d = Eigen::VectorXd::Zero(q);
     step.active.assign(static_cast<std::size_t>(q), 0);
@@ -78,7 +79,7 @@ BoundedStep bounded_step(const Condensed& condensed, const PriorModel& prior, co
         if (!(bounds.lower[i] < 0.0)) step.active[static_cast<std::size_t>(i)] = -1;
         if (!(bounds.upper[i] > 0.0)) step.active[static_cast<std::size_t>(i)] = 1;
     }
-    const double size = std::hypot(condensed.rest, condensed.rhs.norm());
+    const double size = std::hypot(reduced_problem.rest, reduced_problem.rhs.norm());
     // Each pass either holds or frees one parameter; the objective falls strictly between two freeings, so it ends.
     // The limit guards against cycling by rounding.
     const int passes = 20 * static_cast<int>(q) + 20;
@@ -87,7 +88,7 @@ BoundedStep bounded_step(const Condensed& condensed, const PriorModel& prior, co
         for (Eigen::Index i = 0; i < q; ++i)
             if (step.active[static_cast<std::size_t>(i)] == 0) step.free.push_back(i);
         const Eigen::VectorXd target =
-            free_minimum(condensed, prior, mu, damping, fallback, rank_tolerance, step.d, step);
+            free_minimum(reduced_problem, prior, mu, damping, fallback, rank_tolerance, step.d, step);
         // Go there, or to the first bound on the way.
         double share = 1.0;
         Eigen::Index hit = -1;
@@ -111,15 +112,15 @@ BoundedStep bounded_step(const Condensed& condensed, const PriorModel& prior, co
             continue;
         }
         // At the minimum for this set: free the held parameter that the objective pulls inward most.
-        Eigen::VectorXd gradient = condensed.r.transpose() * (condensed.r * step.d + condensed.rhs) + prior.gradient +
-                                   prior.rows.transpose() * (prior.rows * step.d);
+        Eigen::VectorXd gradient = reduced_problem.r.transpose() * (reduced_problem.r * step.d + reduced_problem.rhs) +
+                                   prior.gradient + prior.rows.transpose() * (prior.rows * step.d);
         if (mu > 0.0) gradient += mu * damping.cwiseAbs2().cwiseProduct(step.d);
         double strongest = 0.0;
         Eigen::Index freed = -1;
         for (Eigen::Index i = 0; i < q; ++i) {
             const int side = step.active[static_cast<std::size_t>(i)];
             if (side == 0) continue;
-            const double norm = std::max(condensed.r.col(i).norm(), prior.rows.col(i).norm());
+            const double norm = std::max(reduced_problem.r.col(i).norm(), prior.rows.col(i).norm());
             const double inward = (side < 0 ? -gradient[i] : gradient[i]) / std::max(norm, 1e-300);
             if (inward > multiplier_tolerance * size && inward > strongest) {
                 strongest = inward;

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "estimator/algebra/arrow.hpp"
+#include "estimator/algebra/block_arrow.hpp"
 #include "estimator/algebra/subspace.hpp"
 
 namespace orbid::estimator {
@@ -46,8 +46,8 @@ struct BoundedStep {
 /// @param damping    D, shape (q), > 0; does not act on directions that only the prior decides: there the quadratic
 ///                   model is exact, and damping in units of the data would freeze them.
 /// @param fallback   shape (q), see split().
-[[nodiscard]] BoundedStep bounded_step(const Condensed& condensed, const PriorModel& prior, const StepBounds& bounds,
-                                       double mu, const Eigen::VectorXd& damping, const Eigen::VectorXd& fallback,
-                                       double rank_tolerance);
+[[nodiscard]] BoundedStep bounded_step(const ReducedProblem& reduced_problem, const PriorModel& prior,
+                                       const StepBounds& bounds, double mu, const Eigen::VectorXd& damping,
+                                       const Eigen::VectorXd& fallback, double rank_tolerance);
 
 }  // namespace orbid::estimator

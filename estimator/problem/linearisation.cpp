@@ -12,7 +12,7 @@ namespace {
 
 /// Records [de/dz | de/dz_next | de/du | e] of one part in the unit of its law; `after` latent states of the next
 /// block, 0 where the records do not depend on them.
-LawRecords part_records(const ActiveBlock& block, const LawPart& part, const ErrorLaw& law, const BlockValue& value,
+LawRecords part_records(const ActiveBlock& block, const LawPart& part, const NoiseModel& law, const BlockValue& value,
                         const Eigen::VectorXd& slope, Eigen::Index after) {
     const auto count = static_cast<Eigen::Index>(part.records.size());
     const Eigen::Index before = block.latents + after;
@@ -63,13 +63,13 @@ Eigen::MatrixXd in_basis(const Eigen::MatrixXd& rows, Eigen::Index before, const
     return reduced;
 }
 
-Eigen::VectorXd own(const ErrorLaw& law, const Eigen::VectorXd& psi) {
+Eigen::VectorXd own(const NoiseModel& law, const Eigen::VectorXd& psi) {
     return psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size()));
 }
 
 }  // namespace
 
-std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<ErrorLaw>& laws,
+std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<NoiseModel>& laws,
                                  const std::vector<BlockValue>& values, const std::vector<Coordinate>& coordinates,
                                  const Eigen::VectorXd& theta, bool compressed) {
     Eigen::VectorXd slope(theta.size());
@@ -145,13 +145,13 @@ std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen:
     return result;
 }
 
-int rows_per_record(const ErrorLaw& law) {
+int rows_per_record(const NoiseModel& law) {
     return std::holds_alternative<RelativeErrors>(law.distribution) ? 2 : 1;
 }
 
-StandardRows<double> standard_rows(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+WhitenedRows<double> standard_rows(const BlockRows& block, const std::vector<NoiseModel>& laws,
                                    const Eigen::VectorXd& psi, Curvature curvature) {
-    StandardRows<double> result;
+    WhitenedRows<double> result;
     if (block.rows.size() > 0) {
         const Eigen::VectorXd scale = scales_of(laws, psi);
         result.rows = block.rows;
@@ -165,34 +165,34 @@ StandardRows<double> standard_rows(const BlockRows& block, const std::vector<Err
     return standard_rows(block.parts, laws, psi, curvature);
 }
 
-StandardRows<double> standard_rows(const std::vector<PartRows>& from, const std::vector<ErrorLaw>& laws,
+WhitenedRows<double> standard_rows(const std::vector<PartRows>& from, const std::vector<NoiseModel>& laws,
                                    const Eigen::VectorXd& psi, Curvature curvature) {
-    StandardRows<double> result;
+    WhitenedRows<double> result;
     if (from.size() == 1) {
         const PartRows& part = from.front();
-        return standardise<double>(laws[part.law], part.records, own(laws[part.law], psi), curvature);
+        return whitened_rows<double>(laws[part.law], part.records, own(laws[part.law], psi), curvature);
     }
-    std::vector<StandardRows<double>> parts;
+    std::vector<WhitenedRows<double>> parts;
     Eigen::Index count = 0;
     for (const PartRows& part : from) {
-        parts.push_back(standardise<double>(laws[part.law], part.records, own(laws[part.law], psi), curvature));
+        parts.push_back(whitened_rows<double>(laws[part.law], part.records, own(laws[part.law], psi), curvature));
         count += parts.back().rows.rows();
         result.value += parts.back().value;
     }
     if (parts.empty()) return result;
     result.rows.resize(count, parts.front().rows.cols());
     Eigen::Index row = 0;
-    for (const StandardRows<double>& part : parts) {
+    for (const WhitenedRows<double>& part : parts) {
         result.rows.middleRows(row, part.rows.rows()) = part.rows;
         row += part.rows.rows();
     }
     return result;
 }
 
-StandardRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<NoiseModel>& laws,
                                               const Eigen::VectorXd& psi, Eigen::Index k, Curvature curvature,
-                                              const StandardRows<double>& at) {
-    StandardRows<double> result;
+                                              const WhitenedRows<double>& at) {
+    WhitenedRows<double> result;
     result.rows = Eigen::MatrixXd::Zero(at.rows.rows(), at.rows.cols());
     if (block.rows.size() > 0) {
         // d(L^-1 D^-1 A) = -L^-1 E_g L (L^-1 D^-1 A), E_g picks the rows of the channel.
@@ -201,7 +201,7 @@ StandardRows<double> standard_rows_derivative(const BlockRows& block, const std:
         Eigen::MatrixXd picked = lower * at.rows;
         for (std::size_t i = 0; i < block.channel.size(); ++i) {
             const auto row = static_cast<Eigen::Index>(i);
-            const bool own_row = std::any_of(laws.begin(), laws.end(), [&](const ErrorLaw& law) {
+            const bool own_row = std::any_of(laws.begin(), laws.end(), [&](const NoiseModel& law) {
                 return law.first == k && law.channels.front() == block.channel[i];
             });
             if (own_row) {
@@ -220,14 +220,14 @@ StandardRows<double> standard_rows_derivative(const BlockRows& block, const std:
     return standard_rows_derivative(block.parts, laws, psi, k, curvature, at);
 }
 
-StandardRows<double> standard_rows_derivative(const std::vector<PartRows>& parts, const std::vector<ErrorLaw>& laws,
+WhitenedRows<double> standard_rows_derivative(const std::vector<PartRows>& parts, const std::vector<NoiseModel>& laws,
                                               const Eigen::VectorXd& psi, Eigen::Index k, Curvature curvature,
-                                              const StandardRows<double>& at) {
-    StandardRows<double> result;
+                                              const WhitenedRows<double>& at) {
+    WhitenedRows<double> result;
     result.rows = Eigen::MatrixXd::Zero(at.rows.rows(), at.rows.cols());
     Eigen::Index row = 0;
     for (const PartRows& part : parts) {
-        const ErrorLaw& law = laws[part.law];
+        const NoiseModel& law = laws[part.law];
         const auto size = static_cast<Eigen::Index>(law.coordinates.size());
         if (k < law.first || k >= law.first + size) {
             row += part.records.rows.rows() * rows_per_record(law);
@@ -244,7 +244,7 @@ StandardRows<double> standard_rows_derivative(const std::vector<PartRows>& parts
         constexpr double h = 1e-30;
         Eigen::VectorXcd shifted = own(law, psi).cast<std::complex<double>>();
         shifted[k - law.first] += std::complex<double>(0.0, h);
-        const auto derivative = standardise<std::complex<double>>(law, part.records, shifted, curvature);
+        const auto derivative = whitened_rows<std::complex<double>>(law, part.records, shifted, curvature);
         result.rows.middleRows(row, derivative.rows.rows()) = derivative.rows.imag() / h;
         result.value = derivative.value.imag() / h;
         return result;
@@ -252,10 +252,10 @@ StandardRows<double> standard_rows_derivative(const std::vector<PartRows>& parts
     return result;
 }
 
-StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<ErrorLaw>& laws,
+WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
                              const Eigen::VectorXd& psi, double matching, Curvature curvature, bool keep_rows,
                              bool factorised) {
-    StandardArrow result;
+    WhitenedArrow result;
     Eigen::Index parameters = 0;
     std::vector<char> in_chain(rows.size(), 0);
     for (std::size_t b = 0; b < rows.size(); ++b) {
@@ -277,7 +277,7 @@ StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
     for_pieces(rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
         for (std::size_t b = begin; b < end; ++b) {
             const BlockRows& block = rows[b];
-            StandardRows<double> standard = standard_rows(block, laws, psi, curvature);
+            WhitenedRows<double> standard = standard_rows(block, laws, psi, curvature);
             value[piece] += standard.value;
             if (standard.rows.size() == 0) standard.rows.resize(0, block.latents + parameters + 1);
             const bool as_it_is = in_chain[b] != 0 && standard.rows.rows() <= standard.rows.cols();
@@ -288,7 +288,7 @@ StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
             if (constraints == 0 && block.linked_parts.empty()) continue;
             // Links that no longer hold (an interval on the wrong branch of a fold) are to be mended: with the steps of
             // far outliers a section series with noise 5e-3 took 200 steps and more, guarded 29.
-            StandardRows<double> linked = standard_rows(block.linked_parts, laws, psi,
+            WhitenedRows<double> linked = standard_rows(block.linked_parts, laws, psi,
                                                         curvature == Curvature::step ? Curvature::guarded : curvature);
             value[piece] += linked.value;
             result.linked_records[b] = linked.rows.rows();

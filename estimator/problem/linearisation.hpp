@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "estimator/algebra/arrow.hpp"
+#include "estimator/algebra/block_arrow.hpp"
 #include "estimator/problem/block_set.hpp"
 #include "estimator/problem/coordinate.hpp"
 
@@ -38,7 +38,7 @@ struct BlockRows {
 
 /// Rows of all active blocks at theta (natural units), derivatives with respect to the coordinates u. Compressed unless
 /// told otherwise (clusters of records need them all).
-[[nodiscard]] std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<ErrorLaw>& laws,
+[[nodiscard]] std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<NoiseModel>& laws,
                                                const std::vector<BlockValue>& values,
                                                const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
                                                bool compressed = true);
@@ -47,30 +47,31 @@ struct BlockRows {
 [[nodiscard]] std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen::MatrixXd& basis);
 
 /// Standard rows per record: relative errors have two, first all of the mean and then all of the variance.
-[[nodiscard]] int rows_per_record(const ErrorLaw& law);
+[[nodiscard]] int rows_per_record(const NoiseModel& law);
 
 /// One block's rows divided by the errors (constraints and linked records not among them), and -ln p of its records
 /// without ln|Sigma_b| and known sds.
-[[nodiscard]] StandardRows<double> standard_rows(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+[[nodiscard]] WhitenedRows<double> standard_rows(const BlockRows& block, const std::vector<NoiseModel>& laws,
                                                  const Eigen::VectorXd& psi, Curvature curvature);
 /// The same of some parts alone, for instance BlockRows::linked_parts.
-[[nodiscard]] StandardRows<double> standard_rows(const std::vector<PartRows>& parts, const std::vector<ErrorLaw>& laws,
-                                                 const Eigen::VectorXd& psi, Curvature curvature);
+[[nodiscard]] WhitenedRows<double> standard_rows(const std::vector<PartRows>& parts,
+                                                 const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
+                                                 Curvature curvature);
 
 /// Derivative of standard_rows() with respect to psi[k]; rows that do not depend on it are zero.
-[[nodiscard]] StandardRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<ErrorLaw>& laws,
+[[nodiscard]] WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<NoiseModel>& laws,
                                                             const Eigen::VectorXd& psi, Eigen::Index k,
-                                                            Curvature curvature, const StandardRows<double>& at);
-[[nodiscard]] StandardRows<double> standard_rows_derivative(const std::vector<PartRows>& parts,
-                                                            const std::vector<ErrorLaw>& laws,
+                                                            Curvature curvature, const WhitenedRows<double>& at);
+[[nodiscard]] WhitenedRows<double> standard_rows_derivative(const std::vector<PartRows>& parts,
+                                                            const std::vector<NoiseModel>& laws,
                                                             const Eigen::VectorXd& psi, Eigen::Index k,
-                                                            Curvature curvature, const StandardRows<double>& at);
+                                                            Curvature curvature, const WhitenedRows<double>& at);
 
 /// All blocks divided by the errors and factorised; constraints enter as rows divided by `matching`.
-struct StandardArrow {
-    Arrow arrow;
+struct WhitenedArrow {
+    BlockArrow arrow;
     /// Per block, kept when asked for; empty where the arrow has them as they are, see own_rows().
-    std::vector<StandardRows<double>> rows;
+    std::vector<WhitenedRows<double>> rows;
     std::vector<Eigen::Index> linked_records;  ///< standard rows of linked records per block
     double value = 0.0;                        ///< sum of the blocks' values
 
@@ -84,7 +85,7 @@ struct StandardArrow {
     }
 };
 /// @param factorised  false: the rows of the blocks alone, enough for model_change().
-[[nodiscard]] StandardArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<ErrorLaw>& laws,
+[[nodiscard]] WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
                                            const Eigen::VectorXd& psi, double matching, Curvature curvature,
                                            bool keep_rows = false, bool factorised = true);
 

@@ -64,7 +64,7 @@ Eigen::VectorXd sizes(const Problem& problem, const Eigen::VectorXd& theta) {
 std::vector<bool> free_errors(const Problem& problem, const BlockSet& set) {
     std::vector<bool> free(problem.errors.size(), false);
     if (set.provisional) return free;
-    for (const ErrorLaw& law : problem.laws) {
+    for (const NoiseModel& law : problem.laws) {
         const bool data = std::all_of(law.channels.begin(), law.channels.end(),
                                       [&set](int channel) { return set.count[channel] > 0.0; });
         for (std::size_t j = 0; j < law.coordinates.size(); ++j)

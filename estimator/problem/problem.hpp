@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "estimator/errors/error_law.hpp"
+#include "estimator/errors/noise_model.hpp"
 #include "estimator/interface/estimate_options.hpp"
 #include "estimator/problem/block_set.hpp"
 #include "estimator/problem/bounded_step.hpp"
@@ -20,7 +20,7 @@ struct Problem {
     Eigen::VectorXd upper;
     std::vector<Residual*> residuals;
     std::vector<Channel> channels;
-    std::vector<ErrorLaw> laws;
+    std::vector<NoiseModel> laws;
     std::vector<ErrorCoordinate> errors;  ///< all error parameters, in the order of psi
     /// Joint priors with the places of their parameters.
     struct Joint {

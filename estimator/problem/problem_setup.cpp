@@ -97,7 +97,7 @@ Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<R
     }
     problem.channels = channels_of(residuals);
     problem.laws = error_laws(residuals);
-    for (const ErrorLaw& law : problem.laws)
+    for (const NoiseModel& law : problem.laws)
         problem.errors.insert(problem.errors.end(), law.coordinates.begin(), law.coordinates.end());
     for (const JointNormalPrior& prior : options.joint_priors) {
         validate(prior);

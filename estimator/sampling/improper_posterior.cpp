@@ -79,7 +79,7 @@ Eigen::MatrixXd rows_of(const std::vector<BlockRows>& rows, const Problem& probl
             if (block.channel[static_cast<std::size_t>(i)] == channel) take(block.rows, i);
         for (const std::vector<PartRows>* parts : {&block.parts, &block.linked_parts})
             for (const PartRows& part : *parts) {
-                const ErrorLaw& law = problem.laws[part.law];
+                const NoiseModel& law = problem.laws[part.law];
                 if (law.joint() || law.channels.front() != channel) continue;
                 for (Eigen::Index i = 0; i < part.records.rows.rows(); ++i)
                     take(part.records.rows, i);
@@ -91,7 +91,7 @@ Eigen::MatrixXd rows_of(const std::vector<BlockRows>& rows, const Problem& probl
     return all;
 }
 
-void check_scale(const Problem& problem, const BlockSet& set, const std::vector<BlockRows>& rows, const ErrorLaw& law,
+void check_scale(const Problem& problem, const BlockSet& set, const std::vector<BlockRows>& rows, const NoiseModel& law,
                  const EstimatedScale& estimated) {
     const ErrorCoordinate& scale = law.coordinates.front();
     const int channel = law.channels.front();
@@ -134,7 +134,7 @@ void refuse_improper(const Problem& problem, const BlockSet& set, const Estimate
             refuse("the records of block \"" + problem.residuals[block.residual]->layout()[block.block].label +
                    "\" do not determine its latent states");
     }
-    for (const ErrorLaw& law : problem.laws) {
+    for (const NoiseModel& law : problem.laws) {
         const EstimatedScale& scale = estimate.scales[static_cast<std::size_t>(law.channels.front())];
         if (!law.joint()) {
             check_scale(problem, set, rows, law, scale);

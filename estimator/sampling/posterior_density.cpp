@@ -196,14 +196,14 @@ double PosteriorDensity::value(const PosteriorPlace& place, Eigen::VectorXd& gra
     // Not compressed: the gradient needs each row once, a factorisation costs more.
     const std::vector<BlockRows> rows =
         linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, theta, false);
-    const auto add = [&](std::size_t b, const std::vector<PartRows>& parts, const StandardRows<double>& standard) {
+    const auto add = [&](std::size_t b, const std::vector<PartRows>& parts, const WhitenedRows<double>& standard) {
         result += standard.value;
         if (standard.rows.size() == 0) return;
         const Eigen::VectorXd slope =
             standard.rows.leftCols(standard.rows.cols() - 1).transpose() * standard.rows.rightCols(1);
         gradient(columns_of(latent, b, rows[b], &parts == &rows[b].linked_parts, q)) += slope;
         const BlockRows errors = errors_alone(rows[b], parts);
-        const StandardRows<double> at{standard.rows.rightCols(1), standard.value};
+        const WhitenedRows<double> at{standard.rows.rightCols(1), standard.value};
         for (std::size_t k = 0; k < free_errors_.size(); ++k)
             gradient[q + set_.latents + static_cast<Eigen::Index>(k)] +=
                 standard_rows_derivative(errors, problem_.laws, place.psi, free_errors_[k], Curvature::step, at).value;
@@ -216,7 +216,7 @@ double PosteriorDensity::value(const PosteriorPlace& place, Eigen::VectorXd& gra
     const PriorModel prior = prior_at(problem_, place.u);
     result += prior.value;
     gradient.head(q) += prior.gradient;
-    for (const ErrorLaw& law : problem_.laws) {
+    for (const NoiseModel& law : problem_.laws) {
         const auto size = static_cast<Eigen::Index>(law.coordinates.size());
         const Eigen::VectorXd psi = place.psi.segment(law.first, size);
         result += prior_term<double>(law, psi);
@@ -243,7 +243,7 @@ Eigen::MatrixXd PosteriorDensity::information(const PosteriorPlace& place) const
     const std::vector<Eigen::Index> latent = latent_places(set_, q);
     const std::vector<BlockRows> rows =
         linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, theta, true);
-    const auto add = [&](std::size_t b, bool linked, const StandardRows<double>& standard) {
+    const auto add = [&](std::size_t b, bool linked, const WhitenedRows<double>& standard) {
         if (standard.rows.size() == 0) return;
         const auto columns = columns_of(latent, b, rows[b], linked, q);
         const auto own = standard.rows.leftCols(standard.rows.cols() - 1);
@@ -258,12 +258,12 @@ Eigen::MatrixXd PosteriorDensity::information(const PosteriorPlace& place) const
     for (std::size_t k = 0; k < free_errors_.size(); ++k) {
         // Coordinates are logarithms, or of the size of the errors: a ten-thousandth changes the gradient enough.
         const Eigen::Index own = free_errors_[k];
-        const auto of_law = [&](const ErrorLaw& law) {
+        const auto of_law = [&](const NoiseModel& law) {
             return law.first <= own && own < law.first + static_cast<Eigen::Index>(law.coordinates.size());
         };
         double step = 1e-4;
         if (problem_.errors[static_cast<std::size_t>(own)].kind == ErrorCoordinate::Kind::linear) {
-            const ErrorLaw& law = *std::find_if(problem_.laws.begin(), problem_.laws.end(), of_law);
+            const NoiseModel& law = *std::find_if(problem_.laws.begin(), problem_.laws.end(), of_law);
             step *= law.scale(place.psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size())), 0);
         }
         PosteriorPlace ahead = place;

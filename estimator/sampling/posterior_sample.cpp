@@ -57,7 +57,7 @@ PosteriorPlace place_of(const Problem& problem, const Estimate& start) {
         place.u[i] = std::clamp(
             problem.coordinates[static_cast<std::size_t>(i)].at(start.parameters[static_cast<std::size_t>(i)].value),
             problem.lower[i], problem.upper[i]);
-    for (const ErrorLaw& law : problem.laws) {
+    for (const NoiseModel& law : problem.laws) {
         const EstimatedScale& scale = start.scales[static_cast<std::size_t>(law.channels.front())];
         const auto size = static_cast<Eigen::Index>(law.coordinates.size());
         for (Eigen::Index k = 0; k < size; ++k) {
@@ -103,7 +103,7 @@ public:
             sample.parameters.push_back(quantity(parameter.name, parameter.unit));
         for (const DerivedQuantity& one : derived_)
             sample.derived.push_back(quantity(one.name, ""));
-        for (const ErrorLaw& law : problem_.laws) {
+        for (const NoiseModel& law : problem_.laws) {
             if (law.joint()) {
                 for (std::size_t j = 0; j < law.channels.size(); ++j)
                     for (std::size_t i = j; i < law.channels.size(); ++i)
@@ -129,7 +129,7 @@ public:
         std::vector<double> result(theta.begin(), theta.end());
         for (const DerivedQuantity& one : derived_)
             result.push_back(one.value(theta));
-        for (const ErrorLaw& law : problem_.laws) {
+        for (const NoiseModel& law : problem_.laws) {
             const Eigen::VectorXd psi = place.psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size()));
             if (!law.joint()) {
                 for (std::size_t k = 0; k < law.coordinates.size(); ++k)

@@ -48,8 +48,8 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
         if (is_proper(prior)) column_size[i] = problem.coordinates[index].prior_sd(prior, state.theta[i]);
     }
     arrow_ = standard_arrow(minimum.rows, problem.laws, state.psi, minimum.matching, Curvature::expected).arrow;
-    condensed_ = condense(arrow_, 0.0);
-    identifiability_ = identifiability(condensed_.r, step, size, column_size);
+    reduced_problem_ = condense(arrow_, 0.0);
+    identifiability_ = identifiability(reduced_problem_.r, step, size, column_size);
 
     Eigen::Index dead = 0;
     for (const BlockTriangle& block : arrow_.blocks)
@@ -68,7 +68,7 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
         for (Eigen::Index j = 0; j < l; ++j)
             if (arrow_.blocks[b].dead[static_cast<std::size_t>(j)]) latent_sds_[b][j] = nan_value;
     };
-    visit_covariance(arrow_, condensed_, covariance_, take, {});
+    visit_covariance(arrow_, reduced_problem_, covariance_, take, {});
 }
 
 /// Laplace covariance of the error parameters: the inverse Hessian of Phi_psi with theta and z at their minimum.
@@ -82,7 +82,7 @@ void Posterior::error_parameters() {
     }
     const std::size_t present = static_cast<std::size_t>((set_.count.array() > 0.0).count());
     one_scale_ = present == 1 && free_errors_.size() == 1 &&
-                 std::any_of(problem_.laws.begin(), problem_.laws.end(), [this](const ErrorLaw& law) {
+                 std::any_of(problem_.laws.begin(), problem_.laws.end(), [this](const NoiseModel& law) {
                      return law.first == free_errors_.front() && law.compressible();
                  });
     if (free_errors_.empty()) return;
@@ -132,7 +132,7 @@ void Posterior::add_error_uncertainty() {
     bool any = false;
     for (std::size_t i = 0; i < free_errors_.size(); ++i) {
         const Eigen::Index k = free_errors_[i];
-        const auto law = std::find_if(problem_.laws.begin(), problem_.laws.end(), [k](const ErrorLaw& candidate) {
+        const auto law = std::find_if(problem_.laws.begin(), problem_.laws.end(), [k](const NoiseModel& candidate) {
             return k >= candidate.first &&
                    k < candidate.first + static_cast<Eigen::Index>(candidate.coordinates.size());
         });
@@ -145,10 +145,10 @@ void Posterior::add_error_uncertainty() {
         for (const double sign : {-1.0, 1.0}) {
             Eigen::VectorXd shifted = state_.psi;
             shifted[k] += sign * h;
-            const Condensed condensed = condense(
+            const ReducedProblem reduced_problem = condense(
                 standard_arrow(errors_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected).arrow,
                 0.0);
-            difference += sign / (2.0 * h) * (condensed.r.transpose() * condensed.rhs);
+            difference += sign / (2.0 * h) * (reduced_problem.r.transpose() * reduced_problem.rhs);
         }
         const auto r = point_.triangle.triangularView<Eigen::Upper>();
         point_.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(difference);
@@ -210,8 +210,8 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
     point_.triangle.triangularView<Eigen::Upper>().solveInPlace(v);
     // Latent states that follow v, without what their own residuals ask for.
     const std::vector<Eigen::VectorXd> still =
-        latent_steps(point_.standard.arrow, point_.condensed, Eigen::VectorXd::Zero(v.size()));
-    const std::vector<Eigen::VectorXd> moved = latent_steps(point_.standard.arrow, point_.condensed, v);
+        latent_steps(point_.standard.arrow, point_.reduced_problem, Eigen::VectorXd::Zero(v.size()));
+    const std::vector<Eigen::VectorXd> moved = latent_steps(point_.standard.arrow, point_.reduced_problem, v);
     Eigen::VectorXd slopes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(free_errors_.size()));
     const auto add = [&](const BlockRows& block, const std::vector<PartRows>& parts,
                          const Eigen::Ref<const Eigen::MatrixXd>& at, const Eigen::VectorXd& step,
@@ -221,14 +221,14 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
             const Eigen::Index k = free_errors_[i];
             double& slope = sums[static_cast<Eigen::Index>(i)];
             if (block.rows.size() > 0) {
-                const StandardRows<double> derivative =
+                const WhitenedRows<double> derivative =
                     standard_rows_derivative(block, problem_.laws, state_.psi, k, Curvature::expected, {at, 0.0});
                 slope -= 2.0 * here.dot(derivative.rows.leftCols(step.size()) * step);
                 continue;
             }
             Eigen::Index row = 0;
             for (const PartRows& part : parts) {
-                const ErrorLaw& law = problem_.laws[part.law];
+                const NoiseModel& law = problem_.laws[part.law];
                 const Eigen::Index rows = part.records.rows.rows() * rows_per_record(law);
                 const Eigen::Index first = std::exchange(row, row + rows);
                 if (k < law.first || k >= law.first + static_cast<Eigen::Index>(law.coordinates.size())) continue;
@@ -236,7 +236,7 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
                     slope += 2.0 * here.segment(first, rows).squaredNorm();  // dS = -S
                     continue;
                 }
-                const StandardRows<double> derivative =
+                const WhitenedRows<double> derivative =
                     standard_rows_derivative(parts, problem_.laws, state_.psi, k, Curvature::expected, {at, 0.0});
                 slope -= 2.0 * here.dot(derivative.rows.leftCols(step.size()) * step);
                 break;

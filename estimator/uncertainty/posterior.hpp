@@ -50,8 +50,8 @@ public:
     [[nodiscard]] const std::vector<Autocorrelation>& autocorrelations() const { return autocorrelations_; }
     /// sds of the latent states of each active block; nan where the data say nothing.
     [[nodiscard]] const std::vector<Eigen::VectorXd>& latent_sds() const { return latent_sds_; }
-    [[nodiscard]] const Arrow& arrow() const { return arrow_; }              ///< in the coordinates u
-    [[nodiscard]] const Condensed& condensed() const { return condensed_; }  ///< in the coordinates u
+    [[nodiscard]] const BlockArrow& arrow() const { return arrow_; }                          ///< in the coordinates u
+    [[nodiscard]] const ReducedProblem& reduced_problem() const { return reduced_problem_; }  ///< in the coordinates u
 
 private:
     void error_parameters();
@@ -71,8 +71,8 @@ private:
     const Minimum& minimum_;
     ErrorProblem errors_;
     ErrorPoint point_;
-    Arrow arrow_;
-    Condensed condensed_;
+    BlockArrow arrow_;
+    ReducedProblem reduced_problem_;
     Identifiability identifiability_;
     Eigen::MatrixXd covariance_;
     Eigen::MatrixXd laplace_;

@@ -67,7 +67,7 @@ std::vector<Eigen::VectorXd> Posterior::innovations(int channel) const {
     for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
         for (const std::vector<LawPart>* parts : {&set_.blocks[b].parts, &set_.blocks[b].linked_parts})
             for (const LawPart& part : *parts) {
-                const ErrorLaw& law = problem_.laws[part.law];
+                const NoiseModel& law = problem_.laws[part.law];
                 if (law.channels.front() != channel || part.records.empty()) continue;
                 const Eigen::VectorXd e = law_errors(set_.blocks[b], part, law, minimum_.evaluation.values[b].e);
                 const Eigen::VectorXd psi =

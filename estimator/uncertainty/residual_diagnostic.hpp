@@ -9,7 +9,7 @@
 
 namespace orbid::estimator {
 
-/// Standardised residuals of one group.
+/// Whitened residuals of one group.
 struct ResidualSample {
     Eigen::VectorXd residual;  ///< e divided by what its error law expects: independent with mean 0 and sd 1 if right
     /// Lengths of the uninterrupted sequences of equidistant records, in order, that make up `residual`; empty: the

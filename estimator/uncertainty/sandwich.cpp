@@ -18,7 +18,7 @@ constexpr double alone = 1e-6;
 namespace {
 
 /// The cluster of each standard row of a block: rows follow the records law by law.
-std::vector<int> row_clusters(const ActiveBlock& block, const std::vector<ErrorLaw>& laws,
+std::vector<int> row_clusters(const ActiveBlock& block, const std::vector<NoiseModel>& laws,
                               const std::vector<int>& cluster) {
     if (block.parts.empty()) return cluster;
     std::vector<int> result;
@@ -32,7 +32,7 @@ std::vector<int> row_clusters(const ActiveBlock& block, const std::vector<ErrorL
 }  // namespace
 
 Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
-                   const std::vector<std::vector<int>>& cluster, const std::vector<ErrorLaw>& laws,
+                   const std::vector<std::vector<int>>& cluster, const std::vector<NoiseModel>& laws,
                    const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle, double inflation)
     : rank_(triangle.rows()), triangle_(triangle) {
     const auto r = triangle_.triangularView<Eigen::Upper>();

@@ -23,7 +23,7 @@ public:
     /// @param triangle  R of the decided parameters with prior, shape (rank, rank).
     /// @param inflation factor >= 1 on the covariance for correlation across the borders of clusters.
     Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set, const std::vector<std::vector<int>>& cluster,
-             const std::vector<ErrorLaw>& laws, const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle,
+             const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle,
              double inflation);
 
     [[nodiscard]] const Eigen::MatrixXd& covariance() const { return covariance_; }  ///< shape (rank, rank)

@@ -38,8 +38,8 @@ State moved(const Problem& problem, const BlockSet& set, const State& state, con
                                     problem.parameters[index].upper);
     }
     const std::vector<Eigen::VectorXd> still =
-        latent_steps(posterior.arrow(), posterior.condensed(), Eigen::VectorXd::Zero(d.size()));
-    const std::vector<Eigen::VectorXd> steps = latent_steps(posterior.arrow(), posterior.condensed(), d);
+        latent_steps(posterior.arrow(), posterior.reduced_problem(), Eigen::VectorXd::Zero(d.size()));
+    const std::vector<Eigen::VectorXd> steps = latent_steps(posterior.arrow(), posterior.reduced_problem(), d);
     for (std::size_t b = 0; b < set.blocks.size(); ++b)
         trial.latents[set.blocks[b].residual][set.blocks[b].block] += steps[b] - still[b];
     return trial;
@@ -62,7 +62,7 @@ double deviance(const Problem& problem, const BlockSet& set, const State& state,
 Problem held(const Problem& problem, Eigen::Index parameter, double u) {
     Problem result = problem;
     result.lower[parameter] = result.upper[parameter] = u;
-    for (ErrorLaw& law : result.laws)
+    for (NoiseModel& law : result.laws)
         for (ErrorCoordinate& coordinate : law.coordinates)
             coordinate.estimate = false;
     // A few Gauss-Newton steps bring the others close enough: what is left changes the rise to second order only.
@@ -91,10 +91,10 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
         if (posterior.identifiable().undetermined[static_cast<std::size_t>(i)]) return result;
 
     const std::vector<Eigen::VectorXd> still =
-        latent_steps(posterior.arrow(), posterior.condensed(), Eigen::VectorXd::Zero(q));
+        latent_steps(posterior.arrow(), posterior.reduced_problem(), Eigen::VectorXd::Zero(q));
     std::vector<std::vector<Eigen::VectorXd>> following;
     for (const Eigen::Index i : free) {
-        following.push_back(latent_steps(posterior.arrow(), posterior.condensed(), Eigen::VectorXd::Unit(q, i)));
+        following.push_back(latent_steps(posterior.arrow(), posterior.reduced_problem(), Eigen::VectorXd::Unit(q, i)));
         for (std::size_t b = 0; b < following.back().size(); ++b)
             following.back()[b] -= still[b];
     }
@@ -111,7 +111,7 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
                 evaluate(problem.residuals, set, problem.laws, beside.theta, beside.latents, true);
             ++evaluations;
             if (!evaluation.failed.empty()) return result;
-            const Arrow arrow =
+            const BlockArrow arrow =
                 standard_arrow(linearise(set, problem.laws, evaluation.values, problem.coordinates, beside.theta),
                                problem.laws, state.psi, minimum.matching, Curvature::step, false, false)
                     .arrow;
@@ -125,7 +125,7 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
     }
     hessian = 0.5 * (hessian + hessian.transpose()).eval();
     Eigen::MatrixXd gauss_newton(count, count);
-    const Eigen::MatrixXd curvature = posterior.condensed().r.transpose() * posterior.condensed().r +
+    const Eigen::MatrixXd curvature = posterior.reduced_problem().r.transpose() * posterior.reduced_problem().r +
                                       minimum.prior.rows.transpose() * minimum.prior.rows;
     for (Eigen::Index i = 0; i < count; ++i)
         for (Eigen::Index j = 0; j < count; ++j) {
@@ -190,7 +190,7 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
             const Problem pinned = held(problem, i, u);
             trial.u[i] = u;
             trial.theta[i] = problem.coordinates[static_cast<std::size_t>(i)].natural(u);
-            Ledger ledger;
+            SolverStatistics ledger;
             const Minimum beside = minimise(pinned, set, trial, ledger);
             evaluations += ledger.evaluations;
             if (beside.outcome == Outcome::interrupted) return verdict;

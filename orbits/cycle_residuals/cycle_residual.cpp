@@ -201,8 +201,8 @@ double CycleResidual::mean_square(std::size_t block, const VectorXd& e, const Ve
     return whitened.squaredNorm() / static_cast<double>(e.size());
 }
 
-estimator::RefreshReport CycleResidual::refresh(const VectorXd& theta, const std::vector<VectorXd>&,
-                                                const VectorXd& scales) {
+estimator::RefreshReport CycleResidual::update_active_set(const VectorXd& theta, const std::vector<VectorXd>&,
+                                                          const VectorXd& scales) {
     const std::vector<PeriodicOrbit> solved = orbits(theta);
     estimator::RefreshReport report;
     const int rejected_before = std::exchange(rejected_at_start_, 0);

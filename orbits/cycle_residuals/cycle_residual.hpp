@@ -41,8 +41,8 @@ struct CycleResidualOptions {
 /// With start nodes, which come from stages that wrong cycles did not hold, gross errors stand out from the beginning:
 /// they are rejected before the first step.
 ///
-/// refresh(): moves the solutions on to the present theta, takes lost cycles back whose orbit is found again (at most
-/// twice each), rejects gross errors (see `gate`).
+/// update_active_set(): moves the solutions on to the present theta, takes lost cycles back whose orbit is found again
+/// (at most twice each), rejects gross errors (see `gate`).
 class CycleResidual final : public estimator::Residual {
 public:
     /// @param start        the estimator's vector at the start.
@@ -64,9 +64,10 @@ public:
     [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                     const Eigen::VectorXd& scales) override;
-    void suspend(std::size_t block) override { layout_.at(block).active = false; }
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+                                               const std::vector<Eigen::VectorXd>& latents,
+                                               const Eigen::VectorXd& scales) override;
+    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
 
     /// The computed orbits at theta, one per block (status says which were lost), with multipliers and sensitivities
     /// to the parameters of the binding.

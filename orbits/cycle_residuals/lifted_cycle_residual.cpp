@@ -102,9 +102,10 @@ void LiftedCycleResidual::match_with(double matching) {
         groups_[i].scale.value = matching * scale_(static_cast<Index>(i) - 1);
 }
 
-estimator::RefreshReport LiftedCycleResidual::refresh(const VectorXd&, const std::vector<VectorXd>&, const VectorXd&) {
+estimator::RefreshReport LiftedCycleResidual::update_active_set(const VectorXd&, const std::vector<VectorXd>&,
+                                                                const VectorXd&) {
     estimator::RefreshReport report;
-    if (!provisional()) return report;
+    if (!is_intermediate_stage()) return report;
     const double next = matching_ * options_.matching_factor;
     const bool there = next < options_.matching_end * (1.0 + 1e-9);  // but for rounding
     match_with(there ? options_.matching_end : next);

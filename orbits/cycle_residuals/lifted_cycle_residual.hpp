@@ -20,7 +20,7 @@ struct LiftedCycleOptions {
     double matching_start = 0.0;
     double matching_factor = 0.1;
     double matching_end = 1e-8;
-    /// Matching as equality constraints instead; the estimator approaches them in stages.
+    /// Continuity as equality constraints instead; the estimator approaches them in stages.
     bool exact = false;
     /// 1e-11: the matching conditions are as exact as their sd, and the reduced residual has the last word.
     models::FlowOptions flow{1e-11, 1e-11, 20000};
@@ -36,8 +36,8 @@ struct LiftedCycleOptions {
 /// measured points, and the stage improves nothing.
 ///
 /// Angles wrapped, so that no rotation number is needed. A block per cycle; latent states in the order of points,
-/// coordinate fastest. The matching sd falls from round to round (refresh()), provisional() until it has reached its
-/// end: small against any point error, so that the nodes are orbits to all purposes.
+/// coordinate fastest. The matching sd falls from round to round (update_active_set()), is_intermediate_stage() until
+/// it has reached its end: small against any point error, so that the nodes are orbits to all purposes.
 class LiftedCycleResidual final : public estimator::Residual {
 public:
     /// @param start        the estimator's vector at the start (to tell states of rest).
@@ -57,10 +57,13 @@ public:
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
     /// The next matching sd.
-    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                     const Eigen::VectorXd& scales) override;
-    [[nodiscard]] bool provisional() const override { return !options_.exact && matching_ > options_.matching_end; }
-    void suspend(std::size_t block) override { layout_.at(block).active = false; }
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+                                               const std::vector<Eigen::VectorXd>& latents,
+                                               const Eigen::VectorXd& scales) override;
+    [[nodiscard]] bool is_intermediate_stage() const override {
+        return !options_.exact && matching_ > options_.matching_end;
+    }
+    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
 
     /// Root mean square over all cycles of the matching defect z_{j+1} - Phi(z_j) per coordinate: shape (n).
     [[nodiscard]] Eigen::VectorXd matching_defect(const Eigen::VectorXd& theta,

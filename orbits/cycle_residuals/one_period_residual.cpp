@@ -99,8 +99,8 @@ double OnePeriodResidual::weigh(const VectorXd& values) {
     return change;
 }
 
-estimator::RefreshReport OnePeriodResidual::refresh(const VectorXd& theta, const std::vector<VectorXd>&,
-                                                    const VectorXd&) {
+estimator::RefreshReport OnePeriodResidual::update_active_set(const VectorXd& theta, const std::vector<VectorXd>&,
+                                                              const VectorXd&) {
     estimator::RefreshReport report;
     const VectorXd values = binding_.values(theta);
     if (!provisional_) return report;

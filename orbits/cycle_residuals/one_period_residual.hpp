@@ -28,7 +28,7 @@ struct OnePeriodOptions {
 /// sqrt(floor^2 + |its row of X_j|^2) (scaled to unit ranges), X_j the derivative of the section map: what a point is
 /// worth falls with how strongly its error and the model's are amplified. Scales are 1.4826 times the median of |e|
 /// over its deviation, but at least 1e-4 of the range. Both, and the states of points that are readings, are those at
-/// the start parameters or the last refresh(); provisional() until neither moves by a tenth.
+/// the start parameters or the last update_active_set(); is_intermediate_stage() until neither moves by a tenth.
 class OnePeriodResidual final : public estimator::Residual {
 public:
     /// @param system, cycles  the system is kept by pointer, what is needed of the cycles is copied.
@@ -47,10 +47,11 @@ public:
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
     /// States, amplifications and scales at theta.
-    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                     const Eigen::VectorXd& scales) override;
-    [[nodiscard]] bool provisional() const override { return provisional_; }
-    void suspend(std::size_t block) override { layout_.at(block).active = false; }
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+                                               const std::vector<Eigen::VectorXd>& latents,
+                                               const Eigen::VectorXd& scales) override;
+    [[nodiscard]] bool is_intermediate_stage() const override { return provisional_; }
+    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
 
     /// How badly theta predicts, robustly: sum over all records of ln(1 + (e / (0.02 range))^2). A prediction that is
     /// far off counts little more than one that is just off, so that the minimum is broad and few points decide

@@ -12,7 +12,7 @@
 #include "orbits/cycles/cycle_refinement.hpp"
 #include "orbits/cycles/recurrence.hpp"
 #include "orbits/local_maps/reference_map.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_check.hpp"
 
 namespace orbid::orbits {
@@ -38,7 +38,7 @@ constexpr double same_boxes = 1.0;
 constexpr double largest_sd_boxes = 0.5;
 
 struct Trial {
-    CycleDraft draft;
+    CycleCandidate draft;
     bool accepted = false;
 };
 
@@ -55,7 +55,7 @@ public:
         if (options.reading_covariance.size() > 0) reading_covariance_ = unit * options.reading_covariance * unit;
     }
 
-    [[nodiscard]] std::vector<CycleDraft> find(int period, CycleSearch& search) const override {
+    [[nodiscard]] std::vector<CycleCandidate> find(int period, CycleSearch& search) const override {
         const std::vector<RecurrenceSeed> seeds =
             recurrence_seeds(section_, period, options_.box, static_cast<std::size_t>(options_.minimum_recurrences));
         search.candidates += seeds.size();
@@ -66,17 +66,17 @@ public:
                               for (std::size_t i = range.begin(); i < range.end(); ++i)
                                   trials[i] = estimate(seeds[i], period);
                           });
-        std::vector<CycleDraft> drafts;
+        std::vector<CycleCandidate> drafts;
         for (Trial& trial : trials)
             if (trial.accepted)
                 drafts.push_back(std::move(trial.draft));
             else
                 ++search.rejected;
         const double limit = same_boxes * options_.box;
-        drafts = merged(section_, std::move(drafts), [&](const CycleDraft& a, const CycleDraft& b) {
+        drafts = merged(section_, std::move(drafts), [&](const CycleCandidate& a, const CycleCandidate& b) {
             return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), limit);
         });
-        std::erase_if(drafts, [&](const CycleDraft& draft) {
+        std::erase_if(drafts, [&](const CycleCandidate& draft) {
             const double sd = draft.largest_sd();
             return !is_prime(section_, draft.points, same_cycle_tolerance(sd, sd, limit));
         });
@@ -110,7 +110,7 @@ private:
         const VectorXd offset = coupled.solve(gap);
         // Where a map was fitted it may be used.
         if (!(offset.cwiseAbs().maxCoeff() <= ball)) return trial;
-        CycleDraft& draft = trial.draft;
+        CycleCandidate& draft = trial.draft;
         draft.recurrences = seed.recurrences;
         draft.points.resize(n, p);
         for (Index j = 0; j < p; ++j)
@@ -135,7 +135,7 @@ private:
 
     CycleSearchOptions options_;
     const SectionPoints& section_;
-    BoxGrid grid_;
+    NeighbourIndex grid_;
     MatrixXd reading_covariance_;  // scaled units; empty: from the residuals
 };
 

@@ -38,7 +38,7 @@ struct CycleSearch {
     std::vector<int> missing;    ///< periods asked for of which no cycle was found
     std::size_t candidates = 0;  ///< starts tried
     std::size_t rejected = 0;    ///< refined but not accepted
-    bool patch_map = false;      ///< the cycles are those of one map fitted to all data, not of local maps
+    bool spline_map = false;     ///< the cycles are those of one map fitted to all data, not of local maps
     /// Reading errors as given or estimated, shape (n, n), in the coordinates' units; empty: not estimated.
     Eigen::MatrixXd reading_covariance;
     /// Whole sentences about the data and the search that the reader of the result should know.

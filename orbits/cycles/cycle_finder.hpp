@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "orbits/cycles/cycle_draft.hpp"
+#include "orbits/cycles/cycle_candidate.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 #include "orbits/sections/section_points.hpp"
 
@@ -19,12 +19,13 @@ public:
 
     /// The accepted cycles of one prime period, one of every mirror pair, most recurrences first. Adds to the counts
     /// (candidates, rejected) and remarks of `search`. The same with any number of threads.
-    [[nodiscard]] virtual std::vector<CycleDraft> find(int period, CycleSearch& search) const = 0;
+    [[nodiscard]] virtual std::vector<CycleCandidate> find(int period, CycleSearch& search) const = 0;
 
     /// Cycles refined on these data from points that lie near them: one entry per start, empty where it is not
     /// accepted. A finder that has nothing to add leaves all empty.
-    [[nodiscard]] virtual std::vector<std::optional<CycleDraft>> polish(const std::vector<CycleDraft>& starts) const {
-        return std::vector<std::optional<CycleDraft>>(starts.size());
+    [[nodiscard]] virtual std::vector<std::optional<CycleCandidate>> polish(
+        const std::vector<CycleCandidate>& starts) const {
+        return std::vector<std::optional<CycleCandidate>>(starts.size());
     }
 
 protected:
@@ -45,14 +46,14 @@ protected:
 [[nodiscard]] std::unique_ptr<CycleFinder> closest_return_finder(const SectionPoints& section,
                                                                  const CycleSearchOptions& options);
 
-/// One smooth map fitted to all data at once, errors in both of its sides (CycleSearchOptions::Method::patch_map).
+/// One smooth map fitted to all data at once, errors in both of its sides (CycleSearchOptions::Method::spline_map).
 /// @param reading_covariance_scaled  of the reading errors of a point, shape (n, n), in scaled units.
 [[nodiscard]] std::unique_ptr<CycleFinder> patch_map_finder(const SectionPoints& section,
                                                             const CycleSearchOptions& options,
                                                             const Eigen::MatrixXd& reading_covariance_scaled);
 
 /// Local polynomials along the sheet of fewer dimensions that the points of a section of a strongly contracting flow
-/// lie on within their reading errors (SheetMap). Its cycles have the multipliers along the sheet only.
+/// lie on within their reading errors (ManifoldMap). Its cycles have the multipliers along the sheet only.
 /// @param reading_covariance  shape (n, n), scaled units, positive definite.
 [[nodiscard]] std::unique_ptr<CycleFinder> sheet_map_finder(const SectionPoints& section,
                                                             const CycleSearchOptions& options,

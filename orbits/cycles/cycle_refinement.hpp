@@ -8,7 +8,7 @@
 #include "orbits/local_maps/cycle_multiplier.hpp"
 #include "orbits/local_maps/fit_choice.hpp"
 #include "orbits/local_maps/local_map.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {

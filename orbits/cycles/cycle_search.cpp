@@ -9,7 +9,7 @@
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/cycles/cycle_time.hpp"
 #include "orbits/cycles/finder_choice.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_check.hpp"
 #include "orbits/sections/section_points.hpp"
 
@@ -36,15 +36,15 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
     const SectionPoints section(series, options.symmetry_signs);
     const std::unique_ptr<CycleFinder> finder = choose_finder(series, section, options, result);
     // Finders that fit along a sheet know the times along it.
-    std::optional<BoxGrid> timing;
+    std::optional<NeighbourIndex> timing;
     if (section.timed()) timing.emplace(section);
     std::vector<int> periods = options.periods;
     std::sort(periods.begin(), periods.end());
     periods.erase(std::unique(periods.begin(), periods.end()), periods.end());
     for (const int period : periods) {
-        std::vector<CycleDraft> drafts = finder->find(period, result);
+        std::vector<CycleCandidate> drafts = finder->find(period, result);
         if (drafts.empty()) result.missing.push_back(period);
-        for (CycleDraft& draft : drafts) {
+        for (CycleCandidate& draft : drafts) {
             if (timing && std::isnan(draft.time)) time_cycle(section, *timing, draft);
             const double sd = draft.largest_sd();
             const double tolerance = same_cycle_tolerance(sd, sd, merging_boxes * options.box);

@@ -25,9 +25,9 @@ struct Partition {
 struct CycleSearchOptions {
     /// How the map of the section onto itself is told from the data.
     enum class Method {
-        automatic,      ///< patch_map where local fits cannot average the reading errors out, local_maps otherwise
+        automatic,      ///< spline_map where local fits cannot average the reading errors out, local_maps otherwise
         local_maps,     ///< polynomials fitted to the nearest neighbours of every point of a cycle
-        patch_map,      ///< one smooth map fitted to all data at once, errors in both of its sides
+        spline_map,     ///< one smooth map fitted to all data at once, errors in both of its sides
         closest_return  ///< the paper's: one recurrent point as reference, linear, without intercept (P5-P8)
     };
     Method method = Method::automatic;

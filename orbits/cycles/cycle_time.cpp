@@ -39,7 +39,7 @@ struct Support {
     Eigen::VectorXd times;     // shape (k) [s]
 };
 
-Support gather(const SectionPoints& points, const BoxGrid& grid, const Eigen::VectorXd& place, std::size_t k) {
+Support gather(const SectionPoints& points, const NeighbourIndex& grid, const Eigen::VectorXd& place, std::size_t k) {
     const Eigen::Index n = points.dimension();
     const std::vector<Neighbour> members = grid.nearest(place, k);
     Support support;
@@ -77,7 +77,7 @@ std::optional<TimeFit> fit(const Support& support, int order, Eigen::Index k) {
 }
 
 // The best fit, its sd with the difference to the second-best in it.
-std::optional<TimeFit> best_fit(const SectionPoints& points, const BoxGrid& grid, const Eigen::VectorXd& place) {
+std::optional<TimeFit> best_fit(const SectionPoints& points, const NeighbourIndex& grid, const Eigen::VectorXd& place) {
     const Support support = gather(points, grid, place, std::min(most_neighbours, points.image_count() / 4));
     std::vector<TimeFit> fits;
     for (const int order : {1, 2, 3})
@@ -94,7 +94,7 @@ std::optional<TimeFit> best_fit(const SectionPoints& points, const BoxGrid& grid
 
 }  // namespace
 
-void time_cycle(const SectionPoints& points, const BoxGrid& grid, CycleDraft& draft) {
+void time_cycle(const SectionPoints& points, const NeighbourIndex& grid, CycleCandidate& draft) {
     draft.time = draft.time_sd = std::numeric_limits<double>::quiet_NaN();
     if (!points.timed()) return;
     const Eigen::Index n = draft.points.rows(), p = draft.points.cols();

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "orbits/cycles/cycle_draft.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/cycles/cycle_candidate.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -16,6 +16,6 @@ namespace orbid::orbits {
 /// second-best fit. Neighbours are left out from the first whose image tears away from the nearest neighbour's.
 ///
 /// Leaves time and time_sd nan when the series has no times or a point of the cycle has too few neighbours.
-void time_cycle(const SectionPoints& points, const BoxGrid& grid, CycleDraft& draft);
+void time_cycle(const SectionPoints& points, const NeighbourIndex& grid, CycleCandidate& draft);
 
 }  // namespace orbid::orbits

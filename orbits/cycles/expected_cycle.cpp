@@ -33,7 +33,7 @@ std::vector<Index> model_coordinates(const Series& series, const models::System&
     return result;
 }
 
-void validate(const models::System& system, const VectorXd& theta, const HarvestOptions& options) {
+void validate(const models::System& system, const VectorXd& theta, const ModelGuidedSearchOptions& options) {
     models::check_parameters(system, theta);
     models::check_free(system, options.free);
     models::check_sensor(system, options.sensor);
@@ -57,7 +57,7 @@ void validate(const models::System& system, const VectorXd& theta, const Harvest
 
 // The orbits, the least unstable of each period first.
 std::vector<periodic::PeriodicOrbit> orbits_of(const models::System& system, const VectorXd& theta,
-                                               const HarvestOptions& options) {
+                                               const ModelGuidedSearchOptions& options) {
     periodic::OrbitSearchOptions search;
     search.periods = options.search.periods;
     std::sort(search.periods.begin(), search.periods.end());
@@ -92,7 +92,7 @@ std::vector<periodic::PeriodicOrbit> orbits_of(const models::System& system, con
 }
 
 // Sensitivities of the points to the free parameters, shape (n p, f); empty where the orbit is lost.
-MatrixXd sensitivities(const models::System& system, const VectorXd& theta, const HarvestOptions& options,
+MatrixXd sensitivities(const models::System& system, const VectorXd& theta, const ModelGuidedSearchOptions& options,
                        const periodic::PeriodicOrbit& orbit) {
     if (options.free.empty()) return MatrixXd(orbit.points.size(), 0);
     periodic::StartingSolution start;
@@ -109,7 +109,7 @@ MatrixXd sensitivities(const models::System& system, const VectorXd& theta, cons
 
 std::vector<ExpectedCycle> expected_cycles(const Series& series, const SectionPoints& section,
                                            const models::System& system, const VectorXd& theta,
-                                           const HarvestOptions& options) {
+                                           const ModelGuidedSearchOptions& options) {
     validate(system, theta, options);
     const std::vector<Index> rows = model_coordinates(series, system);
     const auto n = static_cast<Index>(rows.size());

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "orbits/cycles/harvest.hpp"
+#include "orbits/cycles/model_guided_search.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -20,7 +20,7 @@ struct ExpectedCycle {
 /// @throws std::invalid_argument as harvest.
 [[nodiscard]] std::vector<ExpectedCycle> expected_cycles(const Series& series, const SectionPoints& section,
                                                          const models::System& system, const Eigen::VectorXd& theta,
-                                                         const HarvestOptions& options);
+                                                         const ModelGuidedSearchOptions& options);
 
 /// Largest over all coordinates of |measured - expected| / sd, the sds of both added squared, where the measured points
 /// are turned by `shift` places. Shapes (n, p), (n p).

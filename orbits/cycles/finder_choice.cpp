@@ -7,9 +7,9 @@
 
 #include <Eigen/Cholesky>
 
+#include "orbits/local_maps/manifold_map.hpp"
 #include "orbits/local_maps/noise_level.hpp"
-#include "orbits/local_maps/sheet_map.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 
 namespace orbid::orbits {
 
@@ -59,7 +59,7 @@ ReadingErrors reading_errors(const Series& series, const SectionPoints& section,
     if (options.reading_covariance.size() > 0) return {options.reading_covariance, true};
     if (Eigen::MatrixXd known = known_covariance(series); known.size() > 0) return {std::move(known), true};
     if (section.image_count() < least_points) return {};
-    const NoiseLevel level = noise_level(section, BoxGrid(section));
+    const NoiseLevel level = noise_level(section, NeighbourIndex(section));
     return {level.covariance, level.resolved};
 }
 
@@ -76,8 +76,8 @@ Eigen::Index sheet_dimension(const SectionPoints& section, const Eigen::MatrixXd
     if (n < 2 || angles || section.image_count() < least_points) return n;
     const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
     if (factor.info() != Eigen::Success) return n;
-    const BoxGrid grid(section);
-    return SheetMapFits(section, grid, factor.matrixL()).sheet_dimension();
+    const NeighbourIndex grid(section);
+    return ManifoldMapFits(section, grid, factor.matrixL()).sheet_dimension();
 }
 
 std::unique_ptr<CycleFinder> by_the_data(const SectionPoints& section, const CycleSearchOptions& options,
@@ -98,7 +98,7 @@ std::unique_ptr<CycleFinder> by_the_data(const SectionPoints& section, const Cyc
             "of one core per point.");
         return local_map_finder(section, options);
     }
-    result.patch_map = true;
+    result.spline_map = true;
     return patch_map_finder(section, options, covariance);
 }
 
@@ -147,7 +147,7 @@ std::unique_ptr<CycleFinder> choose_finder(const Series& series, const SectionPo
     const ReadingErrors errors = reading_errors(series, section, options);
     result.reading_covariance = errors.covariance;
     if (options.method == Method::automatic) return by_the_data(section, options, errors, result);
-    result.patch_map = true;
+    result.spline_map = true;
     return patch_map_finder(section, options,
                             errors.covariance.size() > 0
                                 ? scaled(section, errors.covariance)

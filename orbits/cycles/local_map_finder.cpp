@@ -16,7 +16,7 @@
 #include "orbits/cycles/itinerary.hpp"
 #include "orbits/local_maps/cell_map.hpp"
 #include "orbits/local_maps/fit_choice.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_check.hpp"
 
 namespace orbid::orbits {
@@ -57,7 +57,7 @@ constexpr double degenerate = 0.05;
 constexpr double weak = 0.1;
 
 struct Trial {
-    CycleDraft draft;
+    CycleCandidate draft;
     bool accepted = false;
 };
 
@@ -81,8 +81,8 @@ void each(std::size_t count, const Body& body) {
     });
 }
 
-std::vector<CycleDraft> accepted(std::vector<Trial>& trials, CycleSearch& search) {
-    std::vector<CycleDraft> drafts;
+std::vector<CycleCandidate> accepted(std::vector<Trial>& trials, CycleSearch& search) {
+    std::vector<CycleCandidate> drafts;
     for (Trial& trial : trials)
         if (trial.accepted)
             drafts.push_back(std::move(trial.draft));
@@ -109,12 +109,12 @@ double fingerprint(const SectionPoints& section, const Eigen::MatrixXd& points) 
 
 // One draft for starts that ended in one orbit, the same to rounding: thousands of starts end in some hundred orbits.
 // What this leaves apart, merged() joins.
-std::vector<CycleDraft> distinct(const SectionPoints& section, const std::vector<CycleDraft>& drafts) {
+std::vector<CycleCandidate> distinct(const SectionPoints& section, const std::vector<CycleCandidate>& drafts) {
     std::vector<std::pair<double, std::size_t>> order;
     for (std::size_t i = 0; i < drafts.size(); ++i)
         order.emplace_back(fingerprint(section, drafts[i].points), i);
     std::sort(order.begin(), order.end());
-    std::vector<CycleDraft> result;
+    std::vector<CycleCandidate> result;
     double last = 0.0;
     for (const auto& [number, i] : order) {
         if (!result.empty() && number - last < same_distance &&
@@ -141,10 +141,10 @@ public:
           cells_(section, grid_, std::min(options.order, 2), static_cast<std::size_t>(options.neighbours)),
           choice_(section, grid_, options.order, static_cast<std::size_t>(options.neighbours)) {}
 
-    [[nodiscard]] std::vector<CycleDraft> find(int period, CycleSearch& search) const override {
+    [[nodiscard]] std::vector<CycleCandidate> find(int period, CycleSearch& search) const override {
         const std::vector<RecurrenceSeed> seeds = itinerary_seeds(section_, period, options_.box, itinerary_cell);
         search.candidates += seeds.size();
-        std::vector<CycleDraft> orbits;
+        std::vector<CycleCandidate> orbits;
         std::vector<std::size_t> lost;  // starts that do not close on cells
         // In blocks: wide boxes have a hundred times more starts than orbits.
         for (std::size_t first = 0; first < seeds.size(); first += starts_at_once) {
@@ -152,24 +152,24 @@ public:
             each(closed.size(), [&](std::size_t i) { closed[i] = close(seeds[first + i], period); });
             for (std::size_t i = 0; i < closed.size(); ++i)
                 if (!closed[i].accepted) lost.push_back(first + i);
-            std::vector<CycleDraft> some = accepted(closed, search);
+            std::vector<CycleCandidate> some = accepted(closed, search);
             std::move(some.begin(), some.end(), std::back_inserter(orbits));
             orbits = distinct(section_, orbits);
         }
         // Starts that met other cells ended a little apart: one centred fit each brings them together.
         each(orbits.size(), [&](std::size_t i) { (void)settle(orbits[i]); });
-        for (CycleDraft& draft : closed_directly(seeds, std::move(lost), period))
+        for (CycleCandidate& draft : closed_directly(seeds, std::move(lost), period))
             orbits.push_back(std::move(draft));
-        std::vector<CycleDraft> drafts =
+        std::vector<CycleCandidate> drafts =
             merged(section_, distinct(section_, orbits), [](const auto&, const auto&) { return same_distance; });
         std::erase_if(drafts,
-                      [&](const CycleDraft& draft) { return !is_prime(section_, draft.points, same_distance); });
+                      [&](const CycleCandidate& draft) { return !is_prime(section_, draft.points, same_distance); });
         std::vector<Trial> judged(drafts.size());
         each(drafts.size(), [&](std::size_t i) { judged[i] = judge(drafts[i]); });
-        drafts = merged(section_, accepted(judged, search), [&](const CycleDraft& a, const CycleDraft& b) {
+        drafts = merged(section_, accepted(judged, search), [&](const CycleCandidate& a, const CycleCandidate& b) {
             return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), merging_boxes * options_.box);
         });
-        std::erase_if(drafts, [&](const CycleDraft& draft) {
+        std::erase_if(drafts, [&](const CycleCandidate& draft) {
             const double sd = draft.largest_sd();
             return draft.recurrences < static_cast<std::size_t>(options_.minimum_recurrences) ||
                    !is_prime(section_, draft.points, same_cycle_tolerance(sd, sd, merging_boxes * options_.box));
@@ -177,8 +177,9 @@ public:
         return drafts;
     }
 
-    [[nodiscard]] std::vector<std::optional<CycleDraft>> polish(const std::vector<CycleDraft>& starts) const override {
-        std::vector<std::optional<CycleDraft>> result(starts.size());
+    [[nodiscard]] std::vector<std::optional<CycleCandidate>> polish(
+        const std::vector<CycleCandidate>& starts) const override {
+        std::vector<std::optional<CycleCandidate>> result(starts.size());
         each(starts.size(), [&](std::size_t i) {
             Trial trial = judge(starts[i]);
             if (trial.accepted) result[i] = std::move(trial.draft);
@@ -200,7 +201,7 @@ private:
         return trial;
     }
 
-    [[nodiscard]] bool settle(CycleDraft& draft) const {
+    [[nodiscard]] bool settle(CycleCandidate& draft) const {
         const RefinedCycle cycle =
             refine_cycle(section_, choice_, draft.points, FitSize{cells_.order(), cells_.neighbours()});
         const bool converged = cycle.status == RefinementStatus::converged;
@@ -210,8 +211,8 @@ private:
 
     // Where the map bends within a cell (next to the fold of a Lorenz section) only fits centred on the points close an
     // orbit. Wide boxes lose 1e5 starts, most of which lead nowhere: those with most recurrences alone get them.
-    [[nodiscard]] std::vector<CycleDraft> closed_directly(const std::vector<RecurrenceSeed>& seeds,
-                                                          std::vector<std::size_t> lost, int period) const {
+    [[nodiscard]] std::vector<CycleCandidate> closed_directly(const std::vector<RecurrenceSeed>& seeds,
+                                                              std::vector<std::size_t> lost, int period) const {
         const auto more = [&](std::size_t a, std::size_t b) {
             return seeds[a].recurrences != seeds[b].recurrences ? seeds[a].recurrences > seeds[b].recurrences : a < b;
         };
@@ -222,14 +223,14 @@ private:
             trials[i].draft = start_of(seeds[lost[i]], period);
             trials[i].accepted = settle(trials[i].draft);
         });
-        std::vector<CycleDraft> drafts;
+        std::vector<CycleCandidate> drafts;
         for (Trial& trial : trials)
             if (trial.accepted) drafts.push_back(std::move(trial.draft));
         return drafts;
     }
 
-    [[nodiscard]] CycleDraft start_of(const RecurrenceSeed& seed, int period) const {
-        CycleDraft draft;
+    [[nodiscard]] CycleCandidate start_of(const RecurrenceSeed& seed, int period) const {
+        CycleCandidate draft;
         draft.recurrences = seed.recurrences;
         draft.points.resize(section_.dimension(), period);
         for (int j = 0; j < period; ++j)
@@ -239,7 +240,7 @@ private:
     }
 
     // The best fits that the data allow, covariance, and whether the cycle can be believed.
-    [[nodiscard]] Trial judge(const CycleDraft& start) const {
+    [[nodiscard]] Trial judge(const CycleCandidate& start) const {
         Trial trial;
         const RefinedCycle cycle = refine_cycle(section_, choice_, start.points);
         if (cycle.status != RefinementStatus::converged || !(unexplained_part(cycle) <= unexplained)) return trial;
@@ -253,7 +254,7 @@ private:
                   cycle_distance(section_, cycle.points, refit.points, 0, false) <= largest_disagreement))
                 return trial;
         const CycleUncertainty uncertainty = cycle_uncertainty(section_, cycle, fits, refits);
-        CycleDraft& draft = trial.draft;
+        CycleCandidate& draft = trial.draft;
         draft.points = cycle.points;
         draft.recurrences = start.recurrences;
         draft.covariance = uncertainty.covariance;
@@ -265,7 +266,7 @@ private:
         return trial;
     }
 
-    void remark(CycleDraft& draft, const RefinedCycle& cycle, double disagreement) const {
+    void remark(CycleCandidate& draft, const RefinedCycle& cycle, double disagreement) const {
         const Eigen::Index n = section_.dimension();
         if (disagreement > remarkable)
             draft.quality.emplace_back("depends on the neighbourhoods' size beyond its error");
@@ -284,7 +285,7 @@ private:
 
     CycleSearchOptions options_;
     const SectionPoints& section_;
-    BoxGrid grid_;
+    NeighbourIndex grid_;
     CellMap cells_;
     FitChoice choice_;
 };

@@ -15,10 +15,10 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
-#include "orbits/cycles/cycle_draft.hpp"
+#include "orbits/cycles/cycle_candidate.hpp"
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/cycles/near_places.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -53,7 +53,7 @@ constexpr double same_boxes = 0.3;
 // A cycle found in the stretches, to be refined on the whole record.
 struct Start {
     std::size_t cycle = 0;  // in CycleSearch::cycles
-    CycleDraft draft;
+    CycleCandidate draft;
     std::vector<double> radii;  // around each point, scaled units
 };
 
@@ -67,8 +67,8 @@ Series stretches_of(const SeriesStream& record, std::size_t points) {
     return series;
 }
 
-CycleDraft draft_of(const SectionPoints& section, const Cycle& cycle) {
-    CycleDraft draft;
+CycleCandidate draft_of(const SectionPoints& section, const Cycle& cycle) {
+    CycleCandidate draft;
     const Eigen::VectorXd unit = section.scale().cwiseInverse().replicate(cycle.period, 1);
     draft.points = section.scale().cwiseInverse().asDiagonal() * cycle.points;
     for (Eigen::Index j = 0; j < draft.points.cols(); ++j)
@@ -82,7 +82,7 @@ CycleDraft draft_of(const SectionPoints& section, const Cycle& cycle) {
 std::vector<Start> starts_of(const Series& sample, const CycleSearchOptions& options, const CycleSearch& search,
                              double share) {
     const SectionPoints section(sample, options.symmetry_signs);
-    const BoxGrid grid(section);
+    const NeighbourIndex grid(section);
     const std::size_t k =
         std::max(least_neighbours, static_cast<std::size_t>(share * static_cast<double>(near_points)));
     std::vector<Start> starts;
@@ -177,13 +177,13 @@ std::vector<Refined> refined(const SeriesStream& record, const CycleSearchOption
     if (!near) return result;
     const SectionPoints section(*near, options.symmetry_signs, scale);
     const std::unique_ptr<CycleFinder> finder = local_map_finder(section, options);
-    std::vector<CycleDraft> drafts;
+    std::vector<CycleCandidate> drafts;
     for (const Start& start : starts)
         drafts.push_back(start.draft);
-    const std::vector<std::optional<CycleDraft>> polished = finder->polish(drafts);
+    const std::vector<std::optional<CycleCandidate>> polished = finder->polish(drafts);
     for (std::size_t i = 0; i < starts.size(); ++i) {
         if (!polished[i]) continue;
-        const CycleDraft& draft = *polished[i];
+        const CycleCandidate& draft = *polished[i];
         const double limit = same_boxes * options.box;
         const double before = drafts[i].largest_sd(), after = draft.largest_sd();
         if (cycle_distance(section, drafts[i].points, draft.points, 0, false) <=
@@ -237,7 +237,7 @@ CycleSearch find_cycles(const SeriesStream& record, const CycleSearchOptions& op
                         total, sample.size(), stretches));
         // Local maps would be another analysis than the one asked for.
         const bool closest_return = options.method == CycleSearchOptions::Method::closest_return;
-        if (search.patch_map || closest_return || search.cycles.empty()) return search;
+        if (search.spline_map || closest_return || search.cycles.empty()) return search;
         starts = starts_of(sample, options, search, share);
         scale = sample.scale();
     }

@@ -38,7 +38,7 @@ double distance(const SectionPoints& points, const Neighbour& neighbour, std::si
 }
 
 // Paths of all references with lags `pace` steps apart.
-std::vector<Paths> follow_pairs(const SectionPoints& points, const BoxGrid& grid, std::size_t references,
+std::vector<Paths> follow_pairs(const SectionPoints& points, const NeighbourIndex& grid, std::size_t references,
                                 std::size_t theiler, int pace) {
     // Steps that a point can be followed.
     const int longest = lags * pace;
@@ -89,7 +89,7 @@ int last_linear(const std::vector<Paths>& paths) {
 
 }  // namespace
 
-DivergenceRate divergence_rate(const SectionPoints& points, const BoxGrid& grid, std::size_t references,
+DivergenceRate divergence_rate(const SectionPoints& points, const NeighbourIndex& grid, std::size_t references,
                                std::size_t theiler) {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     DivergenceRate result{nan, nan, 0, 0};

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -24,7 +24,7 @@ struct DivergenceRate {
 ///
 /// @param references  points whose neighbours are followed, evenly spread. @param theiler  neighbours are at least so
 ///                    many steps away in the series.
-[[nodiscard]] DivergenceRate divergence_rate(const SectionPoints& points, const BoxGrid& grid, std::size_t references,
-                                             std::size_t theiler);
+[[nodiscard]] DivergenceRate divergence_rate(const SectionPoints& points, const NeighbourIndex& grid,
+                                             std::size_t references, std::size_t theiler);
 
 }  // namespace orbid::orbits

@@ -12,7 +12,7 @@
 #include "orbits/invariants/kaplan_yorke.hpp"
 #include "orbits/invariants/sample_stride.hpp"
 #include "orbits/invariants/tangent_map.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -112,7 +112,7 @@ std::vector<Piece> cut(const SectionPoints& points, std::size_t points_in_use, s
 }
 
 // Median prediction error over a sample of points; infinite when fits fail at more than half.
-double trial(const SectionPoints& points, const BoxGrid& grid, const std::vector<std::size_t>& sample, int order,
+double trial(const SectionPoints& points, const NeighbourIndex& grid, const std::vector<std::size_t>& sample, int order,
              std::size_t neighbours) {
     std::vector<double> errors(sample.size(), std::numeric_limits<double>::infinity());
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, sample.size(), 32), [&](const auto& range) {
@@ -126,7 +126,7 @@ double trial(const SectionPoints& points, const BoxGrid& grid, const std::vector
 }
 
 // Order and neighbours with the smallest median prediction error.
-void choose(const SectionPoints& points, const BoxGrid& grid, const std::vector<Piece>& pieces,
+void choose(const SectionPoints& points, const NeighbourIndex& grid, const std::vector<Piece>& pieces,
             const LyapunovOptions& options, LyapunovSpectrum& result) {
     std::size_t total = 0;
     for (const Piece& piece : pieces)
@@ -278,7 +278,7 @@ LyapunovSpectrum lyapunov_spectrum(const Series& series, const LyapunovOptions& 
     if (pieces.empty())
         throw std::invalid_argument("lyapunov_spectrum: no piece of the series is longer than " +
                                     std::to_string(shortest_piece) + " steps");
-    const BoxGrid grid(points);
+    const NeighbourIndex grid(points);
     choose(points, grid, pieces, options, result);
     const auto affordable = static_cast<std::size_t>(budget / static_cast<double>(result.neighbours));
     if (affordable < options.steps) pieces = cut(points, points.size() / result.stride, affordable);

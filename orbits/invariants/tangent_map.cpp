@@ -43,7 +43,7 @@ std::size_t TangentFitter::coefficient_count(Eigen::Index n, int order) {
     return static_cast<std::size_t>(count);
 }
 
-TangentFitter::TangentFitter(const SectionPoints& points, const BoxGrid& grid, int order, std::size_t neighbours)
+TangentFitter::TangentFitter(const SectionPoints& points, const NeighbourIndex& grid, int order, std::size_t neighbours)
     : points_(&points), grid_(&grid), neighbours_(neighbours) {
     const Eigen::Index n = points.dimension(), k = static_cast<Eigen::Index>(torn_search * neighbours);
     // Monomials in order of degree; each is continued by coordinates from its last one on, so that it occurs once.

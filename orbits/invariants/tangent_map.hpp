@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 #include <Eigen/QR>
 
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -35,7 +35,7 @@ struct TangentMap {
 class TangentFitter {
 public:
     /// Keeps references. @param order  1 to 4. @param neighbours  at least the number of coefficients + 2.
-    TangentFitter(const SectionPoints& points, const BoxGrid& grid, int order, std::size_t neighbours);
+    TangentFitter(const SectionPoints& points, const NeighbourIndex& grid, int order, std::size_t neighbours);
 
     /// At point i of the series, has_image(i); the point itself is not among its neighbours.
     [[nodiscard]] const TangentMap& fit(std::size_t i);
@@ -54,7 +54,7 @@ private:
     void solve();
 
     const SectionPoints* points_;
-    const BoxGrid* grid_;
+    const NeighbourIndex* grid_;
     std::size_t neighbours_;
     std::vector<std::pair<Eigen::Index, Eigen::Index>> parents_;  ///< monomial = earlier monomial x coordinate
     Eigen::Index count_ = 0;                                      ///< of members in use

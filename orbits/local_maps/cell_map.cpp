@@ -49,7 +49,7 @@ double median(std::vector<double> values) {
 
 }  // namespace
 
-CellMap::CellMap(const SectionPoints& section, const BoxGrid& grid, int order, std::size_t neighbours)
+CellMap::CellMap(const SectionPoints& section, const NeighbourIndex& grid, int order, std::size_t neighbours)
     : section_(section), grid_(grid), order_(order > 0 ? order : 2) {
     const Eigen::Index n = section.dimension();
     monomials_ = std::make_shared<const Monomials>(n, order_);

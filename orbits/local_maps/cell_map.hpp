@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 
 #include "orbits/local_maps/local_map.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -30,7 +30,7 @@ public:
 
     /// @param order       of the polynomials, 0: 2.
     /// @param neighbours  of a cell, 0: chosen by the data.
-    CellMap(const SectionPoints& section, const BoxGrid& grid, int order, std::size_t neighbours);
+    CellMap(const SectionPoints& section, const NeighbourIndex& grid, int order, std::size_t neighbours);
 
     [[nodiscard]] const Cell& cell_of(const double* x) const;
 
@@ -48,7 +48,7 @@ private:
     [[nodiscard]] Cell fitted(const double* x) const;
 
     const SectionPoints& section_;
-    const BoxGrid& grid_;
+    const NeighbourIndex& grid_;
     int order_ = 2;
     std::size_t neighbours_ = 0;
     double edge_ = 0.0;

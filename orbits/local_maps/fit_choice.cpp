@@ -26,7 +26,7 @@ constexpr double rounding = 1e-14;
 
 }  // namespace
 
-FitChoice::FitChoice(const SectionPoints& section, const BoxGrid& grid, int order, std::size_t neighbours)
+FitChoice::FitChoice(const SectionPoints& section, const NeighbourIndex& grid, int order, std::size_t neighbours)
     : section_(section), grid_(grid), neighbours_(neighbours) {
     if (order > 0) lowest_ = highest_ = order;
     most_ = std::clamp<std::size_t>(section.image_count() / 10, 1, most_neighbours);

@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 
 #include "orbits/local_maps/local_map.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -33,7 +33,7 @@ class FitChoice {
 public:
     /// @param order       1 to 6, 0: tried are all.
     /// @param neighbours  0: tried are several.
-    FitChoice(const SectionPoints& section, const BoxGrid& grid, int order, std::size_t neighbours);
+    FitChoice(const SectionPoints& section, const NeighbourIndex& grid, int order, std::size_t neighbours);
 
     /// The best size, then the best of another order, then the best of the same order with another number of
     /// neighbours; the last two only as far as there are any. Empty: no fit is usable.
@@ -43,7 +43,7 @@ public:
 
 private:
     const SectionPoints& section_;
-    const BoxGrid& grid_;
+    const NeighbourIndex& grid_;
     int lowest_ = 1, highest_ = 6;
     std::size_t neighbours_ = 0;
     std::size_t most_ = 0;  ///< neighbours of a fit

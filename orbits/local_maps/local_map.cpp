@@ -15,8 +15,8 @@ constexpr double radius_margin = 1.05;
 
 }  // namespace
 
-Neighbourhood gather_neighbourhood(const SectionPoints& points, const BoxGrid& grid, const Eigen::VectorXd& centre,
-                                   std::size_t k) {
+Neighbourhood gather_neighbourhood(const SectionPoints& points, const NeighbourIndex& grid,
+                                   const Eigen::VectorXd& centre, std::size_t k) {
     const Eigen::Index n = points.dimension();
     Neighbourhood result;
     result.centre = points.wrapped(centre);

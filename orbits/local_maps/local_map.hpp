@@ -8,7 +8,7 @@
 
 #include "orbits/local_maps/monomials.hpp"
 #include "orbits/local_maps/polynomial_fit.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -27,7 +27,7 @@ struct Neighbourhood {
 ///
 /// Neighbours whose images tear apart on a circle are dropped: from the first (nearest first) whose image lies a
 /// quarter turn or more from the nearest neighbour's. `offsets` has fewer than k rows then.
-[[nodiscard]] Neighbourhood gather_neighbourhood(const SectionPoints& points, const BoxGrid& grid,
+[[nodiscard]] Neighbourhood gather_neighbourhood(const SectionPoints& points, const NeighbourIndex& grid,
                                                  const Eigen::VectorXd& centre, std::size_t k);
 
 /// The map near a place, fitted to data, a polynomial of order 1 to 6 (P5 with intercept and curvature):

@@ -14,7 +14,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
-#include "orbits/local_maps/held_out_fit.hpp"
+#include "orbits/local_maps/cross_validation.hpp"
 #include "orbits/local_maps/monomials.hpp"
 
 namespace orbid::orbits {
@@ -68,9 +68,9 @@ std::vector<std::size_t> places_in_runs(const SectionPoints& points) {
     return places;
 }
 
-std::vector<HeldOutFit> fits_at(const SectionPoints& points, const BoxGrid& grid,
-                                const std::vector<std::size_t>& places, int order, std::size_t k) {
-    std::vector<HeldOutFit> fits(places.size());
+std::vector<CrossValidation> fits_at(const SectionPoints& points, const NeighbourIndex& grid,
+                                     const std::vector<std::size_t>& places, int order, std::size_t k) {
+    std::vector<CrossValidation> fits(places.size());
     // Every index writes its own slot: the same bytes with any number of threads.
     tbb::parallel_for(std::size_t{0}, places.size(),
                       [&](std::size_t i) { fits[i] = held_out_fit(points, grid, places[i], order, k); });
@@ -89,7 +89,7 @@ struct Trial {
     std::size_t neighbours;
 };
 
-std::optional<Trial> best_choice(const SectionPoints& points, const BoxGrid& grid,
+std::optional<Trial> best_choice(const SectionPoints& points, const NeighbourIndex& grid,
                                  const std::vector<std::size_t>& places) {
     std::vector<std::size_t> some;
     const std::size_t step = std::max<std::size_t>(1, places.size() / trial_places);
@@ -101,7 +101,7 @@ std::optional<Trial> best_choice(const SectionPoints& points, const BoxGrid& gri
             const std::size_t k = size * static_cast<std::size_t>(coefficient_count(points.dimension(), order));
             if (k > most_neighbours || 4 * k > points.image_count()) continue;
             std::vector<double> squares;
-            for (const HeldOutFit& fit : fits_at(points, grid, some, order, k))
+            for (const CrossValidation& fit : fits_at(points, grid, some, order, k))
                 if (fit.usable) squares.push_back(fit.residual.squaredNorm());
             if (2 * squares.size() < some.size()) continue;
             const double typical = median(std::move(squares));
@@ -148,14 +148,14 @@ struct Normal {
 
 class Whitening {
 public:
-    explicit Whitening(const HeldOutFit& fit) : factor_(fit.covariance) {}
+    explicit Whitening(const CrossValidation& fit) : factor_(fit.covariance) {}
     [[nodiscard]] Eigen::MatrixXd operator()(const Eigen::MatrixXd& m) const { return factor_.matrixL().solve(m); }
 
 private:
     Eigen::LLT<Eigen::MatrixXd> factor_;
 };
 
-bool within_gate(const HeldOutFit& fit) {
+bool within_gate(const CrossValidation& fit) {
     const double square = Whitening(fit)(fit.residual).squaredNorm();
     return square <= gate * gate * static_cast<double>(fit.residual.size());
 }
@@ -183,19 +183,19 @@ Eigen::MatrixXd raised(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& sta
 
 // A diagonal S for which S + A S A' has the size of the residuals: a few rounds of multiplicative updates, which keep
 // it positive.
-Eigen::VectorXd bounding_variances(const std::vector<HeldOutFit>& fits) {
+Eigen::VectorXd bounding_variances(const std::vector<CrossValidation>& fits) {
     const Eigen::Index n = fits.front().residual.size();
     Eigen::VectorXd variances = Eigen::VectorXd::Zero(n);
     for (Eigen::Index d = 0; d < n; ++d) {
         std::vector<double> values;
-        for (const HeldOutFit& fit : fits)
+        for (const CrossValidation& fit : fits)
             values.push_back(fit.covariance(d, d) / (1.0 + fit.gradient.row(d).squaredNorm()));
         variances[d] = std::max(median(std::move(values)), rounding);
     }
     constexpr int rounds = 20;
     for (int round = 0; round < rounds; ++round) {
         Eigen::VectorXd found = Eigen::VectorXd::Zero(n), expected = Eigen::VectorXd::Zero(n);
-        for (const HeldOutFit& fit : fits) {
+        for (const CrossValidation& fit : fits) {
             const Eigen::VectorXd own = variances + fit.gradient.cwiseAbs2() * variances;
             for (Eigen::Index d = 0; d < n; ++d) {
                 // Share of coordinate d in the expected square of every component of the residual.
@@ -212,7 +212,7 @@ Eigen::VectorXd bounding_variances(const std::vector<HeldOutFit>& fits) {
 
 // Mean over the coordinates of the residuals' median square over that of the difference of unrelated images.
 double unexplained_share(const SectionPoints& points, const std::vector<std::size_t>& places,
-                         const std::vector<HeldOutFit>& fits) {
+                         const std::vector<CrossValidation>& fits) {
     const Eigen::Index n = points.dimension();
     double sum = 0.0;
     for (Eigen::Index d = 0; d < n; ++d) {
@@ -232,7 +232,7 @@ double unexplained_share(const SectionPoints& points, const std::vector<std::siz
 
 }  // namespace
 
-NoiseLevel noise_level(const SectionPoints& points, const BoxGrid& grid) {
+NoiseLevel noise_level(const SectionPoints& points, const NeighbourIndex& grid) {
     if (!(points.image_count() >= least_points))
         throw std::invalid_argument("noise_level: needs at least " + std::to_string(least_points) +
                                     " points with an image, got " + std::to_string(points.image_count()));
@@ -247,8 +247,8 @@ NoiseLevel noise_level(const SectionPoints& points, const BoxGrid& grid) {
     level.order = choice->order;
     level.neighbours = choice->neighbours;
 
-    const std::vector<HeldOutFit> fits = fits_at(points, grid, places, choice->order, choice->neighbours);
-    std::vector<HeldOutFit> usable;
+    const std::vector<CrossValidation> fits = fits_at(points, grid, places, choice->order, choice->neighbours);
+    std::vector<CrossValidation> usable;
     std::vector<char> good(fits.size(), 0);
     for (std::size_t i = 0; i < fits.size(); ++i)
         if (fits[i].usable && within_gate(fits[i])) {
@@ -284,7 +284,7 @@ NoiseLevel noise_level(const SectionPoints& points, const BoxGrid& grid) {
         scatter += solver.solve(part.right - part.matrix * solver.solve(all.right)).cwiseAbs2();
 
     std::vector<double> shares;
-    for (const HeldOutFit& fit : usable) {
+    for (const CrossValidation& fit : usable) {
         const Eigen::MatrixXd expected = estimate + fit.gradient * estimate * fit.gradient.transpose();
         const Whitening white(fit);
         shares.push_back(white(white(expected).transpose()).trace() / static_cast<double>(n));

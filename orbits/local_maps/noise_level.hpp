@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -41,6 +41,6 @@ struct NoiseLevel {
 ///
 /// @throws std::invalid_argument for fewer than 64 points with an image.
 /// Cost: 2^14 local fits, whatever the length of the series. The same with any number of threads.
-[[nodiscard]] NoiseLevel noise_level(const SectionPoints& points, const BoxGrid& grid);
+[[nodiscard]] NoiseLevel noise_level(const SectionPoints& points, const NeighbourIndex& grid);
 
 }  // namespace orbid::orbits

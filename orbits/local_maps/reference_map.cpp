@@ -148,8 +148,8 @@ MatrixXd map_covariance(const ReferenceMap& map, const VectorXd& d) {
 
 }  // namespace
 
-ReferenceMap fit_reference_map(const SectionPoints& section, const BoxGrid& grid, std::size_t reference, double ball,
-                               std::size_t most) {
+ReferenceMap fit_reference_map(const SectionPoints& section, const NeighbourIndex& grid, std::size_t reference,
+                               double ball, std::size_t most) {
     const Index n = section.dimension();
     const double* const x = section.point(reference);
     const double* const image = section.point(reference + 1);

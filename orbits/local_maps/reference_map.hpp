@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 
 #include "orbits/local_maps/cycle_multiplier.hpp"
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -40,8 +40,8 @@ struct ReferenceMap {
 ///
 /// Neighbours whose images tear apart on a circle are dropped: from the first (nearest first) whose image lies a
 /// quarter turn or more from the reference's.
-[[nodiscard]] ReferenceMap fit_reference_map(const SectionPoints& section, const BoxGrid& grid, std::size_t reference,
-                                             double ball, std::size_t most);
+[[nodiscard]] ReferenceMap fit_reference_map(const SectionPoints& section, const NeighbourIndex& grid,
+                                             std::size_t reference, double ball, std::size_t most);
 
 /// Errors of a cycle closed with reference maps, scaled units.
 struct ReferenceErrors {

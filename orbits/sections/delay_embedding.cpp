@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -145,7 +145,7 @@ double false_share(const Series& samples, Eigen::Index coordinate, int delay, in
         series.coordinates.push_back({fmt::format("x{}", d), "", false});
     series.segments.push_back({"0", vectors.topRows(dimension), {}, {}});
     const SectionPoints points(series);
-    const BoxGrid grid(points);
+    const NeighbourIndex grid(points);
     const auto own = vectors.row(0);
     const double sd = std::sqrt((own.array() - own.mean()).square().mean());
     const Eigen::Index apart = static_cast<Eigen::Index>(delay) * dimension;

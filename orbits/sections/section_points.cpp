@@ -19,14 +19,14 @@ constexpr double two_pi = 2.0 * std::numbers::pi;
 // further by noise or by an offset added after wrapping.
 constexpr double wrapped_range = 1.25;
 
-// turns = whole_turns + the rest in [-1/2, 1/2).
-double whole_turns(double turns) {
+// turns = winding_numbers + the rest in [-1/2, 1/2).
+double winding_numbers(double turns) {
     const double whole = std::nearbyint(turns);
     return turns - whole >= 0.5 ? whole + 1.0 : whole;
 }
 
 double wrapped_turns(double turns) {
-    return turns - whole_turns(turns);
+    return turns - winding_numbers(turns);
 }
 
 constexpr std::size_t block = 1 << 14;  // points that one task takes: whole words of bits
@@ -151,8 +151,8 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
         for (std::size_t d = 0, a = 0; d < n; ++d) {
             if (!angle_[d]) continue;
             const auto row = static_cast<Eigen::Index>(d);
-            const double whole = whole_turns(segment.values(row, column + 1) / scale_[row]) -
-                                 whole_turns(segment.values(row, column) / scale_[row]);
+            const double whole = winding_numbers(segment.values(row, column + 1) / scale_[row]) -
+                                 winding_numbers(segment.values(row, column) / scale_[row]);
             if (std::abs(whole) <= std::numeric_limits<std::int16_t>::max())
                 turns_[i * angle_count_ + a] = static_cast<std::int16_t>(whole);
             else

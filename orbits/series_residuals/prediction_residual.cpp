@@ -117,8 +117,8 @@ std::vector<estimator::BlockValue> PredictionResidual::evaluate(const VectorXd& 
     return values;
 }
 
-estimator::RefreshReport PredictionResidual::refresh(const VectorXd& theta, const std::vector<VectorXd>&,
-                                                     const VectorXd&) {
+estimator::RefreshReport PredictionResidual::update_active_set(const VectorXd& theta, const std::vector<VectorXd>&,
+                                                               const VectorXd&) {
     constexpr double settled = 0.02;  // of a weight: no estimate moves with that
     constexpr int enough = 8;
     estimator::RefreshReport report;

@@ -25,7 +25,7 @@ struct PredictionOptions {
 ///     e = to - Phi(from; theta),  Cauchy errors of scale s d_i sqrt(0.01 + sum_j (X_ij d_j / d_i)^2),  d = sizes
 ///
 /// The scale s is estimated, one per coordinate: what a transition is worth falls with how strongly errors of its start
-/// are amplified, X at the parameters of the last refresh(), and gross errors hardly count. Groups
+/// are amplified, X at the parameters of the last update_active_set(), and gross errors hardly count. Groups
 /// "<name>.<coordinate>"; blocks of up to 64 transitions, as a block each would cost more than the flows. A
 /// transition that cannot be simulated counts as off by its size, whatever the parameters; a block of which most cannot
 /// fails.
@@ -58,10 +58,11 @@ public:
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
     /// Amplifications at theta, until they settle.
-    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                     const Eigen::VectorXd& scales) override;
-    void suspend(std::size_t block) override { layout_.at(block).active = false; }
-    [[nodiscard]] bool provisional() const override { return rounds_ < rough_rounds; }
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+                                               const std::vector<Eigen::VectorXd>& latents,
+                                               const Eigen::VectorXd& scales) override;
+    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
+    [[nodiscard]] bool is_intermediate_stage() const override { return rounds_ < rough_rounds; }
 
     /// How badly theta predicts, robustly: mean over all records of ln(1 + (e / (0.02 sizes sqrt(..)))^2) with the
     /// present amplifications. A prediction that is far off counts little more than one that is just off, so that the

@@ -196,13 +196,13 @@ BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all,
     return result;
 }
 
-estimator::RefreshReport SeriesResidual::refresh(const Eigen::VectorXd& /*theta*/,
-                                                 const std::vector<Eigen::VectorXd>& /*latents*/,
-                                                 const Eigen::VectorXd& /*scales*/) {
+estimator::RefreshReport SeriesResidual::update_active_set(const Eigen::VectorXd& /*theta*/,
+                                                           const std::vector<Eigen::VectorXd>& /*latents*/,
+                                                           const Eigen::VectorXd& /*scales*/) {
     return {};
 }
 
-void SeriesResidual::suspend(std::size_t block) {
+void SeriesResidual::deactivate(std::size_t block) {
     layout_.at(block).active = false;
 }
 

@@ -102,9 +102,10 @@ public:
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
     /// Nothing to do between rounds: the set of segments stays as it is.
-    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                     const Eigen::VectorXd& scales) override;
-    void suspend(std::size_t block) override;
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+                                               const std::vector<Eigen::VectorXd>& latents,
+                                               const Eigen::VectorXd& scales) override;
+    void deactivate(std::size_t block) override;
 
     /// Predicts segments at given parameters. All initial coordinates that are not fixed are fitted to the very segment
     /// by damped Gauss-Newton on the sum of squares of errors over their sd (normal priors included), from the data as

@@ -71,7 +71,7 @@ void ShootingResidual::guess_nodes(const VectorXd& all) {
     }
 }
 
-ShootingResidual ShootingResidual::with(const Matching& matching, std::vector<VectorXd> latents,
+ShootingResidual ShootingResidual::with(const Continuity& matching, std::vector<VectorXd> latents,
                                         const VectorXd& theta) const {
     ShootingResidual other = *this;
     other.matching_ = matching;

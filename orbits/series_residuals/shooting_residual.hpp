@@ -11,7 +11,7 @@
 #include "models/system/system.hpp"
 #include "orbits/records/error_form.hpp"
 #include "orbits/records/series.hpp"
-#include "orbits/series_residuals/matching.hpp"
+#include "orbits/series_residuals/continuity.hpp"
 #include "orbits/series_residuals/shooting_plan.hpp"
 
 #pragma GCC visibility push(default)
@@ -27,7 +27,7 @@ struct ShootingOptions {
     /// readings, the rate's is not read.
     std::vector<estimator::ErrorScale> errors;
     std::vector<ErrorForm> forms;  ///< likewise; empty = all normal with one sd
-    Matching matching;
+    Continuity matching;
     /// Sampling intervals (sections) from node to node, > 0; 0: chosen by how errors grow, see interval().
     Eigen::Index interval = 0;
     /// Of models with measured inputs: one signal per segment of the series, see SeriesResidualOptions::inputs.
@@ -41,7 +41,7 @@ struct ShootingOptions {
 /// The recorded series itself by multiple shooting (Bock 1987, Baake 1992): nodes s_i along every segment,
 ///
 ///     e = y_k - sensor(Phi(s_i, t_i -> t_k; theta))    for all readings of interval i
-///     s_{i+1} = Phi(s_i, t_i -> t_{i+1}; theta)        exactly or with errors of their own (Matching)
+///     s_{i+1} = Phi(s_i, t_i -> t_{i+1}; theta)        exactly or with errors of their own (Continuity)
 ///
 /// One block per node, chained along a segment; latent states: the node. Sections of forced models and maps, samples,
 /// and crossings with times of autonomous flows as samples at those times. Of an angle_difference sensor the residuals
@@ -53,8 +53,8 @@ struct ShootingOptions {
 /// A flow that fails (grazing, say) makes its block fail, not the others. A transient that ends in standstill keeps its
 /// tail: there the flow sticks, X is singular, and the readings still count.
 ///
-/// Matching begins loose, at the root mean square defect of the nodes that the data say, and is tightened by refresh();
-/// until it is as tight as asked for the residual is provisional().
+/// Continuity begins loose, at the root mean square defect of the nodes that the data say, and is tightened by
+/// update_active_set(); until it is as tight as asked for the residual is is_intermediate_stage().
 class ShootingResidual final : public estimator::Residual {
 public:
     /// @throws std::invalid_argument naming value and rule: coordinates or segments that do not exist or are named
@@ -68,7 +68,7 @@ public:
 
     /// The same residual with other matching, started from these latent states and parameters of the estimator (empty:
     /// its own). Shares the data.
-    [[nodiscard]] ShootingResidual with(const Matching& matching, std::vector<Eigen::VectorXd> latents,
+    [[nodiscard]] ShootingResidual with(const Continuity& matching, std::vector<Eigen::VectorXd> latents,
                                         const Eigen::VectorXd& theta = {}) const;
 
     [[nodiscard]] std::string_view type() const override { return "series"; }
@@ -79,12 +79,13 @@ public:
     [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                     const Eigen::VectorXd& scales) override;
-    void suspend(std::size_t block) override { layout_.at(block).active = false; }
-    [[nodiscard]] bool provisional() const override { return tightness_ > final_; }
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+                                               const std::vector<Eigen::VectorXd>& latents,
+                                               const Eigen::VectorXd& scales) override;
+    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
+    [[nodiscard]] bool is_intermediate_stage() const override { return tightness_ > final_; }
 
-    /// Matching defects d = s_{i+1} - Phi(s_i), per coordinate of the model.
+    /// Continuity defects d = s_{i+1} - Phi(s_i), per coordinate of the model.
     struct Defect {
         Eigen::VectorXd rms;      ///< shape (n)
         Eigen::VectorXd typical;  ///< 1.4826 times the median of its absolute value: the sd if it were normal
@@ -101,7 +102,7 @@ public:
     [[nodiscard]] const Eigen::VectorXd& range() const { return data_->range; }
     /// Present matching sds, shape (n); 0 when constraints do the matching.
     [[nodiscard]] Eigen::VectorXd matching_sd() const { return tightness_ * unit_; }
-    [[nodiscard]] const Matching& matching() const { return matching_; }
+    [[nodiscard]] const Continuity& matching() const { return matching_; }
     /// Largest sd of a reading over its range, as far as known.
     [[nodiscard]] double noise() const { return noise_; }
     [[nodiscard]] const Series& series() const { return data_->series; }
@@ -155,7 +156,7 @@ private:
     }
 
     std::shared_ptr<const Data> data_;
-    Matching matching_;
+    Continuity matching_;
     std::vector<estimator::Group> groups_;
     std::vector<estimator::BlockLayout> layout_;
     std::vector<Eigen::VectorXd> start_;

@@ -161,11 +161,11 @@ void ShootingResidual::check_matching() const {
             fmt::format("{} matching sds for {} coordinates", matching_.sd.size(), n));
     for (const double sd : matching_.sd)
         require(sd > 0.0 && std::isfinite(sd), fmt::format("a matching sd is {}, must be > 0", sd));
-    require(matching_.kind == Matching::Kind::exact || matching_.estimate || matching_.sd.size() > 0,
+    require(matching_.kind == Continuity::Kind::exact || matching_.estimate || matching_.sd.size() > 0,
             "matching with an error of its own needs its sds, or to estimate them");
-    require(!matching_.estimate || matching_.kind != Matching::Kind::exact,
+    require(!matching_.estimate || matching_.kind != Continuity::Kind::exact,
             "exact matching has no sd that could be estimated: choose normal or Student's t");
-    require(!matching_.constraints || matching_.kind == Matching::Kind::exact,
+    require(!matching_.constraints || matching_.kind == Continuity::Kind::exact,
             "only exact matching can be done by constraints");
 }
 
@@ -243,7 +243,7 @@ void ShootingResidual::make_groups() {
         group.unit = coordinate.unit;
         group.scale.estimate = matching_.estimate;
         // Exact matching is approached with Student's t: as its sd falls below what defects need, both are the same.
-        if (matching_.kind != Matching::Kind::normal)
+        if (matching_.kind != Continuity::Kind::normal)
             group.distribution = estimator::StudentErrors{{false, matching_.dof, estimator::FlatPrior{}}};
         groups_.push_back(std::move(group));
     }

@@ -65,7 +65,7 @@ void ShootingResidual::begin_matching(const VectorXd& theta) {
     unit_ = data.range;
     if (matching_.constraints) return;
     find_noise();
-    if (matching_.kind != Matching::Kind::exact && matching_.sd.size() > 0) {
+    if (matching_.kind != Continuity::Kind::exact && matching_.sd.size() > 0) {
         final_ = std::exp(matching_.sd.cwiseQuotient(data.range).array().log().mean());
         unit_ = matching_.sd / final_;
     } else {
@@ -98,18 +98,19 @@ void ShootingResidual::apply_matching() {
     }
 }
 
-estimator::RefreshReport ShootingResidual::refresh(const VectorXd& theta, const std::vector<VectorXd>& latents,
-                                                   const VectorXd& /*scales*/) {
-    if (!provisional()) return {};
-    // Matching that is tighter than the readings leaves their errors in the residuals; before that the nodes follow the
-    // readings, and predictions from one reading to the next tell more.
+estimator::RefreshReport ShootingResidual::update_active_set(const VectorXd& theta,
+                                                             const std::vector<VectorXd>& latents,
+                                                             const VectorXd& /*scales*/) {
+    if (!is_intermediate_stage()) return {};
+    // Continuity that is tighter than the readings leaves their errors in the residuals; before that the nodes follow
+    // the readings, and predictions from one reading to the next tell more.
     constexpr double tight = 0.1;
     if (tightness_ < tight * noise_)
         read_scales(theta, latents);
     else
         predict_scales(theta);
     find_noise();
-    if (matching_.kind == Matching::Kind::exact) final_ = std::min(tightness_, exact_matching(noise_));
+    if (matching_.kind == Continuity::Kind::exact) final_ = std::min(tightness_, exact_matching(noise_));
     tightness_ = std::max(final_, next_share(noise_) * tightness_);
     apply_matching();
     return {};

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "estimator/interface/random_stream.hpp"
-#include "orbits/simulation/capture.hpp"
+#include "orbits/simulation/attractor_detection.hpp"
 
 namespace orbid::orbits {
 namespace {

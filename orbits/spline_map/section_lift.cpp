@@ -41,7 +41,7 @@ double fraction(double turns) {
 
 class Lifter {
 public:
-    Lifter(const SectionPoints& section, const BoxGrid& grid) : section_(section) {
+    Lifter(const SectionPoints& section, const NeighbourIndex& grid) : section_(section) {
         for (std::size_t i = 0; i < section.size(); ++i)
             if (section.has_image(i)) points_.push_back(i);
         number_.assign(section.size(), 0);
@@ -245,7 +245,7 @@ double mirror_turns(const std::vector<double>& lifted, double sign) {
 
 }  // namespace
 
-SectionLift lift_section(const SectionPoints& section, const BoxGrid& grid) {
+SectionLift lift_section(const SectionPoints& section, const NeighbourIndex& grid) {
     const Eigen::Index n = section.dimension();
     SectionLift lift;
     lift.displacement = Eigen::MatrixXd::Constant(n, static_cast<Eigen::Index>(section.size()), std::nan(""));

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "orbits/sections/box_grid.hpp"
+#include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
@@ -26,6 +26,6 @@ struct SectionLift {
 /// are lifted apart. Nothing to do without angles, or where the series counts turns itself.
 ///
 /// Cost: O(points k).
-[[nodiscard]] SectionLift lift_section(const SectionPoints& section, const BoxGrid& grid);
+[[nodiscard]] SectionLift lift_section(const SectionPoints& section, const NeighbourIndex& grid);
 
 }  // namespace orbid::orbits

@@ -9,7 +9,7 @@
 #include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/cyclic_system.hpp"
 #include "periodic/discretisation/shooting_steps.hpp"
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/orbit_report.hpp"
 #include "periodic/stability/floquet.hpp"
 
@@ -58,20 +58,20 @@ int CurvePoint::unstable() const {
                                           [](const Complex& multiplier) { return std::abs(multiplier) > 1.0; }));
 }
 
-OrbitCurve::OrbitCurve(const CurveSetting& setting, Course course, MatrixXd turns, VectorXd scale,
+OrbitCurve::OrbitCurve(const CurveSetting& setting, ShootingMesh mesh, MatrixXd turns, VectorXd scale,
                        std::optional<PhasePlane> phase, int period)
     : setting_(&setting),
-      course_(std::move(course)),
+      mesh_(std::move(mesh)),
       turns_(std::move(turns)),
       scale_(std::move(scale)),
       phase_(std::move(phase)),
       period_(period),
       n_(setting.system.dimension()),
-      count_(static_cast<Index>(course_.segments.size())) {
+      count_(static_cast<Index>(mesh_.segments.size())) {
     weights_.resize(n_ * count_ + (phase_ ? 2 : 1));
     for (Index j = 0; j < count_; ++j)
         weights_.segment(n_ * j, n_) =
-            std::sqrt(course_.segments[static_cast<std::size_t>(j)].share) * scale_.cwiseInverse();
+            std::sqrt(mesh_.segments[static_cast<std::size_t>(j)].share) * scale_.cwiseInverse();
     weights_.tail(phase_ ? 2 : 1).setOnes();
     weights_(weights_.size() - 1) = 1.0 / setting.range;
 }
@@ -89,8 +89,8 @@ MatrixXd OrbitCurve::nodes(const VectorXd& y) const {
 
 double OrbitCurve::time(const VectorXd& y) const {
     if (autonomous()) return std::exp(y(n_ * count_));
-    if (setting_->system.kind() == models::Kind::map) return static_cast<double>(course_.points.size());
-    return static_cast<double>(course_.points.size()) *
+    if (setting_->system.kind() == models::Kind::map) return static_cast<double>(mesh_.points.size());
+    return static_cast<double>(mesh_.points.size()) *
            setting_->system.period(setting_->theta_at(y(y.size() - 1)), models::Clock::time);
 }
 
@@ -116,14 +116,14 @@ VectorXd OrbitCurve::parameter_direction() const {
     return direction;
 }
 
-Course OrbitCurve::course_at(const VectorXd& y) const {
-    Course course = course_;
-    course.nodes = nodes(y);
-    course.time = time(y);
+ShootingMesh OrbitCurve::mesh_at(const VectorXd& y) const {
+    ShootingMesh mesh = mesh_;
+    mesh.nodes = nodes(y);
+    mesh.time = time(y);
     if (autonomous())
-        for (Segment& segment : course.segments)
-            segment.duration = segment.share * course.time;
-    return course;
+        for (Segment& segment : mesh.segments)
+            segment.duration = segment.share * mesh.time;
+    return mesh;
 }
 
 MatrixXd OrbitCurve::rows_across(const std::vector<VectorXd>& directions) const {
@@ -162,8 +162,8 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
         result.status = OrbitStatus::not_simulated;
         if (!y.allFinite() || !models::contains(domain, y(y.size() - 1))) return result;
         const VectorXd theta = setting_->theta_at(y(y.size() - 1));
-        ClosingError closing = closing_error(FlowSteps(setting_->system, theta, course_, setting_->solver.flow),
-                                             nodes(y), time(y), turns_, free);
+        ClosingError closing = closing_error(FlowSteps(setting_->system, theta, mesh_, setting_->solver.flow), nodes(y),
+                                             time(y), turns_, free);
         if (!closing.simulated) return result;
         result.status = OrbitStatus::no_progress;
 
@@ -216,7 +216,7 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
 CurvePoint OrbitCurve::settled(CurvePoint point) const {
     if (point.last_step <= rounding_step) return point;
     const VectorXd theta = setting_->theta_at(point.parameter());
-    ClosingError closing = closing_error(FlowSteps(setting_->system, theta, course_, setting_->solver.flow),
+    ClosingError closing = closing_error(FlowSteps(setting_->system, theta, mesh_, setting_->solver.flow),
                                          nodes(point.y), time(point.y), turns_);
     if (!closing.simulated) return point;
     point.residual = closing.error.cwiseAbs().maxCoeff();

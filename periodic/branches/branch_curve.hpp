@@ -8,8 +8,8 @@
 #include <Eigen/Core>
 
 #include "models/system/system.hpp"
-#include "periodic/orbit/course.hpp"
 #include "periodic/orbit/orbit.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/orbit/solver_options.hpp"
 
 namespace orbid::periodic {
@@ -79,11 +79,11 @@ public:
     /// @param scale   unit of each coordinate, shape (n), > 0.
     /// @param phase   needed exactly for autonomous flows.
     /// @param period  what an orbit on the curve is called, in periods of the forcing or returns.
-    OrbitCurve(const CurveSetting& setting, Course course, Eigen::MatrixXd turns, Eigen::VectorXd scale,
+    OrbitCurve(const CurveSetting& setting, ShootingMesh mesh, Eigen::MatrixXd turns, Eigen::VectorXd scale,
                std::optional<PhasePlane> phase, int period);
 
     [[nodiscard]] const CurveSetting& setting() const { return *setting_; }
-    [[nodiscard]] const Course& course() const { return course_; }
+    [[nodiscard]] const ShootingMesh& mesh() const { return mesh_; }
     [[nodiscard]] const Eigen::MatrixXd& turns() const { return turns_; }
     [[nodiscard]] const Eigen::VectorXd& scale() const { return scale_; }
     [[nodiscard]] const std::optional<PhasePlane>& phase() const { return phase_; }
@@ -101,8 +101,8 @@ public:
     [[nodiscard]] double norm(const Eigen::VectorXd& a) const;
     /// The direction in which the parameter alone grows, of norm one.
     [[nodiscard]] Eigen::VectorXd parameter_direction() const;
-    /// The course through the nodes of y, for new nodes.
-    [[nodiscard]] Course course_at(const Eigen::VectorXd& y) const;
+    /// The mesh through the nodes of y, for new nodes.
+    [[nodiscard]] ShootingMesh mesh_at(const Eigen::VectorXd& y) const;
 
     /// The orbit on the plane through a guess across a direction, by Newton's method; its tangent points to the same
     /// side as the direction does.
@@ -127,7 +127,7 @@ private:
     [[nodiscard]] Eigen::MatrixXd rows_across(const std::vector<Eigen::VectorXd>& directions) const;
 
     const CurveSetting* setting_;
-    Course course_;
+    ShootingMesh mesh_;
     Eigen::MatrixXd turns_;
     Eigen::VectorXd scale_;
     std::optional<PhasePlane> phase_;

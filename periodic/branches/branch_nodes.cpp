@@ -9,7 +9,7 @@
 
 #include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/shooting_steps.hpp"
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
 
@@ -32,16 +32,16 @@ double phase_cosine(const CurvePoint& point) {
     return normal.dot(f) / (normal.norm() * f.norm());
 }
 
-VectorXd scale_along(const CurveSetting& setting, const Course& course) {
+VectorXd scale_along(const CurveSetting& setting, const ShootingMesh& mesh) {
     if (setting.solver.scale.size() > 0) return setting.solver.scale;
     constexpr int instants = 16;  // of a segment: an extremum between them is missed by a few per cent
-    MatrixXd values = course.nodes;
-    for (std::size_t j = 0; j < course.segments.size() && setting.system.kind() != models::Kind::map; ++j) {
+    MatrixXd values = mesh.nodes;
+    for (std::size_t j = 0; j < mesh.segments.size() && setting.system.kind() != models::Kind::map; ++j) {
         std::vector<double> durations;
         for (int k = 1; k < instants; ++k)
-            durations.push_back(course.segments[j].duration * k / instants);
-        const auto flow = setting.system.flow(course.nodes.col(static_cast<Index>(j)), course.segments[j].phase,
-                                              durations, setting.theta, course.clock, setting.solver.flow);
+            durations.push_back(mesh.segments[j].duration * k / instants);
+        const auto flow = setting.system.flow(mesh.nodes.col(static_cast<Index>(j)), mesh.segments[j].phase, durations,
+                                              setting.theta, mesh.clock, setting.solver.flow);
         if (flow.status != models::FlowStatus::ok) continue;
         const Index known = values.cols();
         values.conservativeResize(Eigen::NoChange, known + flow.states.cols());
@@ -64,39 +64,37 @@ CurvePoint with_fitting_nodes(const CurvePoint& point) {
             if (now(i) > most_growth_of_scale * scale(i)) scale(i) = now(i);
     }
     if (!grows && !oblique && scale == old.scale()) return point;
-    Course course = old.course_at(point.y);
+    ShootingMesh mesh = old.mesh_at(point.y);
     MatrixXd turns = old.turns();
     std::optional<PhasePlane> phase = old.phase();
     const VectorXd theta = setting.theta_at(point.parameter());
     // The old tangent where nodes stay; none at new ones.
     VectorXd direction = point.tangent;
     if (grows) {
-        Course finer = refined(setting.system, theta, course, setting.solver.segment_growth, setting.solver.flow);
+        ShootingMesh finer = refined(setting.system, theta, mesh, setting.solver.segment_growth, setting.solver.flow);
         const MatrixXd none = MatrixXd::Zero(finer.nodes.rows(), finer.nodes.cols());
         const auto closing =
             closing_error(FlowSteps(setting.system, theta, finer, setting.solver.flow), finer.nodes, finer.time, none);
         if (!closing.simulated) return point;
-        turns = whole_turns(closing.error, angle_coordinates(setting.system), {});
+        turns = winding_numbers(closing.error, angle_coordinates(setting.system), {});
         const Index n = finer.nodes.rows();
-        const Index extra = direction.size() - n * course.nodes.cols();
+        const Index extra = direction.size() - n * mesh.nodes.cols();
         VectorXd lifted = VectorXd::Zero(finer.nodes.size() + extra);
         Index next = 0;
-        for (Index j = 0; j < finer.nodes.cols() && next < course.nodes.cols(); ++j)
-            if (finer.nodes.col(j) == course.nodes.col(next))
-                lifted.segment(n * j, n) = direction.segment(n * next++, n);
+        for (Index j = 0; j < finer.nodes.cols() && next < mesh.nodes.cols(); ++j)
+            if (finer.nodes.col(j) == mesh.nodes.col(next)) lifted.segment(n * j, n) = direction.segment(n * next++, n);
         lifted.tail(extra) = direction.tail(extra);
         direction = lifted;
-        course = std::move(finer);
+        mesh = std::move(finer);
     }
     if (oblique) {
-        const VectorXd x = course.nodes.col(0);
+        const VectorXd x = mesh.nodes.col(0);
         const VectorXd f = setting.system.rhs(x, std::vector<double>{0.0}, theta);
         phase = PhasePlane{f, f.dot(x)};
     }
-    const MatrixXd nodes = course.nodes;
-    const double time = course.time;
-    const auto curve =
-        std::make_shared<const OrbitCurve>(setting, std::move(course), turns, scale, phase, old.period());
+    const MatrixXd nodes = mesh.nodes;
+    const double time = mesh.time;
+    const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(mesh), turns, scale, phase, old.period());
     const Correction moved =
         curve->corrected(curve->packed(nodes, time, point.parameter()), direction, setting.solver.tolerance, 12);
     return moved.status == OrbitStatus::converged ? moved.point : point;

@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/newton.hpp"
 #include "periodic/solution/orbit_report.hpp"
 
@@ -30,7 +30,7 @@ struct Crossings {
 /// All crossings of a plane by an autonomous orbit, segment by segment so that no error grows.
 Crossings crossings_of(const CurvePoint& point, const models::Section& section) {
     const CurveSetting& setting = point.curve->setting();
-    const Course course = point.curve->course_at(point.y);
+    const ShootingMesh mesh = point.curve->mesh_at(point.y);
     const VectorXd theta = setting.theta_at(point.parameter());
     std::vector<VectorXd> states;
     std::vector<double> times;
@@ -38,19 +38,19 @@ Crossings crossings_of(const CurvePoint& point, const models::Section& section) 
     // A node that lies on the plane crosses it at its own instant, which a start does not count as.
     const auto note = [&](double time, const VectorXd& state) {
         for (const double known : times)
-            if (std::abs(known - time) < same_crossing * course.time ||
-                std::abs(std::abs(known - time) - course.time) < same_crossing * course.time)
+            if (std::abs(known - time) < same_crossing * mesh.time ||
+                std::abs(std::abs(known - time) - mesh.time) < same_crossing * mesh.time)
                 return;
         times.push_back(time);
         states.push_back(state);
     };
-    for (std::size_t j = 0; j < course.segments.size(); ++j) {
-        const VectorXd x = course.nodes.col(static_cast<Index>(j));
-        const double duration = course.segments[j].duration;
+    for (std::size_t j = 0; j < mesh.segments.size(); ++j) {
+        const VectorXd x = mesh.nodes.col(static_cast<Index>(j));
+        const double duration = mesh.segments[j].duration;
         const VectorXd f = setting.system.rhs(x, std::vector<double>{0.0}, theta);
         const double gap = section.normal.dot(x) - section.offset;
         const double speed = section.normal.dot(f);
-        if (std::abs(gap) <= same_crossing * course.time * std::abs(speed) && speed * section.direction > 0.0)
+        if (std::abs(gap) <= same_crossing * mesh.time * std::abs(speed) && speed * section.direction > 0.0)
             note(begin, x);
         constexpr std::size_t most = 1000;  // crossings of one segment: only keeps the list finite
         const auto found = setting.system.crossings(x, section, most, duration * (1.0 + same_crossing), theta,
@@ -71,7 +71,7 @@ Crossings crossings_of(const CurvePoint& point, const models::Section& section) 
 /// One point per period, not wrapped.
 MatrixXd section_points(const CurvePoint& point) {
     const MatrixXd nodes = point.curve->nodes(point.y);
-    const std::vector<Index>& wanted = point.curve->course().points;
+    const std::vector<Index>& wanted = point.curve->mesh().points;
     MatrixXd points(nodes.rows(), static_cast<Index>(wanted.size()));
     for (std::size_t k = 0; k < wanted.size(); ++k)
         points.col(static_cast<Index>(k)) = nodes.col(wanted[k]);
@@ -91,17 +91,17 @@ double distance(const MatrixXd& difference, const OrbitCurve& curve) {
 
 /// Where an autonomous orbit comes near a state, as shares of T, and how near: local minima among samples, each
 /// improved along the flow.
-struct Approach {
+struct FarStartSearch {
     double share;
     double distance;
 };
 
-std::vector<Approach> approaches(const CurvePoint& point, const VectorXd& x) {
+std::vector<FarStartSearch> approaches(const CurvePoint& point, const VectorXd& x) {
     // A state on the orbit is at most half an instant away from a sample, where the flow is almost straight.
     constexpr int instants = 64;
     constexpr int most_improvements = 8;
     const CurveSetting& setting = point.curve->setting();
-    const Course course = point.curve->course_at(point.y);
+    const ShootingMesh mesh = point.curve->mesh_at(point.y);
     const VectorXd theta = setting.theta_at(point.parameter());
     const std::vector<Index> angles = angle_coordinates(setting.system);
     const auto gap = [&](const VectorXd& state) { return VectorXd(wrapped_angles(x - state, angles)); };
@@ -109,21 +109,21 @@ std::vector<Approach> approaches(const CurvePoint& point, const VectorXd& x) {
     std::vector<double> shares;
     std::vector<double> gaps;
     double begin = 0.0;
-    for (std::size_t s = 0; s < course.segments.size(); ++s) {
+    for (std::size_t s = 0; s < mesh.segments.size(); ++s) {
         std::vector<double> durations;
         for (int k = 0; k < instants; ++k)
-            durations.push_back(course.segments[s].duration * k / instants);
-        const auto flow = setting.system.flow(course.nodes.col(static_cast<Index>(s)), 0.0, durations, theta,
+            durations.push_back(mesh.segments[s].duration * k / instants);
+        const auto flow = setting.system.flow(mesh.nodes.col(static_cast<Index>(s)), 0.0, durations, theta,
                                               models::Clock::time, setting.solver.flow);
         if (flow.status != models::FlowStatus::ok) return {};
         for (int k = 0; k < instants; ++k) {
             states.push_back(flow.states.col(k));
-            shares.push_back(begin + course.segments[s].share * k / instants);
+            shares.push_back(begin + mesh.segments[s].share * k / instants);
             gaps.push_back(relative_size(gap(states.back()), point.curve->scale()));
         }
-        begin += course.segments[s].share;
+        begin += mesh.segments[s].share;
     }
-    std::vector<Approach> result;
+    std::vector<FarStartSearch> result;
     const std::size_t count = states.size();
     for (std::size_t k = 0; k < count; ++k) {
         if (gaps[k] > gaps[(k + count - 1) % count] || gaps[k] > gaps[(k + 1) % count]) continue;
@@ -133,18 +133,18 @@ std::vector<Approach> approaches(const CurvePoint& point, const VectorXd& x) {
             const VectorXd f = setting.system.rhs(state, std::vector<double>{0.0}, theta);
             const double time = f.dot(gap(state)) / f.squaredNorm();
             // Flows run forwards only: a step back starts from the sample before.
-            if (!(std::abs(time) < course.time)) break;
-            share += time / course.time;
+            if (!(std::abs(time) < mesh.time)) break;
+            share += time / mesh.time;
             const std::size_t from = share < shares[k] ? (k + count - 1) % count : k;
-            double ahead = (share - shares[from]) * course.time;
-            if (ahead < 0.0) ahead += course.time;
+            double ahead = (share - shares[from]) * mesh.time;
+            if (ahead < 0.0) ahead += mesh.time;
             const double durations[] = {ahead};
-            if (!(ahead < 0.5 * course.time)) break;
+            if (!(ahead < 0.5 * mesh.time)) break;
             const auto flow =
                 setting.system.flow(states[from], 0.0, durations, theta, models::Clock::time, setting.solver.flow);
             if (flow.status != models::FlowStatus::ok) break;
             state = flow.states.col(0);
-            if (std::abs(time) < 1e-10 * course.time) break;
+            if (std::abs(time) < 1e-10 * mesh.time) break;
         }
         result.push_back({share - std::floor(share), relative_size(gap(state), point.curve->scale())});
     }
@@ -155,7 +155,7 @@ std::vector<Approach> approaches(const CurvePoint& point, const VectorXd& x) {
 double gap_between(const CurvePoint& point, const MatrixXd& points) {
     double smallest = std::numeric_limits<double>::infinity();
     if (point.curve->autonomous()) {
-        for (const Approach& near : approaches(point, points.col(0)))
+        for (const FarStartSearch& near : approaches(point, points.col(0)))
             smallest = std::min(smallest, near.distance);
         return smallest;
     }
@@ -226,13 +226,13 @@ PeriodicOrbit reported(const CurvePoint& walked) {
         double share = 0.0;
         for (Index j = 0; j < orbit.times.size(); ++j) {
             orbit.times(j) = share * orbit.time;
-            share += curve.course().segments[static_cast<std::size_t>(j)].share;
+            share += curve.mesh().segments[static_cast<std::size_t>(j)].share;
         }
         orbit.jacobians = point.jacobians;
         return orbit;
     }
     orbit.points = wrapped_angles(section_points(point), angles);
-    orbit.jacobians = merged_factors(point.jacobians, curve.course().points);
+    orbit.jacobians = merged_factors(point.jacobians, curve.mesh().points);
     const Index p = orbit.points.cols();
     orbit.times = VectorXd::LinSpaced(p, 0.0, static_cast<double>(p - 1)) * (orbit.time / static_cast<double>(p));
     return orbit;
@@ -259,7 +259,7 @@ double repetition_gap(const CurvePoint& point) {
     if (point.curve->autonomous()) {
         // The first node itself is met at the start and after T.
         constexpr double itself = 1e-3;
-        for (const Approach& near : approaches(point, point.curve->nodes(point.y).col(0)))
+        for (const FarStartSearch& near : approaches(point, point.curve->nodes(point.y).col(0)))
             if (near.share > itself && near.share < 1.0 - itself) smallest = std::min(smallest, near.distance);
         return smallest;
     }

@@ -47,11 +47,11 @@ std::optional<CurvePoint> first_orbit(const CurvePoint& origin, const VectorXd& 
 std::optional<BranchSwitch> doubled(const CurvePoint& point, double step, double smallest_step) {
     const OrbitCurve& old = *point.curve;
     const CurveSetting& setting = old.setting();
-    const Course once = old.course_at(point.y);
+    const ShootingMesh once = old.mesh_at(point.y);
     const Index n = once.nodes.rows();
     const Index count = once.nodes.cols();
 
-    Course twice = once;
+    ShootingMesh twice = once;
     twice.nodes = once.nodes.replicate(1, 2);
     twice.time *= 2.0;
     twice.segments.insert(twice.segments.end(), once.segments.begin(), once.segments.end());

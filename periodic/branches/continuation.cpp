@@ -16,7 +16,7 @@
 #include "periodic/branches/branch_walk.hpp"
 #include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/shooting_steps.hpp"
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 #include "periodic/solution/orbit_solution.hpp"
 
@@ -88,34 +88,34 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
         solved.time = orbit.time;
     }
     const auto& system = setting.system;
-    Course course = course_through(system, setting.theta, solved, setting.solver.flow);
-    if (!course.simulated) return std::nullopt;
+    ShootingMesh mesh = mesh_from_guess(system, setting.theta, solved, setting.solver.flow);
+    if (!mesh.simulated) return std::nullopt;
     const auto close = [&] {
-        return closing_error(FlowSteps(system, setting.theta, course, setting.solver.flow), course.nodes, course.time,
-                             MatrixXd::Zero(course.nodes.rows(), course.nodes.cols()));
+        return closing_error(FlowSteps(system, setting.theta, mesh, setting.solver.flow), mesh.nodes, mesh.time,
+                             MatrixXd::Zero(mesh.nodes.rows(), mesh.nodes.cols()));
     };
     ClosingError closing = close();
     if (!closing.simulated) return std::nullopt;
     const bool grows = std::any_of(closing.jacobians.begin(), closing.jacobians.end(),
                                    [&](const MatrixXd& x) { return grows_beyond(x, setting.solver.segment_growth); });
     if (grows && system.kind() != models::Kind::map) {
-        course = refined(system, setting.theta, course, setting.solver.segment_growth, setting.solver.flow);
+        mesh = refined(system, setting.theta, mesh, setting.solver.segment_growth, setting.solver.flow);
         closing = close();
         if (!closing.simulated) return std::nullopt;
     }
     std::optional<PhasePlane> phase;
     if (system.kind() == models::Kind::autonomous) {
-        const VectorXd x = course.nodes.col(0);
+        const VectorXd x = mesh.nodes.col(0);
         const VectorXd f = system.rhs(x, std::vector<double>{0.0}, setting.theta);
         phase = start.section ? PhasePlane{start.section->normal, start.section->offset} : PhasePlane{f, f.dot(x)};
         if (phase->normal.dot(f) < 0.0) phase = PhasePlane{-phase->normal, -phase->offset};
     }
-    const MatrixXd turns = whole_turns(closing.error, angle_coordinates(system), orbit.rotation);
-    const MatrixXd nodes = course.nodes;
-    const double time = course.time;
+    const MatrixXd turns = winding_numbers(closing.error, angle_coordinates(system), orbit.rotation);
+    const MatrixXd nodes = mesh.nodes;
+    const double time = mesh.time;
     const int period = system.kind() == models::Kind::autonomous && !start.section ? 1 : orbit.period;
-    const VectorXd scale = scale_along(setting, course);
-    const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(course), turns, scale, phase, period);
+    const VectorXd scale = scale_along(setting, mesh);
+    const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(mesh), turns, scale, phase, period);
     const Correction correction =
         curve->corrected(curve->packed(nodes, time, setting.theta(setting.parameter)), curve->parameter_direction(),
                          setting.solver.tolerance, setting.solver.maximum_iterations);

@@ -10,7 +10,7 @@
 #include "models/arithmetic/matrix_layout.hpp"
 #include "models/system/system.hpp"
 #include "periodic/branches/branch.hpp"
-#include "periodic/orbit/course.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/orbit/solver_options.hpp"
 
 #pragma GCC visibility push(default)

@@ -7,9 +7,9 @@ namespace orbid::periodic {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-FlowSteps::FlowSteps(const models::System& system, const VectorXd& theta, const Course& course,
+FlowSteps::FlowSteps(const models::System& system, const VectorXd& theta, const ShootingMesh& mesh,
                      const models::FlowOptions& options)
-    : system_(system), theta_(theta), clock_(course.clock), segments_(course.segments), options_(options) {
+    : system_(system), theta_(theta), clock_(mesh.clock), segments_(mesh.segments), options_(options) {
     double share = 0.0;
     for (const Segment& segment : segments_) {
         shares_.push_back(share);

@@ -7,15 +7,15 @@
 
 #include "models/system/system.hpp"
 #include "periodic/discretisation/discretisation.hpp"
-#include "periodic/orbit/course.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 
 namespace orbid::periodic {
 
-/// The flow over the segments of a course: the steps of multiple shooting. T of autonomous flows is shared out among
-/// the segments as in the course. System and theta are only referred to.
+/// The flow over the segments of a mesh: the steps of multiple shooting. T of autonomous flows is shared out among
+/// the segments as in the mesh. System and theta are only referred to.
 class FlowSteps final : public Discretisation {
 public:
-    FlowSteps(const models::System& system, const Eigen::VectorXd& theta, const Course& course,
+    FlowSteps(const models::System& system, const Eigen::VectorXd& theta, const ShootingMesh& mesh,
               const models::FlowOptions& options);
 
     [[nodiscard]] Eigen::Index steps() const override;

@@ -5,7 +5,7 @@
 #include <limits>
 #include <numbers>
 
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/search/section_cell.hpp"
 
 namespace orbid::periodic {

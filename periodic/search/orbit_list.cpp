@@ -5,7 +5,7 @@
 #include <numbers>
 #include <utility>
 
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 
 namespace orbid::periodic {

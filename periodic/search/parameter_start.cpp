@@ -8,7 +8,7 @@
 
 #include <tbb/parallel_for.h>
 
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 #include "periodic/solution/newton.hpp"
 

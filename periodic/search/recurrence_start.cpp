@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/search/section_cell.hpp"
 
 namespace orbid::periodic {

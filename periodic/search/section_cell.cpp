@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
 

@@ -9,7 +9,7 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
 

@@ -7,7 +7,7 @@
 
 #include <tbb/parallel_for.h>
 
-#include "periodic/search/joined_start.hpp"
+#include "periodic/search/pseudo_orbit_start.hpp"
 #include "periodic/search/recurrence_start.hpp"
 #include "periodic/search/section_cell.hpp"
 #include "periodic/search/symbolic_start.hpp"
@@ -172,7 +172,7 @@ void StartSearch::from_orbits(int period, std::size_t& used, std::size_t most) {
 
 std::optional<std::vector<MatrixXd>> StartSearch::loops_of(int period, double edge) const {
     const SectionCells cells(section_.system, pieces_.size, edge, signs_);
-    const JoinedPieces joined(pieces_, cells);
+    const PseudoOrbits joined(pieces_, cells);
     const auto loops = joined.loops(period, options_.loops);
     if (!loops) return std::nullopt;
     std::vector<std::uint64_t> known;

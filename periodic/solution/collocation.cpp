@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "periodic/discretisation/collocation_mesh.hpp"
-#include "periodic/orbit/whole_turn.hpp"
-#include "periodic/solution/approach.hpp"
+#include "periodic/orbit/winding_number.hpp"
+#include "periodic/solution/far_start_search.hpp"
 #include "periodic/solution/orbit_solution.hpp"
 
 namespace orbid::periodic {
@@ -36,8 +36,8 @@ void check(const models::System& system, const CollocationOptions& options) {
 /// A start that is solved on one mesh after the other.
 class Refinement {
 public:
-    Refinement(const models::System& system, const VectorXd& theta, const StartingSolution& start, const Approach& near,
-               const VectorXd& scale, const CollocationOptions& options)
+    Refinement(const models::System& system, const VectorXd& theta, const StartingSolution& start,
+               const FarStartSearch& near, const VectorXd& scale, const CollocationOptions& options)
         : system_(system),
           theta_(theta),
           start_(start),
@@ -104,7 +104,7 @@ PeriodicOrbit solve_collocation(const models::System& system, const VectorXd& th
                                 std::span<const Index> free, const CollocationOptions& options) {
     check(system, options);
     validate(system, free, options.solver);
-    const Course course = course_through(system, theta, start, options.solver.flow);
+    const ShootingMesh course = mesh_from_guess(system, theta, start, options.solver.flow);
     require(system.smooth(theta),
             std::string(system.name()) + " is not smooth at these parameters; use multiple shooting");
     PeriodicOrbit orbit;
@@ -112,14 +112,14 @@ PeriodicOrbit solve_collocation(const models::System& system, const VectorXd& th
     orbit.period = static_cast<int>(start.points.cols());
     if (!course.simulated) return orbit;
     const VectorXd scale = options.solver.scale.size() > 0 ? options.solver.scale : default_scale(system, start.points);
-    const Approach near = approach(system, theta, course, start, scale, options.solver);
+    const FarStartSearch near = improve_guess(system, theta, course, start, scale, options.solver);
     Refinement refinement(system, theta, start, near, scale, options);
 
     const Index intervals = options.intervals * start.points.cols();
     std::vector<double> mesh;
     for (Index j = 0; j < intervals; ++j)
         mesh.push_back(static_cast<double>(j) / static_cast<double>(intervals));
-    const SampledCourse guess = sampled(system, theta, near.course, mesh, options.solver.flow);
+    const SampledMesh guess = sampled(system, theta, near.course, mesh, options.solver.flow);
     if (!guess.simulated) return orbit;
     const bool single = options.mesh_updates == 0 && options.halvings == 0;
     orbit = refinement.solve(mesh, guess.states, single ? free : std::span<const Index>{});

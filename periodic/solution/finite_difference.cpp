@@ -9,8 +9,8 @@
 #include <string>
 
 #include "periodic/discretisation/difference_steps.hpp"
-#include "periodic/orbit/whole_turn.hpp"
-#include "periodic/solution/approach.hpp"
+#include "periodic/orbit/winding_number.hpp"
+#include "periodic/solution/far_start_search.hpp"
 #include "periodic/solution/orbit_solution.hpp"
 
 namespace orbid::periodic {
@@ -26,9 +26,9 @@ double scattered(int k) {
 }
 
 PeriodicOrbit solve_on(Index steps, const models::System& system, const VectorXd& theta, const StartingSolution& start,
-                       const Approach& near, const VectorXd& scale, std::span<const Index> free,
+                       const FarStartSearch& near, const VectorXd& scale, std::span<const Index> free,
                        const FiniteDifferenceOptions& options) {
-    const Course& course = near.course;
+    const ShootingMesh& mesh = near.mesh;
     PeriodicOrbit failed;
     failed.status = OrbitStatus::not_simulated;
     failed.period = static_cast<int>(start.points.cols());
@@ -39,7 +39,7 @@ PeriodicOrbit solve_on(Index steps, const models::System& system, const VectorXd
     std::vector<double> shares;
     for (Index k = 0; k < 2 * steps; ++k)
         shares.push_back(static_cast<double>(k) / static_cast<double>(2 * steps));
-    const SampledCourse guess = sampled(system, theta, course, shares, options.solver.flow);
+    const SampledMesh guess = sampled(system, theta, mesh, shares, options.solver.flow);
     if (!guess.simulated) return failed;
     const VectorXd turns = 2.0 * std::numbers::pi * guess.turns;
     const auto at_half = [&](Index k) -> VectorXd {
@@ -47,11 +47,11 @@ PeriodicOrbit solve_on(Index steps, const models::System& system, const VectorXd
     };
 
     DiscreteStart first;
-    first.time = course.time;
+    first.time = mesh.time;
     first.rotation = near.rotation;
     first.iterations = near.iterations;
     double share = 0.0;
-    for (const Segment& segment : course.segments) {
+    for (const Segment& segment : mesh.segments) {
         first.points.push_back(share);
         share += segment.share;
     }
@@ -123,16 +123,16 @@ PeriodicOrbit solve_finite_difference(const models::System& system, const Vector
         throw std::invalid_argument("solve_finite_difference: nodes is " + std::to_string(options.nodes) +
                                     ", must be >= 5");
     validate(system, free, options.solver);
-    const Course course = course_through(system, theta, start, options.solver.flow);
+    const ShootingMesh mesh = mesh_from_guess(system, theta, start, options.solver.flow);
     if (!system.smooth(theta))
         throw std::invalid_argument("solve_finite_difference: " + std::string(system.name()) +
                                     " is not smooth at these parameters; use multiple shooting");
     PeriodicOrbit orbit;
     orbit.status = OrbitStatus::not_simulated;
     orbit.period = static_cast<int>(start.points.cols());
-    if (!course.simulated) return orbit;
+    if (!mesh.simulated) return orbit;
     const VectorXd scale = options.solver.scale.size() > 0 ? options.solver.scale : default_scale(system, start.points);
-    const Approach near = approach(system, theta, course, start, scale, options.solver);
+    const FarStartSearch near = improve_guess(system, theta, mesh, start, scale, options.solver);
     const auto solve = [&](Index nodes, std::span<const Index> wanted) {
         Index steps = nodes * start.points.cols();
         const bool pairs = options.second_order &&

@@ -11,8 +11,8 @@
 #include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/discretisation.hpp"
 #include "periodic/discretisation/shooting_steps.hpp"
-#include "periodic/orbit/whole_turn.hpp"
-#include "periodic/solution/approach.hpp"
+#include "periodic/orbit/winding_number.hpp"
+#include "periodic/solution/far_start_search.hpp"
 #include "periodic/solution/orbit_solution.hpp"
 
 namespace orbid::periodic {
@@ -26,40 +26,40 @@ namespace {
 PeriodicOrbit solve_once(const models::System& system, const VectorXd& theta, const StartingSolution& start,
                          std::span<const Index> free, const ShootingOptions& options) {
     validate(system, free, options);
-    Course course = course_through(system, theta, start, options.flow);
+    ShootingMesh mesh = mesh_from_guess(system, theta, start, options.flow);
     // The integral phase condition is a sum over the nodes; with fewer it is not much of an integral.
     constexpr int integral_nodes = 12;
     if (system.kind() == models::Kind::autonomous && !start.section && options.phase == PhaseChoice::integral)
-        course = divided(system, theta, course, integral_nodes, options.flow);
+        mesh = split_uniformly(system, theta, mesh, integral_nodes, options.flow);
     DiscreteStart first;
-    if (course.simulated) {
+    if (mesh.simulated) {
         double share = 0.0;
-        for (const Segment& segment : course.segments) {
+        for (const Segment& segment : mesh.segments) {
             first.points.push_back(share);
             share += segment.share;
         }
         const VectorXd scale = options.scale.size() > 0 ? options.scale : default_scale(system, start.points);
-        const Approach near = approach(system, theta, course, start, scale, options);
-        course = near.course;
+        const FarStartSearch near = improve_guess(system, theta, mesh, start, scale, options);
+        mesh = near.mesh;
         first.rotation = near.rotation;
         first.iterations = near.iterations;
         const auto close = [&] {
-            return closing_error(FlowSteps(system, theta, course, options.flow), course.nodes, course.time,
-                                 MatrixXd::Zero(course.nodes.rows(), course.nodes.cols()));
+            return closing_error(FlowSteps(system, theta, mesh, options.flow), mesh.nodes, mesh.time,
+                                 MatrixXd::Zero(mesh.nodes.rows(), mesh.nodes.cols()));
         };
         first.closing = close();
         const bool grows = first.closing.simulated &&
                            std::any_of(first.closing.jacobians.begin(), first.closing.jacobians.end(),
                                        [&](const MatrixXd& x) { return grows_beyond(x, options.segment_growth); });
         if (grows && system.kind() != models::Kind::map) {
-            course = refined(system, theta, course, options.segment_growth, options.flow);
+            mesh = refined(system, theta, mesh, options.segment_growth, options.flow);
             first.closing = close();
         }
         if (system.kind() == models::Kind::autonomous && !start.section) first.points.clear();
     }
-    first.nodes = course.nodes;
-    first.time = course.time;
-    return solve_discrete(system, theta, start, FlowSteps(system, theta, course, options.flow), first, free, options)
+    first.nodes = mesh.nodes;
+    first.time = mesh.time;
+    return solve_discrete(system, theta, start, FlowSteps(system, theta, mesh, options.flow), first, free, options)
         .orbit;
 }
 

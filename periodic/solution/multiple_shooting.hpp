@@ -6,8 +6,8 @@
 
 #include "models/arithmetic/matrix_layout.hpp"
 #include "models/system/system.hpp"
-#include "periodic/orbit/course.hpp"
 #include "periodic/orbit/orbit.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/orbit/solver_options.hpp"
 
 #pragma GCC visibility push(default)

@@ -6,7 +6,7 @@
 #include <Eigen/Core>
 
 #include "periodic/discretisation/discretisation.hpp"
-#include "periodic/orbit/course.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 
 namespace orbid::periodic {
 

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "periodic/discretisation/closing_error.hpp"
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/equilibrium.hpp"
 #include "periodic/solution/orbit_report.hpp"
 #include "periodic/stability/floquet.hpp"
@@ -93,7 +93,7 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
     }
     ClosingError closing = first.closing;
     const MatrixXd turns =
-        whole_turns(closing.error.bottomRows(n), angles, first.rotation.empty() ? start.rotation : first.rotation)
+        winding_numbers(closing.error.bottomRows(n), angles, first.rotation.empty() ? start.rotation : first.rotation)
             .replicate(copies, 1);
     closing.error -= full_turn * turns;
     for (const Index i : angles)

@@ -7,8 +7,8 @@
 #include <Eigen/Core>
 
 #include "periodic/discretisation/discretisation.hpp"
-#include "periodic/orbit/course.hpp"
 #include "periodic/orbit/orbit.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/orbit/solver_options.hpp"
 #include "periodic/solution/newton.hpp"
 

@@ -7,8 +7,8 @@
 
 #include "models/arithmetic/matrix_layout.hpp"
 #include "models/system/system.hpp"
-#include "periodic/orbit/course.hpp"
 #include "periodic/orbit/orbit.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/solution/collocation.hpp"
 #include "periodic/solution/finite_difference.hpp"
 #include "periodic/solution/multiple_shooting.hpp"

@@ -10,7 +10,7 @@
 #include "models/arithmetic/matrix_layout.hpp"
 #include "models/definition/sensor.hpp"
 #include "models/system/system.hpp"
-#include "periodic/orbit/course.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 
 #pragma GCC visibility push(default)
 

@@ -242,8 +242,9 @@ MatrixXd WaveformResidual::readings(std::size_t block, const VectorXd& theta, co
     return result;
 }
 
-estimator::RefreshReport WaveformResidual::refresh(const VectorXd& theta, const std::vector<VectorXd>& /*latents*/,
-                                                   const VectorXd& /*scales*/) {
+estimator::RefreshReport WaveformResidual::update_active_set(const VectorXd& theta,
+                                                             const std::vector<VectorXd>& /*latents*/,
+                                                             const VectorXd& /*scales*/) {
     std::vector<PeriodicOrbit> solved(blocks_.size());
     tbb::parallel_for(std::size_t{0}, blocks_.size(), [&](std::size_t b) {
         if (known_[b].theta.size() > 0) solved[b] = solve(b, theta, true);

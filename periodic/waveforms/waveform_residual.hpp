@@ -38,16 +38,16 @@ struct WaveformOptions {
 /// record each, so that the treatment of error scales integrates them out at the cost of a block, however many records
 /// there are; as parameters they would be a dense row each.
 ///
-/// x* comes from multiple shooting (solve_orbit) from the solution at the last refresh(), moved to first order with its
-/// sensitivities; where that does not converge, in up to sixteen steps along the line between the two parameter
-/// vectors. The orbit of a record at the start: find_waveform_start(). Derivatives are those of the computed
+/// x* comes from multiple shooting (solve_orbit) from the solution at the last update_active_set(), moved to first
+/// order with its sensitivities; where that does not converge, in up to sixteen steps along the line between the two
+/// parameter vectors. The orbit of a record at the start: find_waveform_start(). Derivatives are those of the computed
 /// prediction: sensitivities of the orbit, carried along by the flow between its points, the motion of the places with
 /// omega (or T), and the sensor's. An orbit that vanished (a fold), lost its period, or was reached only at
 /// `maximum_move` from its prediction is BlockStatus::failed; solutions() names the reason.
 ///
-/// refresh() moves the solutions on to the present theta, asks for another minimisation (three times at most) where
-/// they had moved by more than `maximum_move`, takes out blocks whose orbit is lost there, and takes them back, at most
-/// twice each, where it is found again.
+/// update_active_set() moves the solutions on to the present theta, asks for another minimisation (three times at most)
+/// where they had moved by more than `maximum_move`, takes out blocks whose orbit is lost there, and takes them back,
+/// at most twice each, where it is found again.
 class WaveformResidual final : public estimator::Residual {
 public:
     /// A record whose orbit is not found at `start` is inactive from the beginning: start_status() says why.
@@ -70,9 +70,10 @@ public:
     [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                     const Eigen::VectorXd& scales) override;
-    void suspend(std::size_t block) override { layout_.at(block).active = false; }
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+                                               const std::vector<Eigen::VectorXd>& latents,
+                                               const Eigen::VectorXd& scales) override;
+    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
 
     /// The periodic solutions at theta, one per block, with multipliers; status says what became of those that are not
     /// converged. Without sensitivities.

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "models/definition/parameter.hpp"
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
 namespace {

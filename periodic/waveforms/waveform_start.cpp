@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "models/definition/parameter.hpp"
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/solve_orbit.hpp"
 
 namespace orbid::periodic {

@@ -40,8 +40,8 @@ std::string first_not_finite(const Eigen::MatrixXd& values, const std::string& n
     return {};
 }
 
-/// Residuals that take part in a computation: refresh() and suspend() change them, those of the library as well.
-/// Looked at and changed holding the interpreter's lock.
+/// Residuals that take part in a computation: update_active_set() and deactivate() change them, those of the library as
+/// well. Looked at and changed holding the interpreter's lock.
 std::set<const estimator::Residual*>& in_use() {
     static std::set<const estimator::Residual*> residuals;
     return residuals;
@@ -251,19 +251,19 @@ void PythonResidual::read_values(py::handle answer, Eigen::Index parameters, boo
     }
 }
 
-estimator::RefreshReport PythonResidual::refresh(const Eigen::VectorXd& theta,
-                                                 const std::vector<Eigen::VectorXd>& latents,
-                                                 const Eigen::VectorXd& scales) {
+estimator::RefreshReport PythonResidual::update_active_set(const Eigen::VectorXd& theta,
+                                                           const std::vector<Eigen::VectorXd>& latents,
+                                                           const Eigen::VectorXd& scales) {
     estimator::RefreshReport report;
     if (call_ == nullptr || call_->failed()) return report;
     const py::gil_scoped_acquire lock;
     try {
-        const py::function refresh = method("refresh");
-        if (!refresh) return report;
+        const py::function update = method("update_active_set");
+        if (!update) return report;
         const py::object answer =
-            refresh(array(Eigen::VectorXd(theta)), latent_list(latents), array(Eigen::VectorXd(scales)));
+            update(array(Eigen::VectorXd(theta)), latent_list(latents), array(Eigen::VectorXd(scales)));
         if (answer.is_none()) return report;
-        NamedArguments given("refresh()", answer);
+        NamedArguments given("update_active_set()", answer);
         report.changed = given.flag("changed", false);
         report.lost = static_cast<int>(given.integer("lost", 0, 0));
         report.rejected = static_cast<int>(given.integer("rejected", 0, 0));
@@ -277,24 +277,24 @@ estimator::RefreshReport PythonResidual::refresh(const Eigen::VectorXd& theta,
     return report;
 }
 
-void PythonResidual::suspend(std::size_t block) {
+void PythonResidual::deactivate(std::size_t block) {
     suspended_.insert(block);
     layout_.at(block).active = false;
     if (call_ == nullptr || call_->failed()) return;
     const py::gil_scoped_acquire lock;
     try {
-        if (const py::function suspend = method("suspend")) suspend(block);
+        if (const py::function hook = method("deactivate")) hook(block);
     } catch (...) {
         call_->fail(std::current_exception());
     }
 }
 
-bool PythonResidual::provisional() const {
+bool PythonResidual::is_intermediate_stage() const {
     if (call_ == nullptr || call_->failed()) return false;
     const py::gil_scoped_acquire lock;
     try {
-        const py::function provisional = method("provisional");
-        return provisional && provisional().cast<bool>();
+        const py::function stage = method("is_intermediate_stage");
+        return stage && stage().cast<bool>();
     } catch (...) {
         call_->fail(std::current_exception());
         return false;

@@ -72,10 +72,11 @@ public:
     [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    estimator::RefreshReport refresh(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                     const Eigen::VectorXd& scales) override;
-    void suspend(std::size_t block) override;
-    [[nodiscard]] bool provisional() const override;
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+                                               const std::vector<Eigen::VectorXd>& latents,
+                                               const Eigen::VectorXd& scales) override;
+    void deactivate(std::size_t block) override;
+    [[nodiscard]] bool is_intermediate_stage() const override;
 
 private:
     [[nodiscard]] pybind11::function method(const char* name) const;

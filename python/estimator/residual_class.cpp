@@ -28,7 +28,7 @@ evaluate(theta, latents, derivatives)
             evaluated there, and the step is shortened.
 
 and where they are needed type(), structure() ("none", "independent_blocks", "chain", "cyclic_chain"), covariances(),
-initial_latents(), refresh(theta, latents, scales), suspend(block), provisional(). Methods are called holding the
+initial_latents(), update_active_set(theta, latents, scales), deactivate(block), is_intermediate_stage(). Methods are called holding the
 interpreter's lock, from threads that are not the caller's. profiles(), marginals() and sample() call evaluate() from
 several threads: one call may begin where another gives up the lock, in NumPy or between two lines, so evaluate() leaves
 nothing in self that another call of it reads. An exception stops the estimate and is raised there.)";

@@ -165,8 +165,8 @@ std::shared_ptr<ShootingResidual> shooting_residual(const py::object& system,
     orbits::ShootingOptions options;
     read_common(options, given, *model, *series);
     options.interval = given.integer("interval", 0, 0);
-    constexpr orbits::Matching::Kind kinds[] = {orbits::Matching::Kind::exact, orbits::Matching::Kind::normal,
-                                                orbits::Matching::Kind::student_t};
+    constexpr orbits::Continuity::Kind kinds[] = {orbits::Continuity::Kind::exact, orbits::Continuity::Kind::normal,
+                                                  orbits::Continuity::Kind::student_t};
     options.matching.kind = kinds[given.choice("matching", {"exact", "normal", "student_t"})];
     if (const py::object sd = given.find("matching_sd")) {
         options.matching.estimate = py::isinstance<py::str>(sd) && sd.cast<std::string>() == "estimate";

@@ -5,7 +5,7 @@
 #include <pybind11/stl.h>
 
 #include "orbits/cycles/cycle_search.hpp"
-#include "orbits/cycles/harvest.hpp"
+#include "orbits/cycles/model_guided_search.hpp"
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/named_arguments.hpp"
@@ -47,7 +47,7 @@ py::object optional_index(const std::optional<std::size_t>& index) {
 
 orbits::CycleSearchOptions search_options(NamedArguments& given, const std::vector<std::string>& names) {
     orbits::CycleSearchOptions options;
-    constexpr Method methods[] = {Method::automatic, Method::local_maps, Method::patch_map, Method::closest_return};
+    constexpr Method methods[] = {Method::automatic, Method::local_maps, Method::spline_map, Method::closest_return};
     options.method = methods[given.choice("method", {"automatic", "local_maps", "patch_map", "closest_return"})];
     if (const py::object periods = given.find_value("periods")) {
         if (!py::isinstance<py::iterable>(periods) || py::isinstance<py::str>(periods))
@@ -98,7 +98,7 @@ py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object
     const auto model = system_of(system);
     const Eigen::VectorXd theta = parameter_values(*model, parameters);
     NamedArguments given("harvest", keywords);
-    orbits::HarvestOptions options;
+    orbits::ModelGuidedSearchOptions options;
     options.search = search_options(given, names_of(*series));
     options.sensor = sensor(given.find("sensor"), *model);
     options.phase = given.number("phase", 0.0);
@@ -109,8 +109,9 @@ py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object
     options.maximum_orbits = static_cast<std::size_t>(given.integer("maximum_orbits", 400, 1));
     options.search_points = static_cast<std::size_t>(given.integer("search_points", 100000, 100));
     given.finish();
-    orbits::Harvest found;
-    compute_interruptibly([&](const auto&) { found = orbits::harvest(*series, *model, theta, known, options); });
+    orbits::ModelGuidedSearch found;
+    compute_interruptibly(
+        [&](const auto&) { found = orbits::model_guided_search(*series, *model, theta, known, options); });
     py::dict dict;
     dict["cycles"] = found.cycles;
     dict["orbits"] = found.orbits;
@@ -193,7 +194,7 @@ void bind_cycles(py::module_& module) {
         .def_readonly("missing", &CycleSearch::missing, "periods of which no cycle was found")
         .def_readonly("candidates", &CycleSearch::candidates)
         .def_readonly("rejected", &CycleSearch::rejected)
-        .def_readonly("patch_map", &CycleSearch::patch_map)
+        .def_readonly("patch_map", &CycleSearch::spline_map)
         .def_property_readonly(
             "reading_covariance",
             [](const py::object& self) -> py::object {

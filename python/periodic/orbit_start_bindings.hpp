@@ -6,7 +6,7 @@
 #include <Eigen/Core>
 
 #include "models/system/system.hpp"
-#include "periodic/orbit/course.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 
 namespace orbid::python {
 

@@ -50,11 +50,11 @@ public:
         values[0].e_z.resize(y_.size(), 0);
         return values;
     }
-    est::RefreshReport refresh(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                               const Eigen::VectorXd&) override {
+    est::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
+                                         const Eigen::VectorXd&) override {
         return {};
     }
-    void suspend(std::size_t block) override { layout_[block].active = false; }
+    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
 private:
     Eigen::VectorXd t_;

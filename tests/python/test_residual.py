@@ -107,7 +107,7 @@ class Panel(orbid.Residual):
             for y, z in zip(self.y, latents)
         ]
 
-    def refresh(self, theta, latents, scales):
+    def update_active_set(self, theta, latents, scales):
         self.calls.append((theta.copy(), len(latents), scales.copy()))
 
 
@@ -142,7 +142,7 @@ def test_exception_comes_out_with_its_traceback():
     assert orbid.estimate(START, Decay()).status == "converged"
 
 
-@pytest.mark.parametrize("method", ["groups", "layout", "type", "initial_latents", "refresh", "structure"])
+@pytest.mark.parametrize("method", ["groups", "layout", "type", "initial_latents", "update_active_set", "structure"])
 def test_exceptions_of_other_methods(method):
     def fail(self, *arguments):
         raise ArithmeticError(method)

@@ -104,7 +104,7 @@ void read_search(ObjectReader& object, const Job& job, bool data_sound, OrbitsJo
     orbits::CycleSearchOptions& search = orbits.search;
     if (const auto method = object.find("method")) {
         const auto choice = method->choice({"auto", "local_maps", "patch_map", "closest_return"});
-        constexpr std::array methods{Method::automatic, Method::local_maps, Method::patch_map, Method::closest_return};
+        constexpr std::array methods{Method::automatic, Method::local_maps, Method::spline_map, Method::closest_return};
         if (choice) search.method = methods[*choice];
         if (search.method == Method::closest_return) {
             search.box = 0.01;  // the paper's

@@ -113,14 +113,14 @@ periodic::OrbitMethod read_method(ObjectReader& object, const Job& job) {
 }
 
 /// Where the motion begins and how it is cut into periods.
-enum class StartKind { section, free_course, unknown };
+enum class StartKind { section, free_mesh, unknown };
 
 /// The period, and T of an autonomous model without a section, whose orbits begin anywhere.
 StartKind read_period(ObjectReader& object, const Job& job, OrbitStart& start) {
-    const bool free_course = is_autonomous(job) && !job.section_plane;
+    const bool free_mesh = is_autonomous(job) && !job.section_plane;
     const auto time = object.find("time");
     const auto period = object.find("period");
-    if (free_course && !time) {
+    if (free_mesh && !time) {
         if (object.valid())
             object.self().report(
                 fmt::format("the model {} is autonomous: needs a \"section\" in the job that its orbits cross, or the "
@@ -128,24 +128,24 @@ StartKind read_period(ObjectReader& object, const Job& job, OrbitStart& start) {
                             job.model.name));
         return StartKind::unknown;
     }
-    if (free_course) start.time = time->number().value_or(1.0);
-    if (time && !free_course && job.model.system) {
+    if (free_mesh) start.time = time->number().value_or(1.0);
+    if (time && !free_mesh && job.model.system) {
         time->report(is_autonomous(job) ? "follows from the crossings of the section: must be left out"
                                         : "follows from \"period\": must be left out");
     }
     if (period) {
         start.period = static_cast<int>(period->whole().value_or(1));
-        if (free_course && start.period != 1) {
+        if (free_mesh && start.period != 1) {
             period->report(fmt::format(
                 "counts crossings of a section, and the job has none: must be 1 or left out, not {}", start.period));
             return StartKind::unknown;
         }
-    } else if (object.valid() && !free_course) {
+    } else if (object.valid() && !free_mesh) {
         object.self().report(
             "\"period\" is missing: in periods of the forcing, iterations, or crossings of the section");
         return StartKind::unknown;
     }
-    return free_course ? StartKind::free_course : StartKind::section;
+    return free_mesh ? StartKind::free_mesh : StartKind::section;
 }
 
 OrbitStart read_start(const ValueReader& value, const Job& job) {
@@ -157,7 +157,7 @@ OrbitStart read_start(const ValueReader& value, const Job& job) {
         const auto items = points->items();
         const auto period = static_cast<std::size_t>(start.period);
         if (points->is(JsonValue::Kind::array) && items.size() != period && kind != StartKind::unknown) {
-            points->report(kind == StartKind::free_course
+            points->report(kind == StartKind::free_mesh
                                ? fmt::format("must hold one state where there is no section, not {}", items.size())
                                : fmt::format("must hold one state per period: {}, not {}", start.period, items.size()));
         }

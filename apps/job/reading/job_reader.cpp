@@ -4,9 +4,9 @@
 #include <stdexcept>
 
 #include "apps/documents/atomic_file.hpp"
-#include "apps/documents/description_check.hpp"
+#include "apps/documents/schema_check.hpp"
 #include "apps/job/job_parts.hpp"
-#include "apps/job/schema/job_description.hpp"
+#include "apps/job/schema/job_schema.hpp"
 
 namespace orbid::apps {
 

@@ -102,8 +102,7 @@ std::string StageJob::name() const {
     return fmt::format("{}", fmt::join(names, " + "));
 }
 
-void add_usual_residuals(const ValueReader& at, const ValueDescription* residuals, const Job& job,
-                         EstimateJob& estimate) {
+void add_usual_residuals(const ValueReader& at, const ValueSchema* residuals, const Job& job, EstimateJob& estimate) {
     JsonValue list;
     list.kind = JsonValue::Kind::array;
     list.place = at.value().place;

@@ -51,7 +51,7 @@ std::string_view method_name(orbits::CycleSearchOptions::Method method) {
     switch (method) {
         case Method::local_maps:
             return "local_maps";
-        case Method::patch_map:
+        case Method::spline_map:
             return "patch_map";
         case Method::closest_return:
             return "closest_return";

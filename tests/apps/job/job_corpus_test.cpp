@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "apps/documents/description_check.hpp"
 #include "apps/documents/json_reader.hpp"
+#include "apps/documents/schema_check.hpp"
 #include "apps/job/reading/job_reader.hpp"
-#include "apps/job/schema/job_description.hpp"
+#include "apps/job/schema/job_schema.hpp"
 #include "apps/program/command_schema.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
@@ -54,8 +54,7 @@ std::vector<Path> jobs_in(const Path& folder) {
 }
 
 /// Notes which described keys a document has, as PATH.KEY; what is shared counts under its name.
-void note_keys(const JsonValue& value, const ValueDescription& description, std::string path,
-               std::set<std::string>& keys) {
+void note_keys(const JsonValue& value, const ValueSchema& description, std::string path, std::set<std::string>& keys) {
     if (!description.name.empty()) path = description.name;
     if (description.list) {
         for (const JsonValue& item : value.items)
@@ -64,20 +63,20 @@ void note_keys(const JsonValue& value, const ValueDescription& description, std:
     if (!description.object) return;
     if (!description.object_name.empty()) path = description.object_name;
     for (const JsonMember& member : value.members) {
-        const KeyDescription* key = description.object->find(member.key);
+        const KeySchema* key = description.object->find(member.key);
         const std::string below = path + "." + (key != nullptr ? member.key : "NAME");
         if (key != nullptr) keys.insert(below);
-        if (const ValueDescription* inner = description.object->value_of(member.key))
+        if (const ValueSchema* inner = description.object->value_of(member.key))
             note_keys(member.value, *inner, below, keys);
     }
 }
 
-void all_keys(const ValueDescription& description, std::string path, std::set<std::string>& keys) {
+void all_keys(const ValueSchema& description, std::string path, std::set<std::string>& keys) {
     if (!description.name.empty()) path = description.name;
     if (description.list) all_keys(*description.list->item, path + "[]", keys);
     if (!description.object) return;
     if (!description.object_name.empty()) path = description.object_name;
-    for (const KeyDescription& key : description.object->keys) {
+    for (const KeySchema& key : description.object->keys) {
         if (!key.refused.empty()) continue;
         keys.insert(path + "." + key.key);
         all_keys(key.value, path + "." + key.key, keys);
@@ -168,7 +167,7 @@ TEST_CASE("all problems of a job are reported at once, by place", "[apps][job][c
 
 TEST_CASE("a key is neither read in secret nor accepted and ignored", "[apps][job][corpus]") {
     using namespace describe;
-    const ValueDescription description = object({key("a", number(), "A."), key("b", choice({"x", "y"}), "B.")});
+    const ValueSchema description = object({key("a", number(), "A."), key("b", choice({"x", "y"}), "B.")});
     JsonDocument document = parse_json(R"({ "a": 1, "b": "x" })");
     std::vector<Problem> problems;
     check_described(*document.root, description, problems);

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "apps/job/writing/job_writer.hpp"
-#include "apps/program/model_listing.hpp"
-#include "apps/program/starting_job.hpp"
+#include "apps/starting/model_listing.hpp"
+#include "apps/starting/starting_job.hpp"
 #include "models/catalogue/registry.hpp"
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/catch.hpp"
@@ -121,7 +121,7 @@ TEST_CASE("the way of telling the map is chosen by name", "[apps][job]") {
     using Method = orbits::CycleSearchOptions::Method;
     const std::vector<std::pair<std::string, Method>> methods{{"auto", Method::automatic},
                                                               {"local_maps", Method::local_maps},
-                                                              {"patch_map", Method::patch_map},
+                                                              {"patch_map", Method::spline_map},
                                                               {"closest_return", Method::closest_return}};
     for (const auto& [name, method] : methods) {
         CAPTURE(name);

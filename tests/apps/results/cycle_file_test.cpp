@@ -61,7 +61,7 @@ apps::CycleFile two_cycles() {
     file.search.missing = {3, 5};
     file.search.candidates = 12;
     file.search.rejected = 4;
-    file.search.patch_map = true;
+    file.search.spline_map = true;
     file.search.reading_covariance = Eigen::Matrix2d::Identity() / 3.0;
     file.search.remarks = {"One segment is constant."};
     return file;
@@ -118,7 +118,7 @@ TEST_CASE("cycles read back to the bit", "[apps]") {
     CHECK(read.missing == file.search.missing);
     CHECK(read.candidates == 12);
     CHECK(read.rejected == 4);
-    CHECK(read.patch_map);
+    CHECK(read.spline_map);
     CHECK(read.reading_covariance == file.search.reading_covariance);
     CHECK(read.remarks == file.search.remarks);
     CHECK(reading.file->head.phase == 0.1);

@@ -55,7 +55,7 @@ TEST_CASE("a block that cannot be evaluated shortens the step; one that stops ev
     }
     CHECK(failed);
     FunctionResidual others = three_blocks(1e9);
-    others.suspend(0);
+    others.deactivate(0);
     const auto expected = estimator::estimate({free_parameter("theta", 0.0)}, {&others});
     CHECK_THAT(result.parameters[0].value, WithinRel(expected.parameters[0].value, 1e-9));
 }
@@ -71,7 +71,7 @@ TEST_CASE("a start that cannot be evaluated fails and names the block", "[estima
 
 TEST_CASE("refresh between rounds, interrupted, iteration limit, no degrees of freedom", "[estimator]") {
     FunctionResidual residual = three_blocks(1e9);
-    residual.suspend(0);
+    residual.deactivate(0);
     residual.on_refresh = [](FunctionResidual& self) {
         estimator::RefreshReport report;
         if (self.refreshes == 1) {

@@ -129,7 +129,7 @@ TEST_CASE("Bayes factors: shared flat priors cancel, others are refused by name"
     CHECK_THAT(estimator::log_bayes_factor(terms({parameters[0]}, estimated), level).message,
                ContainsSubstring("y.scale"));
     FunctionResidual fewer = line.residual(1);
-    fewer.suspend(0);
+    fewer.deactivate(0);
     CHECK_THAT(estimator::log_bayes_factor(terms({parameters[0]}, fewer), level).message,
                ContainsSubstring("8 and 10 records"));
 }

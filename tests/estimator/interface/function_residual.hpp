@@ -36,12 +36,12 @@ public:
             if (layout_[b].active) values[b] = functions_[b](theta, latents[b], derivatives);
         return values;
     }
-    estimator::RefreshReport refresh(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                     const Eigen::VectorXd&) override {
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
+                                               const Eigen::VectorXd&) override {
         ++refreshes;
         return on_refresh ? on_refresh(*this) : estimator::RefreshReport{};
     }
-    void suspend(std::size_t block) override { layout_[block].active = false; }
+    void deactivate(std::size_t block) override { layout_[block].active = false; }
     void activate(std::size_t block) { layout_[block].active = true; }
 
     int refreshes = 0;
@@ -85,11 +85,11 @@ public:
         }
         return values;
     }
-    estimator::RefreshReport refresh(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                     const Eigen::VectorXd&) override {
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
+                                               const Eigen::VectorXd&) override {
         return {};
     }
-    void suspend(std::size_t block) override { layout_[block].active = false; }
+    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
     estimator::LatentStructure structure_asked = estimator::LatentStructure::chain;
 

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "estimator/errors/error_law.hpp"
+#include "estimator/errors/noise_model.hpp"
 #include "estimator/interface/residual.hpp"
 
 namespace orbid::tests {
@@ -30,11 +30,11 @@ public:
                                                 bool) const override {
         return {};
     }
-    estimator::RefreshReport refresh(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                     const Eigen::VectorXd&) override {
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
+                                               const Eigen::VectorXd&) override {
         return {};
     }
-    void suspend(std::size_t) override {}
+    void deactivate(std::size_t) override {}
 
 private:
     std::vector<estimator::Group> groups_;
@@ -50,18 +50,18 @@ inline estimator::Group group_of(std::string name, estimator::ErrorDistribution 
     return result;
 }
 
-inline std::vector<estimator::ErrorLaw> laws_of(std::vector<estimator::Group> groups,
-                                                std::vector<estimator::JointCovariance> covariances = {}) {
+inline std::vector<estimator::NoiseModel> laws_of(std::vector<estimator::Group> groups,
+                                                  std::vector<estimator::JointCovariance> covariances = {}) {
     GroupResidual residual(std::move(groups), std::move(covariances));
     return estimator::error_laws({&residual});
 }
 
-inline estimator::ErrorLaw law_of(estimator::ErrorDistribution distribution) {
+inline estimator::NoiseModel law_of(estimator::ErrorDistribution distribution) {
     return laws_of({group_of("y", std::move(distribution))}).front();
 }
 
 /// The law of `responses` responses with one full covariance, inverse-Wishart with dof and psi if dof > 0.
-inline estimator::ErrorLaw joint_law(int responses, double dof = 0.0, const Eigen::MatrixXd& psi = {}) {
+inline estimator::NoiseModel joint_law(int responses, double dof = 0.0, const Eigen::MatrixXd& psi = {}) {
     std::vector<estimator::Group> groups;
     estimator::JointCovariance covariance;
     for (int g = 0; g < responses; ++g) {

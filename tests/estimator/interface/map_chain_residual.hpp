@@ -68,15 +68,15 @@ public:
             states.emplace_back(readings_.col(b));
         return states;
     }
-    estimator::RefreshReport refresh(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                     const Eigen::VectorXd& scales) override {
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
+                                               const Eigen::VectorXd& scales) override {
         scales_seen.push_back(scales);
-        if (!provisional()) return {};
+        if (!is_intermediate_stage()) return {};
         groups_[1].scale.value = matching_.stages[++stage_];
         return {};
     }
-    void suspend(std::size_t block) override { layout_[block].active = false; }
-    [[nodiscard]] bool provisional() const override { return stage_ + 1 < matching_.stages.size(); }
+    void deactivate(std::size_t block) override { layout_[block].active = false; }
+    [[nodiscard]] bool is_intermediate_stage() const override { return stage_ + 1 < matching_.stages.size(); }
 
     [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
@@ -87,7 +87,7 @@ public:
         return values;
     }
 
-    std::vector<Eigen::VectorXd> scales_seen;  ///< by refresh()
+    std::vector<Eigen::VectorXd> scales_seen;  ///< by update_active_set()
 
 private:
     [[nodiscard]] estimator::BlockValue value(std::size_t b, const Eigen::VectorXd& theta,

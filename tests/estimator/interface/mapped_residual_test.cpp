@@ -200,16 +200,16 @@ TEST_CASE("refresh and suspend go through, or stop at a frozen adapter", "[estim
     inner.on_refresh = [](FunctionResidual&) { return RefreshReport{true, 1, 0, 2}; };
     const auto latents = inner.initial_latents();
     MappedResidual open(inner, tied());
-    CHECK(open.refresh(Vector2d(1.0, 1.0), latents, VectorXd::Ones(1)).added == 2);
+    CHECK(open.update_active_set(Vector2d(1.0, 1.0), latents, VectorXd::Ones(1)).added == 2);
     CHECK(inner.refreshes == 1);
 
     MappedResidualOptions options;
     options.frozen = true;
     MappedResidual frozen(inner, tied(), options);
     MappedResidual other(inner, tied(), options);
-    CHECK_FALSE(frozen.refresh(Vector2d(1.0, 1.0), latents, VectorXd::Ones(1)).changed);
+    CHECK_FALSE(frozen.update_active_set(Vector2d(1.0, 1.0), latents, VectorXd::Ones(1)).changed);
     CHECK(inner.refreshes == 1);
-    frozen.suspend(1);
+    frozen.deactivate(1);
     CHECK_FALSE(frozen.layout()[1].active);
     CHECK(other.layout()[1].active);
     CHECK(inner.layout()[1].active);
@@ -218,7 +218,7 @@ TEST_CASE("refresh and suspend go through, or stop at a frozen adapter", "[estim
     CHECK(values[1].e.size() == 0);
     CHECK(other.evaluate(Vector2d(1.0, 1.0), latents, true)[1].e.size() == 3);
 
-    open.suspend(0);
+    open.deactivate(0);
     CHECK_FALSE(inner.layout()[0].active);
     CHECK_FALSE(open.layout()[0].active);
     CHECK(frozen.layout()[0].active);

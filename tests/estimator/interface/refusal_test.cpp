@@ -423,11 +423,11 @@ public:
         if (chain_.spoil) chain_.spoil(values);
         return values;
     }
-    estimator::RefreshReport refresh(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                     const Eigen::VectorXd&) override {
+    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
+                                               const Eigen::VectorXd&) override {
         return {};
     }
-    void suspend(std::size_t block) override { layout_[block].active = false; }
+    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
 private:
     Chain chain_;

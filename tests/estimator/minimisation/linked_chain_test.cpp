@@ -227,9 +227,9 @@ TEST_CASE("the step of the parameters keeps its digits at tight matching", "[est
             }
             problem.block.push_back(block);
         }
-        const estimator::Arrow arrow = estimator::factorise(problem.blocks(), q);
-        const estimator::Condensed condensed = estimator::condense(arrow, 0.0);
-        const Eigen::VectorXd d = -condensed.r.triangularView<Eigen::Upper>().solve(condensed.rhs);
+        const estimator::BlockArrow arrow = estimator::factorise(problem.blocks(), q);
+        const estimator::ReducedProblem reduced_problem = estimator::condense(arrow, 0.0);
+        const Eigen::VectorXd d = -reduced_problem.r.triangularView<Eigen::Upper>().solve(reduced_problem.rhs);
         const auto exact = estimator::test::dense_solution(problem, arrow, 0.0);
         const Eigen::MatrixXd covariance = exact.joint({{2 * nodes, q}});
         double worst = 0.0;
@@ -322,7 +322,7 @@ TEST_CASE("linked records that cannot be are refused", "[estimator][linked]") {
 TEST_CASE("linked records whose next block takes no part are left out", "[estimator][linked]") {
     const Eigen::VectorXd y = made_walk();
     FunctionChain chain = linked_walk(y, group("matching", 0.1, false));
-    chain.suspend(101);
+    chain.deactivate(101);
     const auto result = walk_of(chain);
     CAPTURE(result.message);
     REQUIRE(result.status == EstimateStatus::converged);

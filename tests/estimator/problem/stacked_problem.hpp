@@ -9,7 +9,7 @@
 #include <boost/multiprecision/cpp_bin_float.hpp>
 #include <boost/multiprecision/eigen.hpp>
 
-#include "estimator/algebra/arrow.hpp"
+#include "estimator/algebra/block_arrow.hpp"
 
 /// Small least-squares problems with latent states, and their solution as one dense matrix in quadruple precision.
 namespace orbid::estimator::test {
@@ -157,7 +157,7 @@ inline QuadMatrix inverse_triangle(const QuadMatrix& r, Eigen::Index n) {
     return x;
 }
 
-inline Solution dense_solution(const StackedProblem& problem, const Arrow& arrow, double mu) {
+inline Solution dense_solution(const StackedProblem& problem, const BlockArrow& arrow, double mu) {
     const Eigen::Index q = problem.parameters;
     const Eigen::Index n = problem.offset(problem.block.size());
     Eigen::Index rows = mu > 0.0 ? n : 0;

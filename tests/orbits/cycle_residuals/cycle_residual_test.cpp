@@ -82,7 +82,7 @@ TEST_CASE("lifted residual: measurement and matching records, exact derivatives"
     CHECK_FALSE(residual.groups()[0].scale.estimate);
     CHECK(residual.groups()[2].name == "matching.phi_dot");
     CHECK(residual.groups()[2].scale.value == 0.01 * residual.scale()(1));
-    CHECK(residual.provisional());
+    CHECK(residual.is_intermediate_stage());
     CHECK(residual.structure() == estimator::LatentStructure::independent_blocks);
 
     std::vector<VectorXd> latents = residual.initial_latents();
@@ -110,13 +110,13 @@ TEST_CASE("lifted residual: measurement and matching records, exact derivatives"
     CHECK(residual.nodes(latents)[2].size() == 0);  // (0, 0): at rest
 
     int rounds = 0;
-    while (residual.provisional()) {
-        CHECK(residual.refresh(start, latents, {}).changed);
+    while (residual.is_intermediate_stage()) {
+        CHECK(residual.update_active_set(start, latents, {}).changed);
         ++rounds;
     }
     CHECK(rounds == 6);  // tenfold from 1e-2 to 1e-8
     CHECK(residual.groups()[1].scale.value == 1e-8 * residual.scale()(0));
-    CHECK_FALSE(residual.refresh(start, latents, {}).changed);
+    CHECK_FALSE(residual.update_active_set(start, latents, {}).changed);
     const orbits::LiftedCycleResidual told(c.system, c.binding, cycles, 0.0, start);
     const VectorXd defect = residual.matching_defect(start, latents).cwiseQuotient(residual.scale());
     CHECK(told.groups()[1].scale.value == defect.maxCoeff() * residual.scale()(0));
@@ -195,7 +195,7 @@ TEST_CASE("cycle residual: lost orbits are missing data and come back", "[orbits
     const auto cycles = tests::measured_cycles(c.table, 1e-6, 1);
     orbits::CycleResidual residual(c.system, c.binding, cycles, 0.0, c.truth());
     const VectorXd scales = VectorXd::Ones(2);
-    CHECK_FALSE(residual.refresh(c.truth(), {}, scales).changed);
+    CHECK_FALSE(residual.update_active_set(c.truth(), {}, scales).changed);
 
     const VectorXd far = 1.3 * c.truth();
     int failed = 0;
@@ -204,14 +204,14 @@ TEST_CASE("cycle residual: lost orbits are missing data and come back", "[orbits
     CHECK(failed > 0);
     CHECK(failed < 41);
 
-    residual.suspend(7);
+    residual.deactivate(7);
     CHECK_FALSE(residual.layout()[7].active);
-    const auto report = residual.refresh(c.truth(), {}, scales);
+    const auto report = residual.update_active_set(c.truth(), {}, scales);
     CHECK(report.changed);
     CHECK(report.added == 1);
     CHECK(residual.layout()[7].active);
 
-    const auto lost = residual.refresh(far, {}, VectorXd::Constant(2, 1e9));
+    const auto lost = residual.update_active_set(far, {}, VectorXd::Constant(2, 1e9));
     CHECK(lost.lost == failed);
 
     // Out of the domain of l: everything failed, nothing thrown.

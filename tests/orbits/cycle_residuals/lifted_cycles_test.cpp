@@ -80,7 +80,7 @@ TEST_CASE("lifted cycles: heavy tails lead from a start that normal errors miss"
             parameters[i].start = estimate.parameters[i].value;
     };
     move_to(estimator::estimate(parameters, {&tailed}, {}, rough()));
-    CHECK_FALSE(tailed.provisional());
+    CHECK_FALSE(tailed.is_intermediate_stage());
     CHECK_THAT(parameters[0].start / c.truth()(0), tests::WithinAbs(1.0, 0.03));
 
     orbits::LiftedCycleOptions plain;

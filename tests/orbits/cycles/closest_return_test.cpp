@@ -79,7 +79,7 @@ TEST_CASE("a map relative to a point of the series is exact where the map is lin
     std::mt19937_64 random(3);
     const orbits::Series series = saddle_series(Matrix2d::Identity() * 1e-30, random);
     const orbits::SectionPoints section(series);
-    const orbits::BoxGrid grid(section);
+    const orbits::NeighbourIndex grid(section);
     const orbits::ReferenceMap map = orbits::fit_reference_map(section, grid, 3, 0.1, 32);
     REQUIRE(map.usable);
     CHECK(map.offsets.rows() == 32);

@@ -25,7 +25,7 @@ orbits::Series noisy_henon(Eigen::Index count, double noise) {
 
 orbits::CycleSearchOptions search_options(const orbits::Series& series, double noise) {
     orbits::CycleSearchOptions options;
-    options.method = orbits::CycleSearchOptions::Method::patch_map;
+    options.method = orbits::CycleSearchOptions::Method::spline_map;
     options.periods = {1, 2, 3, 4, 5, 6};
     options.reading_covariance = (noise * series.scale()).cwiseAbs2().asDiagonal();
     return options;
@@ -37,7 +37,7 @@ TEST_CASE("noisy Henon points hold the map's cycles within their errors", "[orbi
     constexpr double noise = 1e-3;
     const orbits::Series series = noisy_henon(8000, noise);
     const orbits::CycleSearch search = find_cycles(series, search_options(series, noise));
-    CHECK(search.patch_map);
+    CHECK(search.spline_map);
     std::vector<int> counts(7, 0);
     double squares = 0.0, values = 0.0;
     for (const orbits::Cycle& cycle : search.cycles) {

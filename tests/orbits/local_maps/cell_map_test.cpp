@@ -9,14 +9,14 @@
 #include "tests/orbits/sections/map_series.hpp"
 
 using namespace orbid;
-using orbits::BoxGrid;
 using orbits::CellMap;
+using orbits::NeighbourIndex;
 using orbits::SectionPoints;
 
 TEST_CASE("cells know the map and its derivative where there are points", "[orbits][cell_map]") {
     constexpr double turn = 2.0 * std::numbers::pi;
     const SectionPoints section(tests::standard_map_series(1 << 15));
-    const BoxGrid grid(section);
+    const NeighbourIndex grid(section);
     const CellMap map(section, grid, 0, 0);
     const CellMap again(section, grid, 0, 0);
     std::array<double, 2> image{}, other{};
@@ -56,7 +56,7 @@ TEST_CASE("cells know the map and its derivative where there are points", "[orbi
 TEST_CASE("Newton on cells finds the fixed point, and no map away from the data", "[orbits][cell_map]") {
     const auto series = tests::henon_series(1 << 14);
     const SectionPoints section(series);
-    const BoxGrid grid(section);
+    const NeighbourIndex grid(section);
     const CellMap map(section, grid, 0, 0);
     const Eigen::Vector2d fixed(0.6313544770895048, 0.18940634312685141);
     Eigen::MatrixXd start = (fixed + Eigen::Vector2d(0.02, 0.003)).cwiseQuotient(section.scale());
@@ -73,7 +73,7 @@ TEST_CASE("Newton on cells finds the fixed point, and no map away from the data"
     for (Eigen::Index i = 0; i < values.size(); ++i)
         values.data()[i] += 1e-3 * normal(random);
     const SectionPoints blurred(noisy);
-    const BoxGrid blurred_grid(blurred);
+    const NeighbourIndex blurred_grid(blurred);
     const CellMap blurred_map(blurred, blurred_grid, 0, 0);
     const Eigen::Vector2d away(0.0, 0.9);
     CHECK_FALSE(blurred_map.cell_of(away.data()).usable);
@@ -88,7 +88,7 @@ TEST_CASE("cells of shuffled points know nothing", "[orbits][cell_map]") {
     for (Eigen::Index i = values.cols() - 1; i > 0; --i)
         values.col(i).swap(values.col(static_cast<Eigen::Index>(random() % static_cast<std::uint64_t>(i + 1))));
     const SectionPoints section(series);
-    const BoxGrid grid(section);
+    const NeighbourIndex grid(section);
     const CellMap map(section, grid, 0, 0);
     for (std::size_t i = 0; i < section.size(); i += 64)
         CHECK_FALSE(map.cell_of(section.point(i)).usable);
@@ -107,7 +107,7 @@ TEST_CASE("order and neighbours follow the data", "[orbits][fit_choice]") {
         for (Eigen::Index i = 0; i < values.size(); ++i)
             values.data()[i] += noise * normal(random);
         const SectionPoints section(series);
-        const BoxGrid grid(section);
+        const NeighbourIndex grid(section);
         const orbits::FitChoice choice(section, grid, 0, 0);
         const auto sizes = choice.best(place);
         REQUIRE(sizes.size() == 3);

@@ -138,7 +138,7 @@ TEST_CASE("images on a circle are unwrapped and torn neighbours dropped", "[orbi
             },
             {0.4}, 2000)});
     const orbits::SectionPoints points(series);
-    const orbits::BoxGrid grid(points);
+    const orbits::NeighbourIndex grid(points);
     const Eigen::VectorXd centre = Eigen::VectorXd::Constant(1, 1.0 / 6.0);
     const auto whole = orbits::gather_neighbourhood(points, grid, centre, 30);
     CHECK(whole.offsets.rows() == 30);

@@ -34,7 +34,7 @@ orbits::Series with_errors(orbits::Series series, const Eigen::MatrixXd& covaria
 
 NoiseLevel level_of(const orbits::Series& series, const std::optional<std::vector<double>>& signs = std::nullopt) {
     const orbits::SectionPoints points(series, signs);
-    return noise_level(points, orbits::BoxGrid(points));
+    return noise_level(points, orbits::NeighbourIndex(points));
 }
 
 // Variances within 4 of their standard errors and 8 % (4 % of an sd: what the curvature of the maps costs, measured up

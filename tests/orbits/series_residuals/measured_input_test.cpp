@@ -146,7 +146,7 @@ TEST_CASE("nodes of several intervals meet exactly under measured inputs", "[orb
     options.interval = 7;
     options.inputs = {hat(100.0), hat(-3.0)};
     options.flow = {1e-10, 1e-10, 100000};
-    options.matching.kind = Matching::Kind::normal;
+    options.matching.kind = Continuity::Kind::normal;
     options.matching.sd = Eigen::VectorXd::Constant(1, 1e-8);
     const ShootingResidual residual(lag(), binding(), series, options);
     REQUIRE(residual.layout().size() == 12);

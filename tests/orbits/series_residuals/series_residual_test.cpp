@@ -322,8 +322,8 @@ TEST_CASE("what cannot be simulated is a failed block, not an exception", "[orbi
           estimator::BlockStatus::failed);  // outside the domain
     CHECK(residual.evaluate(vector({0.15}), {vector({std::nan(""), 0.0}), z[1]}, true)[0].status ==
           estimator::BlockStatus::failed);
-    CHECK_FALSE(residual.refresh(vector({0.15}), z, vector({1.0, 1.0})).changed);
-    residual.suspend(0);
+    CHECK_FALSE(residual.update_active_set(vector({0.15}), z, vector({1.0, 1.0})).changed);
+    residual.deactivate(0);
     CHECK_FALSE(residual.layout()[0].active);
     const auto values = residual.evaluate(vector({0.15}), z, true);
     CHECK(values[0].e.size() == 0);

@@ -3,7 +3,7 @@
 
 #include "estimator/interface/random_stream.hpp"
 #include "orbits/cycle_residuals/start_scan.hpp"
-#include "orbits/series_residuals/matching_report.hpp"
+#include "orbits/series_residuals/continuity_report.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/series_residuals/shooting_case.hpp"
 
@@ -109,11 +109,11 @@ TEST_CASE("a recorded series gives its parameters back, from a bad start", "[orb
     options.sensor = c.sensor;
     options.start = values(first);
     ShootingResidual residual(c.system, binding, c.series, options);
-    CHECK(residual.provisional());
+    CHECK(residual.is_intermediate_stage());
     CHECK_THAT(residual.groups()[0].floor, WithinAbs(encoder_step / std::sqrt(12.0), 1e-12));
     const auto estimate = estimator::estimate(parameters(pendulum_names, values(first)), {&residual}, {}, plain());
     CHECK(estimate.status == estimator::EstimateStatus::converged);
-    CHECK_FALSE(residual.provisional());
+    CHECK_FALSE(residual.is_intermediate_stage());
     CHECK(estimate.counts[0].lost == 0);
     for (Eigen::Index i = 0; i < 4; ++i) {
         CAPTURE(i, values(estimate)[i], truth[i], sds(estimate)[i]);
@@ -148,7 +148,7 @@ TEST_CASE("defects tell a wrong model", "[orbits][shooting]") {
     const auto binding = bound(*harmonic, c.base, pendulum_names);
     ShootingOptions options;
     options.sensor = c.sensor;
-    options.matching.kind = Matching::Kind::student_t;
+    options.matching.kind = Continuity::Kind::student_t;
     options.matching.sd = Eigen::Vector2d(1e-4, 5e-4);
     ShootingResidual residual(harmonic, binding, c.series, options);
     const Eigen::VectorXd start = base_theta(binding);
@@ -200,7 +200,7 @@ TEST_CASE("Lorenz' equations from noisy samples, without a hint", "[orbits][shoo
     // A matching sd that the data cannot tell from zero ends at its floor, and the intervals are those of exact
     // matching: within 14 % here. Let go to zero it lost the digits of the information, and sds came out half as large.
     options.errors.clear();
-    options.matching.kind = Matching::Kind::normal;
+    options.matching.kind = Continuity::Kind::normal;
     options.matching.estimate = true;
     ShootingResidual loose(system, binding, series, options);
     const auto free = estimator::estimate(parameters(names, values(first)), {&loose}, {}, plain());
@@ -239,7 +239,7 @@ TEST_CASE("errors of the model are told from errors of the readings", "[orbits][
     const auto binding = bound(*system, base, names);
     const Eigen::VectorXd truth = base_theta(binding);
     ShootingOptions options;
-    options.matching.kind = Matching::Kind::normal;
+    options.matching.kind = Continuity::Kind::normal;
     options.matching.estimate = true;
     options.start = 0.9 * truth;
     ShootingResidual residual(system, binding, series, options);

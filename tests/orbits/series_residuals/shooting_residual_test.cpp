@@ -57,7 +57,7 @@ TEST_CASE("a section series is met exactly by its own parameters and states", "[
     c.series.segments[0].values(1, 7) = std::numeric_limits<double>::quiet_NaN();
     ShootingOptions options;
     options.sensor = c.sensor;
-    options.matching.kind = Matching::Kind::normal;
+    options.matching.kind = Continuity::Kind::normal;
     options.matching.sd = Eigen::Vector2d(1e-9, 5e-9);  // the flow is as accurate as that asks for
     const auto binding = bound(*c.system, c.base, {"l", "k1", "k2", "k3"});
     const ShootingResidual residual(c.system, binding, c.series, options);
@@ -195,7 +195,7 @@ TEST_CASE("shooting refuses what it cannot match", "[orbits][shooting]") {
     options.forms.assign(3, ErrorForm{estimator::NormalErrors{}, 0.0, true});
     refused(series, options, "has no known sd > 0");
     options = {};
-    options.matching.kind = Matching::Kind::normal;
+    options.matching.kind = Continuity::Kind::normal;
     refused(series, options, "needs its sds");
     options.matching.sd = Eigen::Vector2d(1.0, 1.0);
     refused(series, options, "2 matching sds for 3");

@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "models/catalogue/registry.hpp"
-#include "orbits/simulation/capture.hpp"
+#include "orbits/simulation/attractor_detection.hpp"
 #include "tests/catch.hpp"
 
 using namespace orbid;

@@ -9,11 +9,11 @@
 #include <nlohmann/json.hpp>
 
 #include "models/catalogue/registry.hpp"
-#include "periodic/orbit/whole_turn.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/collocation.hpp"
 #include "periodic/solution/guess_correction.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
-#include "periodic/solution/turn_choice.hpp"
+#include "periodic/solution/winding_choice.hpp"
 #include "tests/catch.hpp"
 #include "tests/periodic/orbit/closed_form_system.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"

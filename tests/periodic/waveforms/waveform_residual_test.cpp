@@ -163,16 +163,16 @@ TEST_CASE("a steady state that vanishes is a block that failed, and comes back",
     const VectorXd scale = VectorXd::Ones(1);
     for (int round = 0; round < 3; ++round) {
         CAPTURE(round);
-        const auto lost = residual.refresh(VectorXd::Constant(1, 4.0), latents, scale);
+        const auto lost = residual.update_active_set(VectorXd::Constant(1, 4.0), latents, scale);
         CHECK(lost.changed);
         CHECK(lost.lost == 1);
         CHECK_FALSE(residual.layout()[0].active);
         CHECK(residual.evaluate(VectorXd::Constant(1, 1.7), latents, true)[0].e.size() == 0);
-        const auto found = residual.refresh(VectorXd::Constant(1, 1.7), latents, scale);
+        const auto found = residual.update_active_set(VectorXd::Constant(1, 1.7), latents, scale);
         // Twice only: refreshing must end.
         CHECK(found.added == (round < 2 ? 1 : 0));
         CHECK(residual.layout()[0].active == (round < 2));
-        if (round < 2) CHECK_FALSE(residual.refresh(VectorXd::Constant(1, 1.7), latents, scale).changed);
+        if (round < 2) CHECK_FALSE(residual.update_active_set(VectorXd::Constant(1, 1.7), latents, scale).changed);
     }
 }
 
@@ -273,7 +273,7 @@ TEST_CASE("a record without an orbit is inactive and says why", "[periodic][wave
     const auto value = residual.evaluate(options.start, residual.initial_latents(), true);
     CHECK(value[0].e.size() == 90);
     CHECK(value[1].e.size() == 0);
-    CHECK_FALSE(residual.refresh(options.start, residual.initial_latents(), VectorXd::Ones(1)).changed);
+    CHECK_FALSE(residual.update_active_set(options.start, residual.initial_latents(), VectorXd::Ones(1)).changed);
 }
 
 TEST_CASE("wrong calls of waveform residuals are refused by name", "[periodic][waveform]") {

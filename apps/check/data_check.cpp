@@ -1,0 +1,66 @@
+#include "apps/check/data_check.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "apps/estimation/estimate_residuals.hpp"
+#include "apps/estimation/estimate_setup.hpp"
+#include "apps/job/input_checksums.hpp"
+#include "apps/results/cycle_reader.hpp"
+#include "apps/stages/data_stage.hpp"
+#include "apps/stages/searched_section.hpp"
+#include "orbits/records/data_error.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+/// What an estimate asks of records that are all there: segments by name, readings enough.
+void check_estimate(const Job& job, const std::vector<Experiment>& data) {
+    EstimateSetup setup = estimate_setup(job, fitted_labels(job, data));
+    JobResiduals residuals;
+    add_series(job, data, setup, residuals);
+    check_enough_readings(job, setup, residuals);
+}
+
+}  // namespace
+
+DataCheck check_data(const Job& job) {
+    DataCheck check;
+    check.records.resize(job.data.size());
+    const auto attempt = [&check](const auto& action) {
+        try {
+            action();
+        } catch (const orbits::DataError& error) {
+            check.problems.emplace_back(error.what());
+        }
+    };
+    attempt([&] {
+        Job other = job;
+        sign_files(other);
+    });
+    if (!check.problems.empty()) return check;
+
+    std::vector<Experiment> data(job.data.size());
+    for (std::size_t i = 0; i < job.data.size(); ++i) {
+        attempt([&] {
+            Inputs inputs = load_inputs(job, job.data[i]);
+            if (!job.data[i].file) return;
+            data[i].series = recorded_series(job, i);
+            data[i].inputs = by_segment(inputs, data[i].series.segments.size());
+            check.records[i] = {data[i].series.size(), data[i].series.segments.size()};
+        });
+    }
+    if (job.orbits && job.orbits->file) {
+        attempt([&] {
+            check.cycles =
+                read_cycles(*job.orbits->file, job.model.name, section_coordinates(job)).search.cycles.size();
+        });
+    }
+    const bool all_read =
+        std::all_of(check.records.begin(), check.records.end(), [](const auto& record) { return record.has_value(); });
+    if (all_read && check.problems.empty() && job.estimate) attempt([&] { check_estimate(job, data); });
+    return check;
+}
+
+}  // namespace orbid::apps

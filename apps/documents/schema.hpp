@@ -1,0 +1,195 @@
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "apps/documents/json_document.hpp"
+
+namespace orbid::apps {
+
+/// What a JSON document may hold, as plain data. Checking a document (description_check.hpp), writing a JSON Schema
+/// (description_schema.hpp) and writing a page of reference (description_page.hpp) all follow these.
+
+struct ObjectSchema;
+struct ValueSchema;
+
+struct NumberSchema {
+    bool whole = false;
+    double lowest = -std::numeric_limits<double>::infinity();
+    double highest = std::numeric_limits<double>::infinity();
+    bool above_lowest = false;   ///< the lowest itself is excluded
+    bool below_highest = false;  ///< the highest itself is excluded
+    std::vector<double> only;    ///< these numbers alone, unless empty
+    std::optional<double> except;
+};
+
+struct TextSchema {
+    std::vector<std::string> choices;             ///< empty: any text
+    std::vector<std::string> later;               ///< further ones that are reserved
+    bool (*accepts)(std::string_view) = nullptr;  ///< null: any text
+    std::string pattern;                          ///< regular expression that says the same, for the schema
+    std::string rule = "a text";                  ///< in words
+};
+
+struct ListSchema {
+    std::shared_ptr<const ValueSchema> item;
+    std::size_t fewest = 0;
+    std::size_t most = std::numeric_limits<std::size_t>::max();
+    bool unique = false;
+    std::string rule;  ///< what the whole list must be, in words; empty: from the counts
+};
+
+/// The forms one value may have, at most one of each kind of JSON.
+struct ValueSchema {
+    std::string name;  ///< of what several keys share; empty: described where it stands
+    /// The same of the object alone, which may be one of several forms (an experiment, or a list of them).
+    std::string object_name;
+    bool anything = false;
+    bool null = false;
+    bool boolean = false;
+    std::optional<NumberSchema> number;
+    std::optional<TextSchema> text;
+    std::optional<ListSchema> list;
+    std::shared_ptr<const ObjectSchema> object;
+
+    /// A form of this kind is among them.
+    [[nodiscard]] bool allows(JsonValue::Kind kind) const;
+    /// Its object is described under a name of its own, elsewhere than the value.
+    [[nodiscard]] bool shares_object() const { return !object_name.empty() && name != object_name; }
+    /// That object alone, under its name.
+    [[nodiscard]] ValueSchema shared_object() const;
+};
+
+/// Another key of the same object is there, or holds one of these texts.
+struct Condition {
+    std::string key;
+    std::vector<std::string> values;  ///< empty: the key is there
+};
+
+struct KeySchema {
+    std::string key;
+    ValueSchema value;
+    std::string text;                        ///< one sentence
+    std::string default_value;               ///< the default as JSON; empty: none, or the text says what it depends on
+    std::string unit;                        ///< empty: none, or that of what the key is about
+    bool required = false;                   ///< where `only_with` holds
+    std::optional<Condition> only_with;      ///< refused otherwise
+    std::optional<Condition> required_with;  ///< required there, allowed elsewhere
+    std::optional<std::string> required_unless;  ///< required where this key is not there
+    std::optional<std::string> never_beside;     ///< a key that this one excludes
+    std::string refused;                         ///< reserved names: why the key is refused; empty: it is not
+
+    KeySchema& required_always() {
+        required = true;
+        return *this;
+    }
+    KeySchema& with(std::string other, std::vector<std::string> values = {}) {
+        only_with = Condition{std::move(other), std::move(values)};
+        return *this;
+    }
+    KeySchema& needed_with(std::string other, std::vector<std::string> values = {}) {
+        required_with = Condition{std::move(other), std::move(values)};
+        return *this;
+    }
+    KeySchema& needed_unless(std::string other) {
+        required_unless = std::move(other);
+        return *this;
+    }
+    KeySchema& without(std::string other) {
+        never_beside = std::move(other);
+        return *this;
+    }
+    KeySchema& in(std::string unit_name) {
+        unit = std::move(unit_name);
+        return *this;
+    }
+    KeySchema& refuse(std::string_view why) {
+        refused = why;
+        return *this;
+    }
+    KeySchema& standard_text(std::string_view json) {
+        default_value = json;
+        return *this;
+    }
+    KeySchema& by_default(const char* text_value);
+    KeySchema& by_default(bool flag);
+    KeySchema& by_default(double number);
+    KeySchema& by_default(const std::vector<int>& numbers);
+    template <std::integral Whole>
+    requires(!std::same_as<Whole, bool>) KeySchema& by_default(Whole number) {
+        return by_default(static_cast<double>(number));
+    }
+};
+
+/// Members whose keys are names: of parameters, coordinates, experiments.
+struct EntriesSchema {
+    std::shared_ptr<const ValueSchema> value;
+    std::string names;  ///< what they name: "a parameter of the model"
+};
+
+struct ObjectSchema {
+    std::vector<KeySchema> keys;
+    std::optional<EntriesSchema> entries;
+    std::vector<std::string> exactly_one;  ///< of these keys; empty: no such rule
+    std::size_t fewest = 0;                ///< members
+
+    /// The description of a key; null when there is none of this name.
+    [[nodiscard]] const KeySchema* find(std::string_view key) const;
+    /// The description of a member's value: of the key, else of an entry; null when there is neither.
+    [[nodiscard]] const ValueSchema* value_of(std::string_view key) const;
+};
+
+/// "a number, \"estimate\" or { \"estimate\": ... }": what a value may be, for messages.
+[[nodiscard]] std::string in_words(const ValueSchema& value);
+/// "> 0 and < 0.5", "a whole number from 1 to 64": what a number must be; empty when any will do.
+[[nodiscard]] std::string rule(const NumberSchema& number);
+/// "\"a\", \"b\""
+[[nodiscard]] std::string quoted_list(const std::vector<std::string>& names);
+
+/// Schemas are put together from these.
+namespace describe {
+
+[[nodiscard]] ValueSchema anything();
+[[nodiscard]] ValueSchema null();
+[[nodiscard]] ValueSchema boolean();
+[[nodiscard]] ValueSchema number();
+[[nodiscard]] ValueSchema above(double lowest);
+[[nodiscard]] ValueSchema at_least(double lowest);
+/// lowest < x < highest
+[[nodiscard]] ValueSchema between(double lowest, double highest);
+/// lowest < x <= highest
+[[nodiscard]] ValueSchema above_up_to(double lowest, double highest);
+/// lowest <= x <= highest
+[[nodiscard]] ValueSchema from_to(double lowest, double highest);
+[[nodiscard]] ValueSchema one_of(std::vector<double> numbers);
+[[nodiscard]] ValueSchema other_than(double number);
+[[nodiscard]] ValueSchema whole(double lowest, double highest);
+[[nodiscard]] ValueSchema text(std::string rule = "a text");
+/// A text that `accepts` takes; the regular expression says the same. (A library of these would not survive a hostile
+/// text: its recursion is as deep as the text is long.)
+[[nodiscard]] ValueSchema text_like(bool (*accepts)(std::string_view), std::string pattern, std::string rule);
+[[nodiscard]] ValueSchema choice(std::vector<std::string> choices, std::vector<std::string> later = {});
+[[nodiscard]] ValueSchema list(ValueSchema item, std::size_t fewest = 0,
+                               std::size_t most = std::numeric_limits<std::size_t>::max(), std::string rule = "");
+/// Items are different from each other.
+[[nodiscard]] ValueSchema set(ValueSchema item, std::size_t fewest = 0);
+[[nodiscard]] ValueSchema object(std::vector<KeySchema> keys, std::vector<std::string> exactly_one = {});
+/// Members under names; `keys` are the names with a meaning of their own among them.
+[[nodiscard]] ValueSchema entries(ValueSchema value, std::string names, std::vector<KeySchema> keys = {},
+                                  std::size_t fewest = 0);
+[[nodiscard]] ValueSchema named(std::string name, ValueSchema value);
+[[nodiscard]] KeySchema key(std::string name, ValueSchema value, std::string text);
+
+}  // namespace describe
+
+/// Either of two descriptions, which must not have a kind of JSON in common.
+[[nodiscard]] ValueSchema operator|(ValueSchema one, const ValueSchema& other);
+
+}  // namespace orbid::apps

@@ -1,0 +1,122 @@
+#include "apps/estimation/derivative_self_check.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "apps/job/segment_choice.hpp"
+#include "models/system/derivative_check.hpp"
+#include "orbits/simulation/phase_rate.hpp"
+#include "orbits/simulation/transition.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+constexpr Eigen::Index most_directions = 100;
+// Long enough that every term of the equations has acted, short enough that chaos has not.
+constexpr Eigen::Index most_intervals = 10;
+
+std::optional<FlowStart> of_series(const Experiment& experiment, const orbits::SeriesResidual& residual,
+                                   const models::ParameterBinding& binding, const Eigen::VectorXd& start) {
+    const std::size_t index = residual.segment(0);
+    const orbits::Segment& segment = residual.series().segments[index];
+    FlowStart flow;
+    flow.system = experiment.inputs.empty() ? nullptr : residual.system().with_input(experiment.inputs[index]);
+    flow.theta = binding.values(start);
+    flow.free = binding.parameter;
+    flow.state = residual.guessed_state(0);
+    flow.phase = residual.series().phase + orbits::phase_rate(residual.system(), flow.theta) * segment.times[0];
+    for (Eigen::Index k = 1; k < std::min(segment.times.size(), most_intervals + 1); ++k)
+        flow.durations.push_back(segment.times[k] - segment.times[0]);
+    if (flow.durations.empty()) return std::nullopt;
+    return flow;
+}
+
+/// Over one interval of a series with nodes.
+std::optional<FlowStart> of_transition(const Job& job, std::size_t experiment, const Experiment& measured,
+                                       const models::ParameterBinding& binding, const Eigen::VectorXd& start) {
+    FlowStart flow;
+    flow.theta = binding.values(start);
+    flow.free = binding.parameter;
+    const DataJob& data = job.data[experiment];
+    const auto list = orbits::transitions(*job.model.system, flow.theta, measured.series, data.sensor,
+                                          fitted_segments(measured.series, data), 1, 1, job.seed);
+    if (list.empty()) return std::nullopt;
+    if (!measured.inputs.empty()) flow.system = job.model.system->with_input(measured.inputs[list.front().segment]);
+    flow.state = list.front().from;
+    flow.phase = list.front().phase;
+    flow.durations = {list.front().duration};
+    flow.clock = orbits::transition_clock(*job.model.system, measured.series);
+    return flow;
+}
+
+/// From the first periodic solution there is, over a tenth of it.
+std::optional<FlowStart> of_waveform(const periodic::WaveformResidual& residual, const Eigen::VectorXd& start) {
+    const auto orbits = residual.solutions(start);
+    for (std::size_t b = 0; b < orbits.size(); ++b) {
+        if (orbits[b].status != periodic::OrbitStatus::converged) continue;
+        FlowStart flow;
+        flow.theta = residual.records()[b].binding.values(start);
+        flow.free = residual.records()[b].binding.parameter;
+        flow.state = orbits[b].points.col(0);
+        flow.durations = {0.1 * orbits[b].time};
+        return flow;
+    }
+    return std::nullopt;
+}
+
+FlowStart of_cycle(const models::System& system, const orbits::Cycle& cycle, double phase,
+                   const models::ParameterBinding& binding, const Eigen::VectorXd& start) {
+    FlowStart flow;
+    flow.theta = binding.values(start);
+    flow.free = binding.parameter;
+    flow.state = cycle.points.col(0);
+    flow.phase = phase;
+    const bool forced = system.kind() == models::Kind::forced;
+    flow.clock = forced ? models::Clock::phase : models::Clock::time;
+    flow.durations = {forced ? system.period(flow.theta, flow.clock) : 1.0};
+    return flow;
+}
+
+}  // namespace
+
+std::optional<FlowStart> first_flow(const Job& job, const std::vector<Experiment>& data,
+                                    const orbits::CycleSearch& search, const EstimateSetup& setup,
+                                    const JobResiduals& residuals, const models::ParameterBinding& cycle_binding) {
+    std::optional<FlowStart> flow;
+    if (!residuals.series.empty()) {
+        const std::size_t experiment = residuals.experiments.front();
+        flow = of_series(data[experiment], *residuals.series.front(), setup.experiments[experiment], setup.start());
+    } else if (residuals.waveform.residual) {
+        flow = of_waveform(*residuals.waveform.residual, setup.start());
+    } else if (job.estimate->cycles && !search.cycles.empty()) {
+        flow = of_cycle(*job.model.system, search.cycles.front(), job.section_phase, cycle_binding, setup.start());
+    } else if (job.estimate->series) {
+        const std::size_t experiment = job.estimate->series->data.front();
+        flow = of_transition(job, experiment, data[experiment], setup.experiments[experiment], setup.start());
+    }
+    if (flow && !flow->system) flow->system = job.model.system;
+    if (flow && !(flow->state.allFinite() && flow->theta.allFinite())) return std::nullopt;
+    return flow;
+}
+
+std::string compare_derivatives(const FlowStart& start) {
+    const Eigen::Index directions = start.state.size() + static_cast<Eigen::Index>(start.free.size());
+    if (directions > most_directions) {
+        return fmt::format("derivatives of the model were not compared with differences: {} directions, at most {}",
+                           directions, most_directions);
+    }
+    const auto check = models::check_derivatives(*start.system, start.state, start.phase, start.durations, start.theta,
+                                                 start.free, start.clock);
+    if (!check.passed) {
+        throw WrongModel(
+            fmt::format("model {}: its derivatives are not those of its equations: {}; a branch on a value, or a "
+                        "number that is no scalar of the template, loses derivatives",
+                        start.system->name(), check.message));
+    }
+    return fmt::format("{}{}", check.message,
+                       check.inconclusive > 0 ? fmt::format(", {} undecided", check.inconclusive) : "");
+}
+
+}  // namespace orbid::apps

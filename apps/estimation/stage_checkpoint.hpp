@@ -1,0 +1,33 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "apps/estimation/checkpoint_fields.hpp"
+#include "estimator/exploration/multi_start.hpp"
+
+namespace orbid::apps {
+
+/// What a finished stage of a strategy leaves to a run that goes on from it: what took time. Residuals are made anew
+/// from it and taken through the same changes.
+struct StageCheckpoint {
+    std::string skipped;                        ///< why it was; empty: it ran
+    std::optional<orbits::CycleSearch> search;  ///< of a harvest: all cycles, new ones included
+    Eigen::VectorXd prediction;                 ///< start of a prediction
+    CycleStart cycles;                          ///< start from cycles
+    Eigen::VectorXd best_start;                 ///< of several starts; empty: there was one
+    std::vector<estimator::Optimum> optima;
+    std::vector<estimator::StartedRun> runs;
+    estimator::Estimate estimate;                      ///< as the estimator returned it
+    std::vector<std::vector<ResidualChange>> changes;  ///< per residual
+};
+
+inline void fields(Archive& archive, StageCheckpoint& value) {
+    auto& [skipped, search, prediction, cycles, best_start, optima, runs, estimate, changes] = value;
+    archive(skipped, search, prediction, cycles, best_start, optima, runs, estimate, changes);
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,51 @@
+#pragma once
+
+#include "apps/documents/schema.hpp"
+
+namespace orbid::apps {
+
+/// What a job may hold: every key with its kinds of value, range, default and one sentence. The reader of jobs, `orbid
+/// schema` and docs/job_reference.md all follow it.
+[[nodiscard]] const ValueSchema& job_description();
+
+namespace describe {
+
+// The blocks of a job.
+[[nodiscard]] ValueSchema model_block();
+[[nodiscard]] ValueSchema section_block();
+[[nodiscard]] ValueSchema data_block();
+[[nodiscard]] ValueSchema orbits_block();
+[[nodiscard]] ValueSchema periodic_block();
+[[nodiscard]] ValueSchema estimate_block();
+
+// Parts of several blocks.
+[[nodiscard]] ValueSchema prior();
+[[nodiscard]] ValueSchema residual();
+/// [lower, upper], null = none.
+[[nodiscard]] ValueSchema bounds();
+/// A number of this form, "estimate", or { "estimate": { "start", "prior" } }.
+[[nodiscard]] ValueSchema number_or_estimate(const ValueSchema& number);
+/// One number per coordinate.
+[[nodiscard]] ValueSchema state();
+[[nodiscard]] ValueSchema matrix();
+/// Different names.
+[[nodiscard]] ValueSchema names(std::size_t fewest = 0);
+/// Different numbers of periods.
+[[nodiscard]] ValueSchema periods();
+[[nodiscard]] ValueSchema file_name();
+/// Of a column in a table.
+[[nodiscard]] ValueSchema header();
+[[nodiscard]] ValueSchema sha256();
+[[nodiscard]] ValueSchema seed();
+/// A name that the user gives.
+[[nodiscard]] ValueSchema name();
+
+/// Cycles and measured orbits: longer ones cannot be told from chance recurrences in any series of usable length; also
+/// the rule of CycleSearchOptions::periods.
+inline constexpr double longest_period = 64;
+/// Largest whole number up to which every whole number is a double.
+inline constexpr double largest_exact = 9007199254740992.0;
+
+}  // namespace describe
+
+}  // namespace orbid::apps

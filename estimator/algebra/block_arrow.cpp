@@ -1,0 +1,418 @@
+#include "estimator/algebra/block_arrow.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <Eigen/QR>
+
+#include "estimator/algebra/block_loop.hpp"
+
+namespace orbid::estimator {
+
+namespace {
+
+/// A latent column whose part independent of the columns before it is below this share of it carries rounding only.
+constexpr double dead_share = 1e-13;
+
+/// The same for a column of link rows: some tens of roundings. Not more, for the light rows count as well, whatever the
+/// weight of the links.
+constexpr double dead_share_of_links = 64.0 * 2.220446049250313e-16;
+
+/// The triangle with the dead columns taken out; a unit row in their place keeps it regular and their step zero.
+Eigen::MatrixXd without(const std::vector<bool>& dead, const Eigen::MatrixXd& triangle) {
+    const Eigen::Index rows = triangle.rows();
+    Eigen::MatrixXd extended = Eigen::MatrixXd::Zero(rows + std::count(dead.begin(), dead.end(), true), rows);
+    extended.topRows(rows) = triangle;
+    Eigen::Index extra = rows;
+    for (std::size_t j = 0; j < dead.size(); ++j) {
+        if (!dead[j]) continue;
+        extended.col(static_cast<Eigen::Index>(j)).setZero();
+        extended(extra++, static_cast<Eigen::Index>(j)) = 1.0;
+    }
+    return upper_triangle(extended);
+}
+
+void refuse(std::size_t block, const std::string& what) {
+    throw std::invalid_argument("block " + std::to_string(block) + ": " + what);
+}
+
+bool has_next(const BlockTriangle& block) {
+    return block.link.rows() > 0 && block.next >= 0;
+}
+
+/// Finds the chains, each from its first block (cyclic: from the block of least index).
+void find_chains(BlockArrow& arrow, std::vector<bool>& cyclic) {
+    const std::size_t count = arrow.blocks.size();
+    std::vector<std::ptrdiff_t> before(count, -1);
+    arrow.linked.assign(count, false);
+    for (std::size_t b = 0; b < count; ++b) {
+        const BlockTriangle& block = arrow.blocks[b];
+        if (block.link.rows() == 0) continue;
+        arrow.linked[b] = true;
+        Eigen::Index columns = block.latents + arrow.parameters + 1;
+        if (block.next >= 0) {
+            const auto next = static_cast<std::size_t>(block.next);
+            if (next >= count) refuse(b, "links to block " + std::to_string(next) + " of " + std::to_string(count));
+            if (before[next] >= 0)
+                refuse(b, "links to block " + std::to_string(next) + ", as does block " + std::to_string(before[next]));
+            before[next] = static_cast<std::ptrdiff_t>(b);
+            arrow.linked[next] = true;
+            columns += arrow.blocks[next].latents;
+        }
+        if (block.link.cols() != columns)
+            refuse(b,
+                   "link rows have " + std::to_string(block.link.cols()) + " columns, not " + std::to_string(columns));
+    }
+    std::vector<bool> taken(count, false);
+    for (const bool closed : {false, true}) {
+        for (std::size_t b = 0; b < count; ++b) {
+            if (!arrow.linked[b] || taken[b] || (!closed && before[b] >= 0)) continue;
+            arrow.chains.emplace_back();
+            cyclic.push_back(closed);
+            for (std::size_t i = b; !taken[i]; i = static_cast<std::size_t>(arrow.blocks[i].next)) {
+                taken[i] = true;
+                arrow.chains.back().push_back(i);
+                if (!has_next(arrow.blocks[i])) break;
+            }
+        }
+    }
+}
+
+/// Norms of the columns of link rows that hit the states of each block of a chain, one block after the other.
+Eigen::VectorXd link_norms(const BlockArrow& arrow, const std::vector<std::size_t>& chain) {
+    Eigen::Index states = 0;
+    for (const std::size_t b : chain)
+        states += arrow.blocks[b].latents;
+    Eigen::VectorXd square = Eigen::VectorXd::Zero(states);
+    Eigen::Index at = 0;
+    for (std::size_t i = 0; i < chain.size(); ++i) {
+        const BlockTriangle& block = arrow.blocks[chain[i]];
+        const Eigen::Index following = i + 1 < chain.size() ? at + block.latents : 0;
+        const auto add = [&](Eigen::Index column, Eigen::Index to, Eigen::Index count) {
+            for (Eigen::Index j = 0; j < count; ++j) {
+                const double* values = block.link.data() + (column + j) * block.link.rows();
+                for (Eigen::Index k = 0; k < block.link.rows(); ++k)
+                    square[to + j] += values[k] * values[k];
+            }
+        };
+        add(0, at, block.link.rows() > 0 ? block.latents : 0);
+        if (has_next(block)) add(block.latents, following, arrow.blocks[static_cast<std::size_t>(block.next)].latents);
+        at += block.latents;
+    }
+    return square.cwiseSqrt();
+}
+
+/// Damping metric of a chain's blocks, see BlockTriangle::norm.
+void set_norms(BlockArrow& arrow, const std::vector<std::size_t>& chain, const Eigen::VectorXd& linked) {
+    double own_square = 0.0;
+    double link_square = 0.0;
+    const auto add = [&linked](const BlockTriangle& block, Eigen::Index at, double& own, double& other) {
+        for (Eigen::Index j = 0; j < block.latents; ++j) {
+            if (!(block.norm[j] > 0.0) || !(linked[at + j] > 0.0)) continue;
+            own += block.norm[j] * block.norm[j];
+            other += linked[at + j] * linked[at + j];
+        }
+    };
+    Eigen::Index at = 0;
+    for (const std::size_t b : chain) {
+        BlockTriangle& block = arrow.blocks[b];
+        block.norm = block.triangle.leftCols(block.latents).colwise().norm().transpose();
+        add(block, at, own_square, link_square);
+        at += block.latents;
+    }
+    const double common = link_square > 0.0 ? std::sqrt(own_square / link_square) : 1.0;
+    at = 0;
+    for (const std::size_t b : chain) {
+        BlockTriangle& block = arrow.blocks[b];
+        double own = 0.0;
+        double other = 0.0;
+        add(block, at, own, other);
+        const double ratio = other > 0.0 ? std::sqrt(own / other) : common;
+        for (Eigen::Index j = 0; j < block.latents; ++j) {
+            if (block.norm[j] > 0.0) continue;
+            block.norm[j] = ratio * linked[at + j];
+            if (!(block.norm[j] > 0.0)) block.norm[j] = 1.0;
+        }
+        at += block.latents;
+    }
+}
+
+/// The nodes of a chain, damped by mu; dead states leave the problem.
+std::vector<ChainNode> chain_nodes(const BlockArrow& arrow, std::size_t index, double mu) {
+    const std::vector<std::size_t>& chain = arrow.chains[index];
+    const Eigen::VectorXd& linked = arrow.link_norms[index];
+    std::vector<ChainNode> nodes(chain.size());
+    Eigen::Index at = 0;
+    for (std::size_t i = 0; i < chain.size(); ++i) {
+        const BlockTriangle& block = arrow.blocks[chain[i]];
+        const Eigen::Index l = block.latents;
+        ChainNode& node = nodes[i];
+        node.block = chain[i];
+        node.latents = l;
+        node.own = &block.triangle;
+        if (block.link.rows() > 0) (block.next < 0 ? node.alone : node.link) = &block.link;
+        if (mu > 0.0) node.damping = std::sqrt(mu) * block.norm;
+        node.limit = (dead_share * block.triangle.leftCols(l).colwise().norm().transpose())
+                         .cwiseMax(dead_share_of_links * linked.segment(at, l));
+        if (std::find(block.dead.begin(), block.dead.end(), true) != block.dead.end()) node.dead = &block.dead;
+        at += l;
+    }
+    return nodes;
+}
+
+/// Marks the states that the factorisation found undecided.
+void mark_dead(BlockArrow& arrow, const ChainFactor& factor) {
+    for (const ChainLevel& level : factor.levels) {
+        for (const Elimination& step : level.steps) {
+            for (Eigen::Index k = step.rank; k < step.pivots; ++k) {
+                auto j = static_cast<std::size_t>(level.order[step.first + static_cast<std::size_t>(k)]);
+                auto node = static_cast<std::size_t>(step.node);
+                const auto own = static_cast<std::size_t>(factor.latents[node]);
+                if (j >= own) {
+                    j -= own;
+                    node = static_cast<std::size_t>(step.partner);
+                }
+                arrow.blocks[factor.block[node]].dead[j] = true;
+            }
+        }
+    }
+}
+
+}  // namespace
+
+BlockTriangle block_triangle(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::Index latents) {
+    BlockTriangle block;
+    block.latents = latents;
+    block.norm = rows.leftCols(latents).colwise().norm().transpose();
+    block.dead.assign(static_cast<std::size_t>(latents), false);
+    block.triangle = upper_triangle(rows);
+    bool any_dead = false;
+    for (Eigen::Index j = 0; j < latents; ++j) {
+        if (std::abs(block.triangle(j, j)) > dead_share * block.norm[j]) continue;
+        block.dead[static_cast<std::size_t>(j)] = true;
+        block.norm[j] = 1.0;
+        any_dead = true;
+    }
+    if (!any_dead) return block;
+    Eigen::MatrixXd regular = without(block.dead, block.triangle);
+    block.undecided = std::exchange(block.triangle, std::move(regular));
+    return block;
+}
+
+BlockTriangle linked_block(Eigen::MatrixXd rows, Eigen::Index latents) {
+    BlockTriangle block;
+    block.latents = latents;
+    block.dead.assign(static_cast<std::size_t>(latents), false);
+    block.triangle = rows.rows() > rows.cols() ? upper_triangle(rows) : std::move(rows);
+    return block;
+}
+
+BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters) {
+    BlockArrow arrow;
+    arrow.parameters = parameters;
+    arrow.blocks = std::move(blocks);
+    std::vector<bool> cyclic;
+    find_chains(arrow, cyclic);
+    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
+        BlockTriangle& block = arrow.blocks[b];
+        if (!arrow.linked[b] || block.undecided.size() == 0) continue;
+        block.triangle = std::move(block.undecided);
+        block.undecided.resize(0, 0);
+        block.dead.assign(block.dead.size(), false);
+    }
+    const Eigen::Index width = parameters + 1;
+    Eigen::Index alone = 0;
+    for (std::size_t b = 0; b < arrow.blocks.size(); ++b)
+        if (!arrow.linked[b]) ++alone;
+    if (arrow.blocks.size() == 1 && alone == 1) {
+        arrow.pool = arrow.blocks[0].triangle.bottomRightCorner(width, width);
+    } else {
+        Eigen::MatrixXd stacked(alone * width, width);
+        Eigen::Index row = 0;
+        for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
+            if (arrow.linked[b]) continue;
+            stacked.middleRows(row, width) = arrow.blocks[b].triangle.bottomRightCorner(width, width);
+            row += width;
+        }
+        arrow.pool = upper_triangle(stacked);
+    }
+    for (std::size_t i = 0; i < arrow.chains.size(); ++i) {
+        arrow.link_norms.push_back(link_norms(arrow, arrow.chains[i]));
+        set_norms(arrow, arrow.chains[i], arrow.link_norms[i]);
+        arrow.undamped.push_back(
+            std::make_shared<const ChainFactor>(factorise_chain(chain_nodes(arrow, i, 0.0), cyclic[i], parameters)));
+        mark_dead(arrow, *arrow.undamped.back());
+    }
+    return arrow;
+}
+
+ReducedProblem condense(const BlockArrow& arrow, double mu) {
+    const Eigen::Index width = arrow.parameters + 1;
+    const auto width_of_chains = static_cast<Eigen::Index>(arrow.chains.size()) * width;
+    ReducedProblem reduced_problem;
+    reduced_problem.top.reserve(arrow.blocks.size());
+    Eigen::Index damped_rows = 0;
+    for (std::size_t b = 0; b < arrow.blocks.size() && mu > 0.0; ++b)
+        if (!arrow.linked[b]) damped_rows += arrow.blocks[b].latents;
+    Eigen::MatrixXd stacked(width + damped_rows + width_of_chains, width);
+    stacked.topRows(width) = arrow.pool;
+    Eigen::Index row = width;
+    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
+        const BlockTriangle& block = arrow.blocks[b];
+        const Eigen::Index l = block.latents;
+        if (l == 0 || arrow.linked[b]) {
+            reduced_problem.top.emplace_back(0, l + width);
+        } else if (mu > 0.0) {
+            Eigen::MatrixXd damped = Eigen::MatrixXd::Zero(2 * l, l + width);
+            damped.topRows(l) = block.triangle.topRows(l);
+            damped.bottomLeftCorner(l, l).diagonal() = std::sqrt(mu) * block.norm;
+            const Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(damped);
+            Eigen::MatrixXd factor = qr.matrixQR();
+            factor.triangularView<Eigen::StrictlyLower>().setZero();
+            reduced_problem.top.push_back(factor.topRows(l));
+            stacked.middleRows(row, l) = factor.bottomRightCorner(l, width);
+            row += l;
+        } else {
+            reduced_problem.top.push_back(block.triangle.topRows(l));
+        }
+    }
+    reduced_problem.chains.reserve(arrow.chains.size());
+    for (std::size_t i = 0; i < arrow.chains.size(); ++i) {
+        if (mu > 0.0)
+            reduced_problem.chains.push_back(std::make_shared<const ChainFactor>(
+                factorise_chain(chain_nodes(arrow, i, mu), arrow.undamped[i]->cyclic, arrow.parameters)));
+        else
+            reduced_problem.chains.push_back(arrow.undamped[i]);
+        stacked.middleRows(row, width) = reduced_problem.chains.back()->rest;
+        row += width;
+    }
+    const Eigen::MatrixXd pool = row > width ? upper_triangle(stacked) : arrow.pool;
+    reduced_problem.r = pool.topLeftCorner(arrow.parameters, arrow.parameters);
+    reduced_problem.rhs = pool.topRightCorner(arrow.parameters, 1);
+    reduced_problem.rest = std::abs(pool(arrow.parameters, arrow.parameters));
+    return reduced_problem;
+}
+
+std::vector<Eigen::VectorXd> latent_steps(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
+                                          const Eigen::VectorXd& d) {
+    std::vector<Eigen::VectorXd> steps(arrow.blocks.size());
+    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
+        const Eigen::Index l = arrow.blocks[b].latents;
+        if (l == 0 || arrow.linked[b]) {
+            steps[b].resize(0);
+            continue;
+        }
+        const Eigen::MatrixXd& top = reduced_problem.top[b];
+        steps[b] = -(top.rightCols(1) + top.middleCols(l, arrow.parameters) * d);
+        top.leftCols(l).triangularView<Eigen::Upper>().solveInPlace(steps[b]);
+    }
+    for (const auto& chain : reduced_problem.chains)
+        solve_chain(*chain, d, steps);
+    return steps;
+}
+
+ModelChange model_change(const BlockArrow& arrow, const Eigen::VectorXd& d, const std::vector<Eigen::VectorXd>& d_z) {
+    std::vector<ModelChange> part(pieces_of(arrow.blocks.size()));
+    for_pieces(arrow.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        ModelChange& change = part[piece];
+        Eigen::VectorXd moved;
+        const auto add = [&](const Eigen::MatrixXd& rows, const Eigen::VectorXd& own, const Eigen::VectorXd* next) {
+            moved.setZero(rows.rows());
+            Eigen::Index column = 0;
+            const auto along = [&](const Eigen::VectorXd& x) {
+                for (Eigen::Index j = 0; j < x.size(); ++j, ++column)
+                    for (Eigen::Index k = 0; k < rows.rows(); ++k)
+                        moved[k] += rows(k, column) * x[j];
+            };
+            along(own);
+            if (next != nullptr) along(*next);
+            along(d);
+            for (Eigen::Index k = 0; k < rows.rows(); ++k) {
+                change.linear += moved[k] * rows(k, column);
+                change.quadratic += moved[k] * moved[k];
+            }
+        };
+        for (std::size_t b = begin; b < end; ++b) {
+            const BlockTriangle& block = arrow.blocks[b];
+            add(block.triangle, d_z[b], nullptr);
+            if (block.link.rows() == 0) continue;
+            add(block.link, d_z[b], block.next >= 0 ? &d_z[static_cast<std::size_t>(block.next)] : nullptr);
+        }
+    });
+    ModelChange sum;
+    for (const ModelChange& change : part) {
+        sum.linear += change.linear;
+        sum.quadratic += change.quadratic;
+    }
+    return sum;
+}
+
+double log_abs_determinant(const ReducedProblem& reduced_problem) {
+    double sum = 0.0;
+    for (const Eigen::MatrixXd& top : reduced_problem.top)
+        if (top.rows() > 0) sum += top.diagonal().array().abs().log().sum();
+    for (const auto& chain : reduced_problem.chains)
+        sum += log_abs_determinant(*chain);
+    return sum;
+}
+
+void visit_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
+                      const Eigen::MatrixXd& parameter_covariance, const CovarianceUse& node,
+                      const CovarianceUse& link) {
+    const Eigen::Index r = parameter_covariance.rows();
+    for_pieces(arrow.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t) {
+        Eigen::MatrixXd p;
+        for (std::size_t b = begin; b < end; ++b) {
+            if (arrow.linked[b]) continue;
+            const Eigen::Index l = arrow.blocks[b].latents;
+            const auto r_zz = reduced_problem.top[b].leftCols(l).triangularView<Eigen::Upper>();
+            Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(l, l);
+            r_zz.solveInPlace(inverse);
+            const Eigen::MatrixXd gain = -inverse * reduced_problem.top[b].middleCols(l, r);
+            p.resize(l + r, l + r);
+            const Eigen::MatrixXd across = gain * parameter_covariance;
+            const Eigen::MatrixXd own = inverse * inverse.transpose() + across * gain.transpose();
+            p.topLeftCorner(l, l) = 0.5 * (own + own.transpose());
+            p.topRightCorner(l, r) = across;
+            p.bottomLeftCorner(r, l) = across.transpose();
+            p.bottomRightCorner(r, r) = parameter_covariance;
+            for (Eigen::Index j = 0; j < l; ++j) {
+                if (!arrow.blocks[b].dead[static_cast<std::size_t>(j)]) continue;
+                p.row(j).setZero();
+                p.col(j).setZero();
+            }
+            node(b, p);
+        }
+    });
+    for (const auto& chain : reduced_problem.chains)
+        chain_covariance(*chain, parameter_covariance, node, link);
+}
+
+SelectedCovariance covariance_around(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
+                                     const Eigen::MatrixXd& parameter_covariance) {
+    SelectedCovariance result;
+    result.block.resize(arrow.blocks.size());
+    result.link.resize(arrow.blocks.size());
+    const auto into = [](std::vector<Eigen::MatrixXd>& places) {
+        return
+            [&places](std::size_t b, const Eigen::Ref<const Eigen::MatrixXd>& covariance) { places[b] = covariance; };
+    };
+    visit_covariance(arrow, reduced_problem, parameter_covariance, into(result.block), into(result.link));
+    return result;
+}
+
+Eigen::MatrixXd inverse_square(const Eigen::MatrixXd& triangle) {
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(triangle.rows(), triangle.rows());
+    triangle.triangularView<Eigen::Upper>().solveInPlace(inverse);
+    return inverse * inverse.transpose();
+}
+
+SelectedCovariance selected_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
+                                       const Eigen::MatrixXd& parameter_triangle) {
+    return covariance_around(arrow, reduced_problem, inverse_square(parameter_triangle));
+}
+
+}  // namespace orbid::estimator

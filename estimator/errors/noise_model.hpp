@@ -1,0 +1,118 @@
+#pragma once
+
+#include <complex>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/residual.hpp"
+
+namespace orbid::estimator {
+
+/// One error parameter in its coordinate psi.
+struct ErrorCoordinate {
+    enum class Kind { log, fisher, linear };  ///< psi = ln x, atanh x, x
+    std::string name;                         ///< "scale", "dof", "relative", "correlation", "covariance"
+    Kind kind = Kind::log;
+    bool estimate = true;
+    double start = 0.0;  ///< natural; <= 0 for an estimated scale: start from the residuals
+    Prior prior = FlatPrior{};
+    double lower;  ///< limits in psi: dof >= 1 ... 1e4, relative >= 1e-9, |correlation| <= 1 - 1e-9; else infinite
+    double upper;
+
+    [[nodiscard]] double natural(double psi) const;
+    [[nodiscard]] double at(double natural) const;
+    [[nodiscard]] double slope(double psi) const;  ///< d natural / d psi
+};
+
+/// The errors of one channel, or of several responses with a full covariance: records that need each other.
+///
+/// The errors e of a lognormal law are ln y - ln yhat and its rows a = de/dx = -dyhat/dx / yhat in every function
+/// below: whoever collects the records transforms them. All other laws take e = y - yhat.
+///
+/// Error parameters in their coordinates psi, in this order:
+///     normal, laplace, lognormal  ln s                student_t  ln s, ln dof
+///     relative  ln s, ln relative                     autoregressive  ln s, atanh correlation
+///     joint     the lower triangle of L in V = L L^T, column by column, ln of the diagonal entries
+struct NoiseModel {
+    ErrorDistribution distribution = NormalErrors{};
+    std::vector<int> channels;                 ///< one, or the m responses of a full covariance
+    std::vector<ErrorCoordinate> coordinates;  ///< shape (number of error parameters)
+    Eigen::Index first = 0;                    ///< of its parameters in the psi of the whole estimate
+    double inverse_wishart_dof = 0.0;          ///< see JointCovariance
+    Eigen::MatrixXd inverse_wishart_psi;
+
+    [[nodiscard]] bool joint() const { return channels.size() > 1; }
+    /// Records may be replaced by the triangle of their factorisation: the law sees sums of squares only.
+    [[nodiscard]] bool compressible() const;
+    /// Its records need y: relative errors for the prediction y - e, lognormal ones for ln y.
+    [[nodiscard]] bool needs_observed() const;
+    /// The scale s of the law, or the root of V's diagonal entry. @param psi  of this law alone, shape (coordinates);
+    /// @param channel  index into `channels`.
+    [[nodiscard]] double scale(const Eigen::VectorXd& psi, std::size_t channel) const;
+};
+
+/// The laws of all groups of all residuals, in the order of their first channel; channel numbers count groups through.
+///
+/// A group's floor is the lower limit of its ln s (of ln L_ii in a full covariance). The limits of an estimated
+/// coordinate exclude where its prior is zero. V starts at diag(scale^2).
+/// @throws std::invalid_argument naming the group: dof < 1 or > 1e4, |correlation| >= 1, relative < 1e-9, negative
+///         floor, a fixed scale <= 0, a start where its prior is zero, a group in two covariances or one that does not
+///         exist, a covariance of groups that are not normal, or whose scales are fixed or have priors,
+///         inverse-Wishart with dof <= m - 1 or psi not positive definite, priors that are refused by validate().
+[[nodiscard]] std::vector<NoiseModel> error_laws(const std::vector<Residual*>& residuals);
+
+/// Records of one law in one block: [A | e], records in order (several responses: one response after the other).
+struct LawRecords {
+    Eigen::MatrixXd rows;      ///< shape (rows, columns + 1), the last column is e
+    Eigen::VectorXd observed;  ///< y, shape (count), empty unless the law needs it
+    Eigen::Index count = 0;    ///< records; differs from rows when these are compressed
+};
+
+/// Which second derivative the standardised rows carry.
+///
+/// step: of the objective itself as far as it is positive, for fast steps. expected: the Fisher information, for
+/// uncertainties and for ln|H| of (M9). guarded: as step, but a record of Student's t that lies so far
+/// out that a step would carry it beyond its mirror image counts with its weight g / e, which always descends; for
+/// records that are to vanish rather than to scatter. Equal for normal errors with a fixed covariance.
+enum class Curvature { step, expected, guarded };
+
+/// Rows S with S^T S = second derivative and S_A^T s = gradient of -ln p with respect to the columns of A (s = last
+/// column of S), and the value of -ln p itself (with normalisation, without the prior of psi). That of lognormal errors
+/// is of the density of y where `observed` is given, of ln y otherwise.
+///
+/// Relative errors have two rows per record, the second ones after all first ones: their variance moves with the
+/// prediction. Under Curvature::step the second rows are zero.
+template <class T>
+struct WhitenedRows {
+    Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> rows;
+    T value{};
+};
+
+/// @param psi  all error parameters of the law in their coordinates, shape (coordinates).
+/// Instantiated for double and for std::complex<double>: f(psi + i h) gives derivatives exact to rounding (complex
+/// step), so that no formula is written twice.
+template <class T>
+[[nodiscard]] WhitenedRows<T> whitened_rows(const NoiseModel& law, const LawRecords& records,
+                                            const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi, Curvature curvature);
+
+/// Value of -ln p at `next` minus value at e without the cancellation of two sums, or of two nearly equal squares.
+/// @param e, next  errors of the law's records before and after, shape (records).
+[[nodiscard]] double value_change(const NoiseModel& law, const Eigen::VectorXd& e, const Eigen::VectorXd& next,
+                                  const Eigen::VectorXd& observed, const Eigen::VectorXd& psi);
+
+/// Errors divided by what the law expects of them: independent, mean 0 and sd 1 when the law is right (for
+/// diagnostics).
+///
+/// Student_t and laplace: normal score Phi^-1(F(e)), at most 37.5 in size. Autoregressive: innovations. Joint: L^-1 e,
+/// in which response i is given responses 0 ... i - 1. Shape (records).
+[[nodiscard]] Eigen::VectorXd standard_errors(const NoiseModel& law, const Eigen::VectorXd& e,
+                                              const Eigen::VectorXd& observed, const Eigen::VectorXd& psi);
+
+/// -ln prior density of the law's estimated parameters in the coordinates psi (flat: no term; inverse-Wishart in V).
+template <class T>
+[[nodiscard]] T prior_term(const NoiseModel& law, const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi);
+
+}  // namespace orbid::estimator

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "orbits/cycles/cycle.hpp"
+#include "orbits/local_maps/cycle_multiplier.hpp"
+#include "orbits/sections/neighbour_index.hpp"
+#include "orbits/sections/section_points.hpp"
+
+namespace orbid::orbits {
+
+/// A closed orbit of a map fitted to the data, in the scaled units of SectionPoints, before it is published.
+struct CycleCandidate {
+    Eigen::MatrixXd points;      ///< shape (n, p), wrapped
+    Eigen::MatrixXd covariance;  ///< shape (n p, n p), coordinate fastest
+    CycleMultipliers multipliers;
+    Eigen::MatrixXd ln_multiplier_covariance;                   ///< shape (n, n)
+    double time = std::numeric_limits<double>::quiet_NaN();     ///< [s]
+    double time_sd = std::numeric_limits<double>::quiet_NaN();  ///< [s]
+    std::size_t recurrences = 0;
+    Eigen::VectorXd advance;  ///< turns per cycle, one per angle coordinate; empty: the data do not tell
+    std::vector<std::string> quality;
+    /// Solutions of one map for the whole section are the same only within this distance (scaled units), mirror images
+    /// included; empty: their sds tell.
+    std::optional<double> same_within;
+
+    /// Largest standard deviation of a coordinate of a point.
+    [[nodiscard]] double largest_sd() const;
+};
+
+/// Largest coordinate of a(j) - b(j + shift) over all j, b mirrored or not. Shapes (n, p), scaled units.
+[[nodiscard]] double cycle_distance(const SectionPoints& section, const Eigen::MatrixXd& a, const Eigen::MatrixXd& b,
+                                    Eigen::Index shift, bool mirrored);
+
+/// All points lie within `tolerance` of each other, whatever the point that comes first, mirrored or not.
+[[nodiscard]] bool same_cycle(const SectionPoints& section, const Eigen::MatrixXd& a, const Eigen::MatrixXd& b,
+                              double tolerance);
+
+/// The points do not repeat (within `tolerance`) before the last.
+[[nodiscard]] bool is_prime(const SectionPoints& section, const Eigen::MatrixXd& points, double tolerance);
+
+/// Two cycles with these largest sds are one when they lie within this distance: 6 sds, at least 1e-6 (starts of one
+/// cycle end within 1e-7 of each other on clean data), never more than `limit`.
+[[nodiscard]] double same_cycle_tolerance(double sd_a, double sd_b, double limit);
+
+/// One draft per cycle (and mirror pair): the first with most recurrences; recurrences add up. The result is in the
+/// order of descending recurrences and does not depend on the number of threads.
+[[nodiscard]] std::vector<CycleCandidate> merged(
+    const SectionPoints& section, std::vector<CycleCandidate> drafts,
+    const std::function<double(const CycleCandidate&, const CycleCandidate&)>& tolerance_of);
+
+/// Turns per cycle from those of the nearest points of the series, one per angle coordinate; empty when the series does
+/// not tell turns.
+[[nodiscard]] Eigen::VectorXd count_turns(const SectionPoints& section, const NeighbourIndex& grid,
+                                          const Eigen::MatrixXd& points);
+
+/// Mirror partners, and starts of one cycle, lie no farther apart than this part of a box before they count as one.
+inline constexpr double merging_boxes = 0.3;
+
+/// Appends a draft and, with a symmetry, its partner. A cycle within `tolerance` of its own mirror image becomes its
+/// own partner: halves averaged, variances doubled.
+void publish(const SectionPoints& section, const CycleCandidate& draft, double tolerance, std::vector<Cycle>& cycles);
+
+}  // namespace orbid::orbits

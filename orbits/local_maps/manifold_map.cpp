@@ -1,0 +1,309 @@
+#include "orbits/local_maps/manifold_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+
+#include "orbits/local_maps/local_polynomial.hpp"
+#include "orbits/local_maps/monomials.hpp"
+
+namespace orbid::orbits {
+
+namespace {
+
+// A direction is one along the sheet when the neighbours' variance there is so many times that of the readings. What is
+// left across is noise (one times), what is less spread has no direction yet.
+constexpr double spread_variance = 4.0;
+
+// Mean square across the sheet, in reading errors, that is still noise: they are known to 10 % or so, and the sheet may
+// have a thickness of 0.7 of them.
+constexpr double noise_only = 1.5;
+
+// Places looked at for the dimension of the sheet, and the share of them that must agree: on the curves of Lorenz and
+// Roessler at 1 % noise 91 to 97 % do, on Henon's set at 0.01, 0.1 and 0.5 % at most 63 %.
+constexpr std::size_t places = 200;
+constexpr double agreeing = 0.85;
+constexpr std::size_t part = 40;
+
+// Fewest and most neighbours tried; each size is half as large again as the one before. Readings of a dense record blur
+// a place over hundreds of points.
+constexpr std::size_t least_neighbours = 16;
+constexpr std::size_t most_neighbours = 8192;
+
+// An image this far (in turns or ranges) from the nearest neighbour's belongs to another piece of the map.
+constexpr double torn = 0.25;
+
+// Fits of one order and growing neighbourhoods are used as long as the intervals of so many sds about their values have
+// a point in common (intersection of confidence intervals: Goldenshluger and Nemirovski 1997): truncation, which
+// residuals hide under the noise, then stays within the sds.
+constexpr double agreement = 2.0;
+
+// Reading errors (sds) within which a place is blurred.
+constexpr double blurred = 3.0;
+
+// The weights of a fit vanish a little beyond the farthest neighbour.
+constexpr double radius_margin = 1.05;
+
+}  // namespace
+
+ManifoldMapFits::ManifoldMapFits(const SectionPoints& points, const NeighbourIndex& grid, Eigen::MatrixXd reading_error)
+    : points_(&points), grid_(&grid), error_(std::move(reading_error)) {
+    whitening_ = error_.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(error_.rows(), error_.cols()));
+}
+
+// Neighbours of a place, nearest first, and what they are mapped to.
+struct ManifoldMapFits::Support {
+    Eigen::VectorXd centre;          // wrapped
+    Eigen::VectorXd reference;       // images are differences to it
+    Eigen::MatrixXd z;               // shape (k, n), in reading errors
+    Eigen::MatrixXd values;          // shape (k, n + 1): images, scaled units, and return times
+    std::vector<Eigen::Index> kept;  // of the first i + 1 neighbours so many do not tear away
+};
+
+ManifoldMapFits::Support ManifoldMapFits::gather(const Eigen::VectorXd& place, std::size_t neighbours) const {
+    const SectionPoints& points = *points_;
+    const Eigen::Index n = points.dimension();
+    Support support;
+    support.centre = points.wrapped(place);
+    support.reference = Eigen::VectorXd::Zero(n);
+    const std::vector<Neighbour> members = grid_->nearest(support.centre, neighbours);
+    support.z.resize(static_cast<Eigen::Index>(members.size()), n);
+    support.values = Eigen::MatrixXd::Zero(support.z.rows(), n + 1);
+    Eigen::VectorXd offset(n);
+    Eigen::Index kept = 0;
+    for (const Neighbour& member : members) {
+        bool whole = true;
+        for (Eigen::Index d = 0; d < n; ++d) {
+            const double sign = member.mirrored ? points.signs()[d] : 1.0;
+            const double image = sign * points.point(member.index + 1)[d];
+            if (kept == 0) support.reference[d] = image;
+            offset[d] = points.difference(sign * points.point(member.index)[d], support.centre[d], d);
+            support.values(kept, d) = points.difference(image, support.reference[d], d);
+            whole = whole && std::abs(support.values(kept, d)) < torn;
+        }
+        if (whole) {  // the other piece may begin anywhere around, not only beyond the farthest
+            if (points.timed()) support.values(kept, n) = points.return_time(member.index);
+            support.z.row(kept++) = (whitening_ * offset).transpose();
+        }
+        support.kept.push_back(kept);
+    }
+    return support;
+}
+
+ManifoldMap ManifoldMapFits::fit(const Eigen::VectorXd& place, int order, std::size_t neighbours) const {
+    return fit(gather(place, neighbours), order, neighbours, true);
+}
+
+ManifoldMap ManifoldMapFits::fit(const Support& support, int order, std::size_t neighbours, bool backwards) const {
+    const SectionPoints& points = *points_;
+    const Eigen::Index n = points.dimension();
+    ManifoldMap map;
+    map.centre = support.centre;
+    map.order = order;
+    map.neighbours = neighbours;
+    if (neighbours == 0 || neighbours > support.kept.size()) return map;
+    const Eigen::Index kept = support.kept[neighbours - 1];
+    if (2 * kept < static_cast<Eigen::Index>(neighbours)) return map;
+    const auto z = support.z.topRows(kept);
+    const auto values = support.values.topRows(kept);
+
+    const Eigen::RowVectorXd mean = z.colwise().mean();
+    const Eigen::MatrixXd centred = z.rowwise() - mean;
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(centred.transpose() * centred /
+                                                                static_cast<double>(kept));
+    Eigen::Index k = 0;
+    while (k < n && solver.eigenvalues()[n - 1 - k] > spread_variance)
+        ++k;
+    if (k == 0) return map;
+    const Eigen::MatrixXd directions = solver.eigenvectors().rowwise().reverse();
+    const Eigen::MatrixXd along = directions.leftCols(k);
+    const Eigen::MatrixXd t = z * along;
+    const double radius = radius_margin * std::sqrt(t.rowwise().squaredNorm().maxCoeff());
+    Eigen::MatrixXd all(kept, n + 1 + n - k);
+    all << values, z * directions.rightCols(n - k);
+    const LocalPolynomial found = fit_local_polynomial(t, all, radius, order, 1.0);  // errors of t: 1
+    if (!found.usable) return map;
+    map.offset = found.value.head(n);
+    map.value = points.wrapped(support.reference + map.offset);
+    map.slope = found.slope.topRows(n);
+    map.along = along.transpose() * whitening_;
+    map.tangent = error_ * along;
+    map.time = found.value[n];
+    map.time_slope = found.slope.row(n).transpose();
+    map.image_covariance = found.residual.topLeftCorner(n + 1, n + 1);
+    // At least what the reading errors make of it: residuals of few neighbours may be small by luck.
+    const Eigen::MatrixXd expected = error_ * error_.transpose() + map.slope * map.slope.transpose();
+    for (Eigen::Index d = 0; d < n; ++d)
+        map.image_covariance(d, d) = std::max(map.image_covariance(d, d), expected(d, d));
+    map.covariance = found.leverage * map.image_covariance;
+    map.slope_leverage = found.slope_leverage;
+    // The errors along the sheet enter what is left across it through its slope.
+    for (Eigen::Index d = 0; d < n - k; ++d)
+        map.thickness = std::max(
+            map.thickness, found.residual(n + 1 + d, n + 1 + d) / (1.0 + found.slope.row(n + 1 + d).squaredNorm()));
+    const Eigen::MatrixXd images = values.leftCols(n);
+    const double spread = (images.rowwise() - images.colwise().mean()).squaredNorm() / static_cast<double>(kept);
+    map.unexplained = spread > 0.0 ? std::sqrt(map.image_covariance.topLeftCorner(n, n).trace() / spread) : 1.0;
+    map.significance = (1.0 / (map.unexplained * map.unexplained) - 1.0) * static_cast<double>(kept) /
+                       static_cast<double>(coefficient_count(k, order));
+    const double below = (t.col(0).array() < 0.0).cast<double>().mean();
+    map.beside = std::min(below, 1.0 - below);
+    map.usable = true;
+    if (k == 1 && backwards) read_backwards(map, t, values, order);
+    return map;
+}
+
+void ManifoldMapFits::read_backwards(ManifoldMap& map, const Eigen::MatrixXd& t, const Eigen::MatrixXd& values,
+                                     int order) const {
+    const Eigen::Index n = points_->dimension();
+    Eigen::VectorXd direction = whitening_ * map.slope;
+    const double stretch = direction.norm();
+    const double reach = t.cwiseAbs().maxCoeff() - blurred;
+    if (!(stretch > 1.0) || !(reach > 1.0)) return;
+    direction /= stretch;
+    const Eigen::VectorXd all = values.leftCols(n) * (whitening_.transpose() * direction);
+    // The window in the image must hold no image of a place beyond the neighbours, errors included.
+    const double radius = stretch * reach;
+    const double start = direction.dot(whitening_ * map.offset);
+    double origin = start;
+    for (int round = 0; round < 4; ++round) {
+        std::vector<Eigen::Index> within;
+        for (Eigen::Index i = 0; i < all.size(); ++i)
+            if (std::abs(all[i] - origin) < radius) within.push_back(i);
+        const auto count = static_cast<Eigen::Index>(within.size());
+        Eigen::MatrixXd u(count, 1), pair(count, 2);
+        Eigen::Index below = 0;
+        for (Eigen::Index i = 0; i < count; ++i) {
+            const Eigen::Index at = within[static_cast<std::size_t>(i)];
+            u(i, 0) = all[at] - origin;
+            pair(i, 0) = t(at, 0);
+            pair(i, 1) = values(at, n);
+            below += u(i, 0) < 0.0 ? 1 : 0;
+        }
+        const LocalPolynomial found = fit_local_polynomial(u, pair, radius, order, 1.0);
+        if (!found.usable || !(found.slope(0, 0) > 0.0)) {
+            map.usable = false;
+            return;
+        }
+        // Where points grow denser an image read here comes rather from there (Tweedie's formula).
+        const double denser = u.mean() / (u.squaredNorm() / static_cast<double>(count));
+        const double slope = found.slope(0, 0), time_slope = found.slope(1, 0);
+        const double step = -(found.value[0] - denser * slope) / slope;
+        if (round < 3) {
+            origin += std::clamp(step, -0.5 * radius, 0.5 * radius);
+            continue;
+        }
+        const Eigen::VectorXd unit = error_ * direction;
+        Eigen::MatrixXd across = Eigen::MatrixXd::Identity(n, n) - unit * direction.transpose() * whitening_;
+        const Eigen::MatrixXd covariance = across * map.covariance.topLeftCorner(n, n) * across.transpose();
+        map.value = points_->wrapped(map.value + unit * (origin + step - start));
+        map.slope = unit / slope;
+        map.time = found.value[1] - denser * time_slope + time_slope * step;
+        map.time_slope[0] = time_slope / slope;
+        // An error of t at the image moves the image back by its multiple.
+        Eigen::MatrixXd moved(n + 1, 2);
+        moved << -unit / slope, Eigen::VectorXd::Zero(n), -time_slope / slope, 1.0;
+        map.covariance = found.leverage * moved * found.residual * moved.transpose();
+        map.covariance.topLeftCorner(n, n) += covariance;
+        map.image_covariance.topLeftCorner(n, n) = unit * unit.transpose() * (found.residual(0, 0) / (slope * slope));
+        map.slope_leverage[0] = found.slope_leverage[0] / (slope * slope);
+        const double share = static_cast<double>(below) / static_cast<double>(count);
+        map.beside = std::min(share, 1.0 - share);
+    }
+}
+
+ManifoldMap ManifoldMapFits::best(const Eigen::VectorXd& place) const {
+    const Eigen::Index n = points_->dimension();
+    const std::size_t most = std::min(most_neighbours, points_->image_count() / 4);
+    const Support support = gather(place, most);
+    // Fits of as few dimensions as there are win: where the sheet is folded within the errors there are only others.
+    const auto better = [n](const ManifoldMap& a, const ManifoldMap& b) {
+        if (!b.usable || a.sheet_dimension() != b.sheet_dimension())
+            return !b.usable || a.sheet_dimension() < b.sheet_dimension();
+        return a.covariance.topLeftCorner(n, n).trace() < b.covariance.topLeftCorner(n, n).trace();
+    };
+    ManifoldMap best, second;
+    for (const int order : {2, 3}) {  // a linear fit knows no curvature to take the smearing away
+        Eigen::VectorXd low = Eigen::VectorXd::Constant(n + 1, -std::numeric_limits<double>::infinity());
+        Eigen::VectorXd high = -low;
+        Eigen::VectorXd first;
+        for (std::size_t k = least_neighbours; k <= most; k += k / 2) {
+            ManifoldMap map = fit(support, order, k, true);
+            if (!map.usable || !(map.thickness <= noise_only)) continue;
+            if (first.size() == 0) first = map.value;
+            Eigen::VectorXd value(n + 1);
+            value.head(n) = points_->difference(map.value, first);
+            value[n] = map.time;
+            const Eigen::VectorXd sd = map.covariance.diagonal().cwiseSqrt();
+            low = low.cwiseMax(value - agreement * sd);
+            high = high.cwiseMin(value + agreement * sd);
+            if (!((high - low).array() >= 0.0).all()) break;
+            if (better(map, best)) {
+                second = std::move(best);
+                best = std::move(map);
+            } else if (better(map, second)) {
+                second = std::move(map);
+            }
+        }
+    }
+    if (best.usable && second.usable && best.sheet_dimension() == second.sheet_dimension()) {
+        Eigen::VectorXd difference(n + 1);
+        difference.head(n) = points_->difference(second.value, best.value);
+        difference[n] = second.time - best.time;
+        best.covariance += difference * difference.transpose();
+    }
+    return best;
+}
+
+Eigen::Index ManifoldMapFits::sheet_dimension_at(const Eigen::VectorXd& place) const {
+    const Eigen::Index n = points_->dimension();
+    const std::size_t most = std::min(most_neighbours, points_->image_count() / 4);
+    const Support support = gather(place, most);
+    Eigen::Index least = n;
+    for (const int order : {2, 3})
+        for (std::size_t k = least_neighbours; k <= most; k += k / 2) {
+            const ManifoldMap map = fit(support, order, k, false);
+            if (map.usable && map.thickness <= noise_only) least = std::min(least, map.sheet_dimension());
+        }
+    return least;
+}
+
+Eigen::Index ManifoldMapFits::sheet_dimension() const {
+    const Eigen::Index n = points_->dimension();
+    const std::size_t stride = std::max<std::size_t>(1, points_->size() / places);
+    std::vector<std::size_t> looked;
+    for (std::size_t i = 0; i < points_->size(); i += stride)
+        if (points_->has_image(i)) looked.push_back(i);
+    std::vector<std::size_t> counts(static_cast<std::size_t>(n) + 1, 0);
+    std::size_t without = 0;  // places without a sheet
+    const auto most_without = static_cast<std::size_t>((1.0 - agreeing) * static_cast<double>(looked.size()));
+    // In parts, each side by side: most sections are no sheets and show it soon.
+    for (std::size_t start = 0; start < looked.size(); start += part) {
+        std::vector<Eigen::Index> found(std::min(part, looked.size() - start), n);
+        tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t i) {
+            found[i] = sheet_dimension_at(Eigen::Map<const Eigen::VectorXd>(points_->point(looked[start + i]), n));
+        });
+        for (const Eigen::Index k : found) {
+            ++counts[static_cast<std::size_t>(k)];
+            without += k == n ? 1 : 0;
+        }
+        if (without > most_without) return n;
+    }
+    const auto enough = static_cast<std::size_t>(agreeing * static_cast<double>(looked.size()));
+    std::size_t sum = 0;
+    for (Eigen::Index k = 1; k < n; ++k) {
+        sum += counts[static_cast<std::size_t>(k)];
+        if (sum > enough) return k;
+    }
+    return n;
+}
+
+}  // namespace orbid::orbits

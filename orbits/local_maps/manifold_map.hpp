@@ -1,0 +1,81 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "orbits/sections/neighbour_index.hpp"
+#include "orbits/sections/section_points.hpp"
+
+namespace orbid::orbits {
+
+/// The map near a place of a section whose points lie on a sheet of fewer dimensions within their errors.
+///
+/// In units of the reading errors, z = L^-1 (x - centre), the neighbours of the place spread along the k principal
+/// directions U and are noise across them; t = U' z. Images and return times are polynomials of t, freed
+/// of the smearing by the errors of t to second order (fit_local_polynomial). What lies across
+/// has no influence: it is read as noise, and the projection takes the noise of that direction away.
+struct ManifoldMap {
+    Eigen::VectorXd centre;      ///< shape (n), scaled units
+    Eigen::VectorXd value;       ///< F(centre), shape (n), wrapped
+    Eigen::VectorXd offset;      ///< of the images from that of the nearest neighbour, shape (n)
+    Eigen::MatrixXd slope;       ///< dF/dt, shape (n, k)
+    Eigen::MatrixXd along;       ///< dt/dx = U' L^-1, shape (k, n)
+    Eigen::MatrixXd tangent;     ///< dx/dt = L U, shape (n, k)
+    double time = 0.0;           ///< [s] return time at the centre; 0 without times
+    Eigen::VectorXd time_slope;  ///< d time / dt, shape (k)
+    /// Covariance of the errors of (value, time), shape (n + 1, n + 1), and variances of the columns of `slope` for
+    /// unit variance of an image's coordinate.
+    Eigen::MatrixXd covariance;
+    Eigen::VectorXd slope_leverage;    ///< shape (k)
+    Eigen::MatrixXd image_covariance;  ///< of what the fit leaves over of (image, time), shape (n + 1, n + 1)
+    double unexplained = 1.0;          ///< rms of what is left over of the images over their spread
+    double thickness = 0.0;            ///< mean square across the sheet in units of the reading errors: 1 = noise only
+    double significance = 0.0;         ///< explained over unexplained mean squares of the images (an F statistic)
+    double beside = 0.0;               ///< least share of the neighbours on one side of the place along the sheet
+    int order = 0;
+    std::size_t neighbours = 0;
+    bool usable = false;
+
+    [[nodiscard]] Eigen::Index sheet_dimension() const { return slope.cols(); }
+    [[nodiscard]] Eigen::MatrixXd jacobian() const { return slope * along; }  ///< shape (n, n), rank k
+};
+
+/// Fits of the map along a sheet.
+class ManifoldMapFits {
+public:
+    /// @param reading_error  L, shape (n, n), lower triangular, scaled units: L L' is the covariance of a point's
+    /// errors.
+    ManifoldMapFits(const SectionPoints& points, const NeighbourIndex& grid, Eigen::MatrixXd reading_error);
+
+    /// With these neighbours and order 2 or 3. usable = false: too few neighbours whose images do not tear apart, or no
+    /// direction in which they spread beyond twice the reading errors.
+    [[nodiscard]] ManifoldMap fit(const Eigen::VectorXd& place, int order, std::size_t neighbours) const;
+
+    /// With the order and neighbours of the smallest rms of residuals times root of the leverage; the square of the
+    /// difference to the second-best value is part of the covariance.
+    [[nodiscard]] ManifoldMap best(const Eigen::VectorXd& place) const;
+
+    [[nodiscard]] const SectionPoints& points() const { return *points_; }
+
+    /// Dimension of the sheet that the points lie on within their errors: at 85 % of the places the neighbours spread
+    /// along so many directions and what is left across is noise. The points' own dimension when there is no sheet.
+    [[nodiscard]] Eigen::Index sheet_dimension() const;
+
+private:
+    struct Support;
+    [[nodiscard]] Support gather(const Eigen::VectorXd& place, std::size_t neighbours) const;
+    [[nodiscard]] ManifoldMap fit(const Support& support, int order, std::size_t neighbours, bool backwards) const;
+
+    [[nodiscard]] Eigen::Index sheet_dimension_at(const Eigen::VectorXd& place) const;
+    // Of an expanding one-dimensional map: the place as a function of the image.
+    void read_backwards(ManifoldMap& map, const Eigen::MatrixXd& t, const Eigen::MatrixXd& values, int order) const;
+
+    const SectionPoints* points_;
+    const NeighbourIndex* grid_;
+    Eigen::MatrixXd error_;      ///< L
+    Eigen::MatrixXd whitening_;  ///< its inverse
+};
+
+}  // namespace orbid::orbits

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/SparseCore>
+
+#include "orbits/sections/section_points.hpp"
+
+namespace orbid::orbits {
+
+/// The patches that are not zero at a place, with their values and derivatives there.
+struct SplineSupport {
+    bool inside = false;                   ///< every patch that reaches here has data
+    std::vector<std::int32_t> patch;       ///< numbers of the patches, 4^n of them
+    std::vector<char> mirrored;            ///< the coefficients of this patch are those of its mirror image
+    Eigen::VectorXd value;                 ///< shape (4^n)
+    Eigen::MatrixXd slope;                 ///< shape (n, 4^n) [1 / scaled unit]; empty unless asked for
+    std::vector<Eigen::MatrixXd> bending;  ///< second derivatives, shape (n, n) each; empty unless asked for
+};
+
+/// Overlapping polynomial patches on a regular grid over the section: products of cubic B-splines, each four spacings
+/// wide, twice continuously differentiable, around the circle in angles. They sum to one, and hold cubic polynomials.
+///
+/// Only patches over data exist. With a symmetry the grid is its own mirror image and a patch shares its coefficients
+/// with its image, so that a map made of them is exactly symmetric: F(S x) = S F(x).
+class SplineBasis {
+public:
+    /// @param places   shape (n, m), scaled units: where data are; nan columns are left out.
+    /// @param spacing  > 0, scaled units; shrunk so that whole numbers fit around a turn.
+    SplineBasis(const SectionPoints& section, const Eigen::MatrixXd& places, double spacing);
+
+    [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(spacing_.size()); }
+    [[nodiscard]] Eigen::Index patches() const { return patches_; }  ///< mirror images not counted
+    /// One patch has this number for each of its coefficients: patch * n + coordinate; -1: zero by symmetry.
+    [[nodiscard]] Eigen::Index unknowns() const { return patches_ * dimension(); }
+    [[nodiscard]] const std::vector<char>& fixed() const { return fixed_; }  ///< unknowns that are zero by symmetry
+    [[nodiscard]] double spacing(Eigen::Index d) const { return spacing_[static_cast<std::size_t>(d)]; }
+
+    /// @param derivatives  0, 1 or 2: as far as they are needed.
+    void support(const double* place, int derivatives, SplineSupport& result) const;
+
+    /// Number of the box of `width` x ... cells that a place lies in; -1 outside.
+    [[nodiscard]] std::int64_t region(const double* place, std::int64_t width) const;
+
+    /// Third differences of the coefficients of coordinate d on the grid, along and across its axes: a row each, over
+    /// the unknowns. Quadratic polynomials have none, so |rows c|^2 measures the roughness of a map.
+    /// @param region  receives for every row the number of the region that it lies in, boxes of `width` patches.
+    [[nodiscard]] Eigen::SparseMatrix<double, Eigen::RowMajor> third_differences(
+        Eigen::Index d, std::int64_t width, std::vector<std::int64_t>& region) const;
+
+private:
+    struct Axis {
+        double origin = 0.0;
+        std::int64_t cells = 1;
+        std::int64_t functions = 1;
+        bool circle = false;
+    };
+
+    [[nodiscard]] bool locate(const double* place, std::array<std::int64_t, 4>& cell, std::array<double, 4>& u) const;
+    [[nodiscard]] std::int64_t function_of(std::size_t d, std::int64_t cell_offset) const;
+    [[nodiscard]] std::int64_t mirrored_function(std::int64_t raw) const;
+
+    const SectionPoints* section_;
+    std::vector<double> spacing_;
+    std::vector<Axis> axes_;
+    std::vector<std::int32_t> number_;  ///< of a function on the grid; -1: no data
+    std::vector<char> flipped_;         ///< of a function on the grid: shares the coefficients of its mirror image
+    std::vector<char> fixed_;
+    Eigen::Index patches_ = 0;
+};
+
+}  // namespace orbid::orbits

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "orbits/sections/section_points.hpp"
+#include "orbits/spline_map/reading_smoother.hpp"
+#include "orbits/spline_map/section_lift.hpp"
+#include "orbits/spline_map/spline_map.hpp"
+#include "orbits/spline_map/spline_model_error.hpp"
+
+namespace orbid::orbits {
+
+/// How a pass over the series went.
+struct PatchMapPass {
+    double model_share = 0.0;  ///< Q = model_share^2 S
+    double chi2 = 0.0;         ///< of the residuals per degree of freedom
+    double freedom = 0.0;      ///< effective number of coefficients
+    double state_sd = 0.0;     ///< rms of what remains of a reading error relative to the error itself
+    double step = 0.0;         ///< largest change of a coefficient
+    std::size_t gated = 0;     ///< steps that were kept from pulling
+};
+
+/// A patch map fitted to a series with errors in both of its sides.
+struct SplineMapFit {
+    SplineMapFit(SplineMap empty, const Eigen::VectorXd& smallest) : map(std::move(empty)), model_error(smallest) {}
+
+    SplineMap map;
+    /// K with Cov(coefficients) = K' K, row-major, shape (unknowns, unknowns), lower triangular.
+    std::vector<double> root;
+    PatchModelError model_error;
+    Eigen::MatrixXd states;              ///< smoothed points, shape (n, points); nan where nothing was read
+    double model_share = 0.0;            ///< Q = model_share^2 S
+    double chi2 = 0.0;                   ///< of the residuals per degree of freedom
+    double freedom = 0.0;                ///< effective number of coefficients
+    double state_sd = 0.0;               ///< rms of what remains of a reading error relative to the error itself
+    std::size_t gated = 0;               ///< steps that were kept from pulling
+    double unexplained = 1.0;            ///< share of the images' variance that a map of the readings leaves over
+    std::vector<SmallMatrix> remaining;  ///< covariance of what is not known of the reading error of a point
+    std::vector<PatchMapPass> passes;
+    bool usable = false;
+};
+
+struct SplineMapFitOptions {
+    double spacing = 0.05;
+    int passes = 6;
+    double first_share = 0.8;
+    double last_share = 0.1;
+    double gate = 25.0;
+    double largest_unexplained = 0.25;
+};
+
+/// @param reading_covariance  S, shape (n, n), scaled units.
+[[nodiscard]] SplineMapFit fit_spline_map(const SectionPoints& section, const SectionLift& lift,
+                                          const Eigen::MatrixXd& reading_covariance, const SplineMapFitOptions& options,
+                                          const SplineMapFit* coarser = nullptr);
+
+}  // namespace orbid::orbits

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstddef>
+#include <unordered_map>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "orbits/spline_map/reading_smoother.hpp"
+#include "orbits/spline_map/spline_basis.hpp"
+
+namespace orbid::orbits {
+
+/// What patches cannot follow (kinks, folds narrower than a patch): a variance per coordinate and region, from what the
+/// residuals leave over beyond the reading errors.
+class PatchModelError {
+public:
+    /// @param smallest  shape (n): variances never fall below, scaled units.
+    explicit PatchModelError(Eigen::VectorXd smallest);
+
+    /// Variances of a region, shape (n).
+    [[nodiscard]] const Eigen::VectorXd& variance(const SplineBasis& basis, const double* place) const;
+
+    /// One step towards the most likely variances:  q2 <- q2 sum u^2 / sum (V^-1)_tt, with u = V^-1 r, as long as the
+    /// excess is beyond two standard errors: else the variance falls to the smallest. Steps where u = 0 do not count.
+    ///
+    /// @param places    shape (n, steps).
+    /// @param weighted  u, shape (n, steps).
+    void update(const SplineBasis& basis, const Eigen::MatrixXd& places, const Eigen::MatrixXd& weighted,
+                const ReadingSmoother& smoother);
+
+private:
+    Eigen::VectorXd smallest_;
+    std::unordered_map<std::int64_t, Eigen::VectorXd> variance_;
+};
+
+}  // namespace orbid::orbits

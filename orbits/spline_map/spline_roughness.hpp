@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/SparseCore>
+
+#include "orbits/spline_map/spline_basis.hpp"
+
+namespace orbid::orbits {
+
+/// How rough one coordinate of a patch map may be: a normal prior on the third differences of its coefficients,
+///
+///     -ln prior = 1/2 c' P c,    P = sum over differences of weight(region) row' row
+///
+/// with one weight per region of the section, found from the data. Where the map folds the weight is small, where it is
+/// plain the neighbours' data are shared; the covariance of the coefficients then holds what the patches do not
+/// resolve, too. Quadratic maps are not rough at all.
+class SplineRoughness {
+public:
+    /// @param d  the coordinate, of the image.
+    SplineRoughness(const SplineBasis& basis, Eigen::Index d);
+
+    void set_weight(double weight) { weight_.assign(weight_.size(), weight); }
+    void scale_weight(double factor);
+    /// P added to a dense row-major matrix over the unknowns.
+    void add_to(std::vector<double>& matrix) const;
+    /// P c.
+    [[nodiscard]] Eigen::VectorXd times(const Eigen::VectorXd& c) const;
+    /// The weights that make the data most likely, one step towards: the mean square of a region's differences is what
+    /// was found plus what is not known of them.
+    ///
+    /// @param root      K of the covariance K' K variance of c, from the present weights (relative to `variance`).
+    /// @return effective number of coefficients.
+    /// Source: Fellner (1986) and Schall (1991), for variances of random effects; the total of a region's independent
+    /// differences is shared evenly.
+    double reweigh(const std::vector<double>& root, const Eigen::VectorXd& c, double variance);
+
+private:
+    Eigen::SparseMatrix<double, Eigen::RowMajor> rows_;
+    std::vector<std::size_t> region_;  ///< of every row
+    std::vector<double> rank_;         ///< differences of a region that are independent
+    std::vector<double> weight_;       ///< of a region
+};
+
+}  // namespace orbid::orbits

@@ -1,0 +1,81 @@
+#include "periodic/orbit/winding_number.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace orbid::periodic {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr double full_turn = 2.0 * std::numbers::pi;
+
+/// A coordinate smaller than this share of the others is a zero that was rounded: its size says nothing.
+constexpr double rounded_zero = 1e-12;
+
+}  // namespace
+
+std::vector<Index> angle_coordinates(const models::System& system) {
+    std::vector<Index> angles;
+    for (Index i = 0; i < system.dimension(); ++i)
+        if (system.coordinates()[static_cast<std::size_t>(i)].angle) angles.push_back(i);
+    return angles;
+}
+
+VectorXd default_scale(const models::System& system, const MatrixXd& guess) {
+    VectorXd scale = guess.cwiseAbs().rowwise().maxCoeff();
+    // Or of one unit: an equilibrium at 0 is found as 1e-17 in every coordinate.
+    const double largest = std::max(1.0, scale.maxCoeff());
+    for (Index i = 0; i < scale.size(); ++i) {
+        if (system.coordinates()[static_cast<std::size_t>(i)].angle) {
+            scale(i) = full_turn;
+        } else if (!(scale(i) > rounded_zero * largest)) {
+            scale(i) = 1.0;
+        }
+    }
+    return scale;
+}
+
+MatrixXd winding_numbers(const MatrixXd& error, const std::vector<Index>& angles, std::span<const int> rotation) {
+    MatrixXd turns = MatrixXd::Zero(error.rows(), error.cols());
+    for (std::size_t a = 0; a < angles.size(); ++a) {
+        const Index i = angles[a];
+        turns.row(i) = (error.row(i) / full_turn).array().round();
+        if (rotation.empty()) continue;
+        double missing = rotation[a] - turns.row(i).sum();
+        while (missing != 0.0) {
+            const double direction = missing > 0.0 ? 1.0 : -1.0;
+            Index least_certain = 0;
+            (direction * (error.row(i) / full_turn - turns.row(i))).maxCoeff(&least_certain);
+            turns(i, least_certain) += direction;
+            missing -= direction;
+        }
+    }
+    return turns;
+}
+
+MatrixXd wrapped_angles(MatrixXd difference, const std::vector<Index>& angles) {
+    for (const Index i : angles)
+        for (double& angle : difference.row(i).reshaped())
+            angle = models::wrapped(angle);
+    return difference;
+}
+
+int repeats_of(const MatrixXd& points, const std::vector<Index>& angles, const VectorXd& scale, double same) {
+    const Index p = points.cols();
+    for (Index d = 1; d < p; ++d) {
+        if (p % d != 0) continue;
+        MatrixXd difference(points.rows(), p);
+        for (Index j = 0; j < p; ++j)
+            difference.col(j) = points.col((j + d) % p) - points.col(j);
+        difference = wrapped_angles(difference, angles);
+        if ((difference.array().colwise() / scale.array()).abs().maxCoeff() < same) return static_cast<int>(p / d);
+    }
+    return 1;
+}
+
+}  // namespace orbid::periodic

@@ -1,0 +1,130 @@
+#include "periodic/search/pseudo_orbit_start.hpp"
+
+#include <algorithm>
+#include <tuple>
+#include <utility>
+
+namespace orbid::periodic {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+/// A step of a trajectory from one cell to another.
+struct SeenStep {
+    std::uint64_t from;
+    std::uint64_t to;
+    std::uint32_t piece;
+    Index column;
+};
+
+}  // namespace
+
+PseudoOrbits::PseudoOrbits(const SectionPieces& pieces, const SectionCells& cells) : pieces_(pieces) {
+    std::vector<SeenStep> seen;
+    std::vector<std::pair<std::uint64_t, std::uint64_t>> named;
+    for (std::size_t k = 0; k < pieces.pieces.size(); ++k) {
+        const MatrixXd& piece = pieces.pieces[k];
+        std::uint64_t from = 0;
+        for (Index t = 0; t < piece.cols(); ++t) {
+            const std::uint64_t to = cells.name(piece.col(t));
+            named.emplace_back(to, cells.mirrored(piece.col(t)));
+            if (t > 0) seen.push_back({from, to, static_cast<std::uint32_t>(k), t - 1});
+            from = to;
+        }
+    }
+    std::sort(named.begin(), named.end());
+    named.erase(
+        std::unique(named.begin(), named.end(), [](const auto& a, const auto& b) { return a.first == b.first; }),
+        named.end());
+    for (const auto& [name, mirror] : named) {
+        names_.push_back(name);
+        mirrored_.push_back(mirror);
+    }
+    // The first time that a step was seen stands for all.
+    std::stable_sort(seen.begin(), seen.end(),
+                     [](const auto& a, const auto& b) { return std::tie(a.from, a.to) < std::tie(b.from, b.to); });
+    steps_.resize(names_.size());
+    const auto index = [&](std::uint64_t name) {
+        return static_cast<std::uint32_t>(std::lower_bound(names_.begin(), names_.end(), name) - names_.begin());
+    };
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        if (i > 0 && seen[i].from == seen[i - 1].from && seen[i].to == seen[i - 1].to) continue;
+        steps_[index(seen[i].from)].push_back({index(seen[i].to), seen[i].piece, seen[i].column});
+    }
+}
+
+std::optional<std::vector<std::vector<std::uint32_t>>> PseudoOrbits::loops(int period, std::size_t most) const {
+    using Loop = std::vector<std::uint32_t>;
+    const std::size_t cells = names_.size();
+    std::vector<std::vector<std::uint32_t>> sources(cells);
+    for (std::uint32_t from = 0; from < cells; ++from)
+        for (const Step& step : steps_[from])
+            sources[step.to].push_back(from);
+    std::vector<std::pair<std::uint64_t, Loop>> found;
+    std::vector<int> distance(cells);
+    for (std::uint32_t first = 0; first < cells; ++first) {
+        // Steps that each cell is away from the first one, through cells that are not before it: every loop is met
+        // from its smallest cell.
+        std::fill(distance.begin(), distance.end(), period + 1);
+        std::vector<std::uint32_t> front{first}, next;
+        for (int steps = 1; steps <= period && !front.empty(); ++steps, front.swap(next)) {
+            next.clear();
+            for (const std::uint32_t cell : front)
+                for (const std::uint32_t source : sources[cell])
+                    if (source >= first && distance[source] > steps) {
+                        distance[source] = steps;
+                        next.push_back(source);
+                    }
+        }
+        if (distance[first] > period) continue;
+        Loop loop{first};
+        std::vector<std::size_t> choice{0};
+        while (!loop.empty()) {
+            const auto& steps = steps_[loop.back()];
+            const int left = period - static_cast<int>(loop.size());
+            if (choice.back() == steps.size()) {
+                loop.pop_back();
+                choice.pop_back();
+                continue;
+            }
+            const std::uint32_t to = steps[choice.back()++].to;
+            if (left == 0) {
+                if (to != first) continue;
+                Loop names = loop;
+                std::vector<std::uint64_t> symbols, mirrored;
+                for (const std::uint32_t cell : loop) {
+                    symbols.push_back(names_[cell]);
+                    mirrored.push_back(mirrored_[cell]);
+                }
+                found.emplace_back(std::min(cyclic_name(symbols.data(), symbols.size()),
+                                            cyclic_name(mirrored.data(), mirrored.size())),
+                                   loop);
+                if (found.size() > 2 * static_cast<std::size_t>(period) * most) return std::nullopt;
+            } else if (to >= first && distance[to] <= left) {
+                loop.push_back(to);
+                choice.push_back(0);
+            }
+        }
+    }
+    std::sort(found.begin(), found.end());
+    std::vector<Loop> result;
+    for (std::size_t i = 0; i < found.size(); ++i)
+        if (i == 0 || found[i].first != found[i - 1].first) result.push_back(std::move(found[i].second));
+    if (result.size() > most) return std::nullopt;
+    return result;
+}
+
+MatrixXd PseudoOrbits::points(const std::vector<std::uint32_t>& loop) const {
+    MatrixXd points(pieces_.size.size(), static_cast<Index>(loop.size()));
+    for (std::size_t j = 0; j < loop.size(); ++j) {
+        const auto& steps = steps_[loop[j]];
+        const std::uint32_t to = loop[(j + 1) % loop.size()];
+        const auto step =
+            std::lower_bound(steps.begin(), steps.end(), to, [](const Step& s, std::uint32_t t) { return s.to < t; });
+        points.col(static_cast<Index>(j)) = pieces_.pieces[step->piece].col(step->column);
+    }
+    return points;
+}
+
+}  // namespace orbid::periodic

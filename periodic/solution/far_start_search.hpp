@@ -1,0 +1,31 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "models/system/system.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
+#include "periodic/orbit/solver_options.hpp"
+
+namespace orbid::periodic {
+
+/// A mesh brought near the orbit that it is meant for.
+struct FarStartSearch {
+    ShootingMesh mesh;          ///< nodes and time of the approach, or the ones given where there is nothing better
+    bool closed = false;        ///< the nodes close but for a small step of Newton's method
+    std::vector<int> rotation;  ///< turns per angle of the whole orbit; empty where the flow of the guess ends early
+    int iterations = 0;         ///< steps of Newton's method taken
+};
+
+/// First steps towards an orbit, with a coarse flow (1e-7): chooses the whole turns, iterates, and where the first step
+/// of Newton's method does not contract looks for the orbit nearest to the guess instead (corrected_guess()), so that
+/// whatever is computed to full accuracy afterwards starts from the right place.
+///
+/// @param mesh  through the points of `start`.
+/// @param scale   typical size of each coordinate.
+[[nodiscard]] FarStartSearch improve_guess(const models::System& system, const Eigen::VectorXd& theta,
+                                           const ShootingMesh& mesh, const StartingSolution& start,
+                                           const Eigen::VectorXd& scale, const ShootingOptions& options);
+
+}  // namespace orbid::periodic
