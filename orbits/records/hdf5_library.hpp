@@ -71,7 +71,6 @@ inline constexpr Hdf5Function<decltype(::H5Sget_simple_extent_ndims)> H5Sget_sim
     "H5Sget_simple_extent_ndims"};
 inline constexpr Hdf5Function<decltype(::H5Sget_simple_extent_npoints)> H5Sget_simple_extent_npoints{
     "H5Sget_simple_extent_npoints"};
-inline constexpr Hdf5Function<decltype(::H5Sselect_hyperslab)> H5Sselect_hyperslab{"H5Sselect_hyperslab"};
 inline constexpr Hdf5Function<decltype(::H5Tclose)> H5Tclose{"H5Tclose"};
 inline constexpr Hdf5Function<decltype(::H5Tcopy)> H5Tcopy{"H5Tcopy"};
 inline constexpr Hdf5Function<decltype(::H5Tget_class)> H5Tget_class{"H5Tget_class"};

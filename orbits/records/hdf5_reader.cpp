@@ -1,6 +1,6 @@
 #include <algorithm>
 #include <cmath>
-#include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -8,7 +8,6 @@
 
 #include "orbits/records/hdf5_handle.hpp"
 #include "orbits/records/series_file.hpp"
-#include "orbits/records/series_stream.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -124,19 +123,12 @@ public:
         return text;
     }
 
-    /// `count` rows from `first` on, of a dataset of this shape.
-    void rows(const Hdf5Handle& dataset, const std::string& path, std::vector<hsize_t> shape, hsize_t first,
-              hsize_t count, double* values) const {
+    /// A whole dataset of numbers.
+    void values(const Hdf5Handle& dataset, const std::string& path, std::span<double> values) const {
         const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
         if (H5Tget_class(type.id()) != H5T_FLOAT) fail(fmt::format("dataset \"{}\" must hold floating numbers", path));
-        if (count == 0) return;
-        std::vector<hsize_t> start(shape.size(), 0);
-        start[0] = first;
-        shape[0] = count;
-        const Hdf5Handle there(H5Dget_space(dataset.id()), H5Sclose);
-        const Hdf5Handle here(H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr), H5Sclose);
-        if (H5Sselect_hyperslab(there.id(), H5S_SELECT_SET, start.data(), nullptr, shape.data(), nullptr) < 0 ||
-            H5Dread(dataset.id(), H5T_NATIVE_DOUBLE, here.id(), there.id(), H5P_DEFAULT, values) < 0) {
+        if (values.empty()) return;
+        if (H5Dread(dataset.id(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
             fail(fmt::format("dataset \"{}\" cannot be read; the file is damaged", path));
         }
     }
@@ -177,112 +169,68 @@ void read_header(const Reader& read, hid_t file, Series& series) {
         series.coordinates.push_back({names[i], units[i], angles[i] != 0.0});
 }
 
-class Hdf5Stream final : public SeriesStream {
-public:
-    explicit Hdf5Stream(const std::filesystem::path& file) : read_(file.string()) {
-        std::error_code error;
-        const auto status = std::filesystem::status(file, error);
-        if (!std::filesystem::exists(status)) read_.fail("no such file");
-        if (std::filesystem::is_directory(status)) read_.fail("is a folder; a file with data is needed");
-
-        const Hdf5Silence silence;
-        if (H5Fis_hdf5(file.c_str()) <= 0) read_.fail("is not an HDF5 file, or cannot be read");
-        file_ = Hdf5Handle(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
-        if (!file_.valid()) read_.fail("cannot be opened as an HDF5 file; it is damaged or open elsewhere for writing");
-        const Hdf5Handle root(H5Gopen2(file_.id(), "/", H5P_DEFAULT), H5Gclose);
-        read_header(read_, root.id(), header_);
-        // Crossings of a section may have been timed.
-        timed_ = header_.sampling == Series::Sampling::samples || H5Lexists(file_.id(), "times", H5P_DEFAULT) > 0;
-        const std::size_t segments = read_.members(file_.id(), "segments");
-        for (std::size_t s = 0; s < segments; ++s) {
-            const std::string path = values_path(s);
-            const Hdf5Handle values = read_.open_dataset(file_.id(), path);
-            const auto shape = read_.shape(values);
-            if (shape.size() != 2 || shape[1] != static_cast<hsize_t>(header_.dimension())) {
-                read_.fail(fmt::format("dataset \"{}\" has shape ({}), must be (points, {}): one column per coordinate",
-                                       path, fmt::join(shape, ", "), header_.dimension()));
-            }
-            lengths_.push_back(static_cast<std::size_t>(shape[0]));
-        }
+Segment read_segment(const Reader& read, hid_t file, std::size_t index, Eigen::Index dimension, bool timed) {
+    Segment segment;
+    const std::string path = fmt::format("segments/{:06}", index);
+    const Hdf5Handle values = read.open_dataset(file, path);
+    const auto shape = read.shape(values);
+    if (shape.size() != 2 || shape[1] != static_cast<hsize_t>(dimension)) {
+        read.fail(fmt::format("dataset \"{}\" has shape ({}), must be (points, {}): one column per coordinate", path,
+                              fmt::join(shape, ", "), dimension));
     }
-
-    [[nodiscard]] const Series& header() const override { return header_; }
-    [[nodiscard]] const std::vector<std::size_t>& lengths() const override { return lengths_; }
-    [[nodiscard]] bool timed() const override { return timed_; }
-
-    [[nodiscard]] std::vector<Segment> read(std::size_t first, std::size_t count) const override {
-        const Hdf5Silence silence;
-        std::vector<Segment> segments;
-        const std::size_t last = first + std::min(count, size() - std::min(first, size()));
-        std::size_t begin = 0;  // of segment s
-        for (std::size_t s = 0; s < lengths_.size() && begin <= last; begin += lengths_[s++]) {
-            const std::size_t from = std::max(first, begin), to = std::min(last, begin + lengths_[s]);
-            const bool empty_inside = lengths_[s] == 0 && begin >= first;
-            if (from < to || empty_inside) segments.push_back(part(s, from - begin, to - from));
-        }
-        return segments;
-    }
-
-private:
-    static std::string values_path(std::size_t s) { return fmt::format("segments/{:06}", s); }
-
-    [[nodiscard]] Segment part(std::size_t s, std::size_t first, std::size_t count) const {
-        Segment segment;
-        const std::string path = values_path(s);
-        const Hdf5Handle values = read_.open_dataset(file_.id(), path);
-        const Eigen::Index n = header_.dimension();
-        const auto points = static_cast<Eigen::Index>(count);
-        segment.values.resize(n, points);
-        read_.rows(values, path, read_.shape(values), first, count, segment.values.data());
-        for (Eigen::Index k = 0; k < points; ++k) {
-            for (Eigen::Index i = 0; i < n; ++i) {
-                if (std::isinf(segment.values(i, k))) {
-                    read_.fail(fmt::format("dataset \"{}\", point {}: infinite value; a missing sample is nan", path,
-                                           first + static_cast<std::size_t>(k)));
-                }
+    const auto points = static_cast<Eigen::Index>(shape[0]);
+    segment.values.resize(dimension, points);
+    read.values(values, path, {segment.values.data(), static_cast<std::size_t>(segment.values.size())});
+    for (Eigen::Index k = 0; k < points; ++k) {
+        for (Eigen::Index i = 0; i < dimension; ++i) {
+            if (std::isinf(segment.values(i, k))) {
+                read.fail(fmt::format("dataset \"{}\", point {}: infinite value; a missing sample is nan", path, k));
             }
         }
-        segment.label = read_.text(values.id(), "label");
-        if (!timed_) return segment;
-
-        const std::string times_path = fmt::format("times/{:06}", s);
-        const Hdf5Handle times = read_.open_dataset(file_.id(), times_path);
-        const auto times_shape = read_.shape(times);
-        if (times_shape.size() != 1 || times_shape[0] != lengths_[s]) {
-            read_.fail(fmt::format("dataset \"{}\" has shape ({}), must be ({}): one time per point", times_path,
-                                   fmt::join(times_shape, ", "), lengths_[s]));
-        }
-        segment.times.resize(points);
-        read_.rows(times, times_path, times_shape, first, count, segment.times.data());
-        for (Eigen::Index k = 0; k < points; ++k) {
-            if (!std::isfinite(segment.times[k]) || (k > 0 && !(segment.times[k] > segment.times[k - 1]))) {
-                read_.fail(fmt::format("dataset \"{}\", point {}: times must be finite and ascend", times_path,
-                                       first + static_cast<std::size_t>(k)));
-            }
-        }
-        return segment;
     }
+    segment.label = read.text(values.id(), "label");
+    if (!timed) return segment;
 
-    Reader read_;
-    Hdf5Handle file_;
-    Series header_;
-    std::vector<std::size_t> lengths_;
-    bool timed_ = false;
-};
+    const std::string times_path = fmt::format("times/{:06}", index);
+    const Hdf5Handle times = read.open_dataset(file, times_path);
+    const auto times_shape = read.shape(times);
+    if (times_shape.size() != 1 || times_shape[0] != shape[0]) {
+        read.fail(fmt::format("dataset \"{}\" has shape ({}), must be ({}): one time per point", times_path,
+                              fmt::join(times_shape, ", "), points));
+    }
+    segment.times.resize(points);
+    read.values(times, times_path, {segment.times.data(), static_cast<std::size_t>(points)});
+    for (Eigen::Index k = 0; k < points; ++k) {
+        if (!std::isfinite(segment.times[k]) || (k > 0 && !(segment.times[k] > segment.times[k - 1]))) {
+            read.fail(fmt::format("dataset \"{}\", point {}: times must be finite and ascend", times_path, k));
+        }
+    }
+    return segment;
+}
 
 }  // namespace
 
-std::unique_ptr<SeriesStream> stream_hdf5(const std::filesystem::path& file) {
-    return std::make_unique<Hdf5Stream>(file);
-}
-
 Series read_hdf5(const std::filesystem::path& file, std::size_t minimum_points) {
-    const Hdf5Stream stream(file);
-    Series series = stream.header();
-    series.segments = stream.read(0, stream.size());
-    if (series.size() < minimum_points) {
-        Reader(file.string()).fail(fmt::format("has {} points, at least {} are needed", series.size(), minimum_points));
-    }
+    const Reader read(file.string());
+    std::error_code error;
+    const auto status = std::filesystem::status(file, error);
+    if (!std::filesystem::exists(status)) read.fail("no such file");
+    if (std::filesystem::is_directory(status)) read.fail("is a folder; a file with data is needed");
+
+    const Hdf5Silence silence;
+    if (H5Fis_hdf5(file.c_str()) <= 0) read.fail("is not an HDF5 file, or cannot be read");
+    const Hdf5Handle opened(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
+    if (!opened.valid()) read.fail("cannot be opened as an HDF5 file; it is damaged or open elsewhere for writing");
+    const Hdf5Handle root(H5Gopen2(opened.id(), "/", H5P_DEFAULT), H5Gclose);
+    Series series;
+    read_header(read, root.id(), series);
+    // Crossings of a section may have been timed.
+    const bool timed = series.sampling == Series::Sampling::samples || H5Lexists(opened.id(), "times", H5P_DEFAULT) > 0;
+    const std::size_t segments = read.members(opened.id(), "segments");
+    for (std::size_t s = 0; s < segments; ++s)
+        series.segments.push_back(read_segment(read, opened.id(), s, series.dimension(), timed));
+    if (series.size() < minimum_points)
+        read.fail(fmt::format("has {} points, at least {} are needed", series.size(), minimum_points));
     return series;
 }
 

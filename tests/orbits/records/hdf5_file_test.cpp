@@ -7,7 +7,6 @@
 #include <random>
 
 #include "orbits/records/series_file.hpp"
-#include "orbits/records/series_stream.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/records/scratch_folder.hpp"
 
@@ -181,38 +180,4 @@ TEST_CASE("what cannot become an HDF5 series is refused", "[orbits]") {
     series = example(Series::Sampling::section);
     series.coordinates.pop_back();
     CHECK_THROWS_WITH(write_hdf5(folder.path("a.h5"), series), ContainsSubstring("3 rows of values, the series 2"));
-}
-
-TEST_CASE("a stream reads any part of an HDF5 file, cut where segments end", "[orbits]") {
-    const ScratchFolder folder;
-    for (const auto sampling : {Series::Sampling::section, Series::Sampling::samples}) {
-        const Series series = example(sampling);  // segments of 0, 200 and 400 points
-        write_hdf5(folder.path("a.h5"), series);
-        const auto stream = stream_hdf5(folder.path("a.h5"));
-        CHECK(stream->lengths() == std::vector<std::size_t>{0, 200, 400});
-        CHECK(stream->size() == 600);
-        CHECK(stream->timed() == (sampling == Series::Sampling::samples));
-        CHECK(stream->header().coordinates.size() == 3);
-        CHECK(stream->header().segments.empty());
-        const auto all = stream->read(0, 10000);
-        REQUIRE(all.size() == 3);
-        for (std::size_t s = 0; s < 3; ++s) {
-            CHECK(all[s].label == series.segments[s].label);
-            CHECK(same_bits(all[s].values, series.segments[s].values));
-            CHECK(same_bits(all[s].times, series.segments[s].times));
-        }
-        const auto across = stream->read(150, 100);
-        REQUIRE(across.size() == 2);
-        CHECK(across[0].label == "run 1");
-        CHECK(same_bits(across[0].values, Eigen::MatrixXd(series.segments[1].values.rightCols(50))));
-        CHECK(same_bits(across[1].values, Eigen::MatrixXd(series.segments[2].values.leftCols(50))));
-        const auto inside = stream->read(301, 7);
-        REQUIRE(inside.size() == 1);
-        CHECK(same_bits(inside[0].values, Eigen::MatrixXd(series.segments[2].values.middleCols(101, 7))));
-        if (stream->timed())
-            CHECK(same_bits(inside[0].times, Eigen::VectorXd(series.segments[2].times.segment(101, 7))));
-        CHECK(stream->read(600, 5).empty());
-        CHECK(stream->read(700, 5).empty());
-    }
-    CHECK_THROWS_AS(stream_hdf5(folder.path("missing.h5")), DataError);
 }

@@ -1,16 +1,11 @@
-// Orbits from their symbol sequences: every coded orbit of the tables of Lorenz and Roessler, every cycle of Henon's
-// map to period 8 and of no other word, refusals.
+// Orbits from their symbol sequences: every coded orbit of the tables of Lorenz and Roessler, the pendulum, refusals.
 #include <cmath>
-#include <fstream>
 #include <set>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "models/catalogue/registry.hpp"
-#include "periodic/search/symbolic_henon.hpp"
 #include "periodic/search/symbolic_start.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 #include "tests/catch.hpp"
@@ -61,26 +56,6 @@ void check_table(const Simulated& simulated, const SymbolPartition& partition) {
     }
 }
 
-std::set<std::string> prime_words(const std::string& symbols, std::size_t longest) {
-    std::set<std::string> words;
-    std::vector<std::string> layer{""};
-    for (std::size_t length = 1; length <= longest; ++length) {
-        std::vector<std::string> next;
-        for (const std::string& word : layer)
-            for (const char symbol : symbols)
-                next.push_back(word + symbol);
-        for (const std::string& word : next) {
-            if (!periodic::is_prime_word(word)) continue;
-            std::string smallest = word;
-            for (std::size_t shift = 1; shift < length; ++shift)
-                smallest = std::min(smallest, word.substr(shift) + word.substr(0, shift));
-            words.insert(smallest);
-        }
-        layer = next;
-    }
-    return words;
-}
-
 }  // namespace
 
 TEST_CASE("every orbit of Lorenz' table is reached from its code", "[periodic][symbolic][reference]") {
@@ -129,39 +104,6 @@ TEST_CASE("every cycle of the pendulum to period 3 is reached from its code", "[
     }
 }
 
-TEST_CASE("Biham and Wenzel's dynamics reach every cycle of Henon's map, each from one word", "[periodic][symbolic]") {
-    const auto henon = models::make_system("henon");
-    const VectorXd theta = henon->default_parameters();
-    std::ifstream stream(std::string(ORBID_SOURCE_DIR) + "/tests/reference/henon_cycles.json");
-    const auto table = nlohmann::json::parse(stream);
-    std::vector<std::size_t> expected, reached(8, 0);
-    for (int p = 1; p <= 8; ++p)
-        expected.push_back(table.at("prime_cycle_count").at(std::to_string(p)).get<std::size_t>());
-    std::set<std::size_t> met;
-    for (const std::string& word : prime_words("+-", 8)) {
-        const auto points = periodic::henon_start(theta(0), theta(1), word);
-        if (!points) continue;
-        CAPTURE(word);
-        ++reached[word.size() - 1];
-        periodic::StartingSolution start;
-        start.points = *points;
-        const auto orbit = periodic::solve_multiple_shooting(*henon, theta, start, {}, {});
-        REQUIRE(orbit.status == periodic::OrbitStatus::converged);
-        // At rest to 1e-11, over the slowest rate of a cycle.
-        CHECK(orbit.distance < 1e-7);
-        std::size_t which = 0;
-        for (const auto& cycle : table.at("cycles")) {
-            const VectorXd x = Eigen::Vector2d(std::stod(cycle.at("x").get<std::string>()),
-                                               std::stod(cycle.at("y").get<std::string>()));
-            if (cycle.at("period").get<std::size_t>() == word.size() && distance(orbit.points, x) < 1e-12)
-                CHECK(met.insert(which).second);
-            ++which;
-        }
-    }
-    CHECK(reached == expected);
-    CHECK(met.size() == table.at("cycles").size());
-}
-
 TEST_CASE("orbits from codes refuse wrong words and partitions", "[periodic][symbolic]") {
     const auto henon = models::make_system("henon");
     const VectorXd theta = henon->default_parameters();
@@ -185,6 +127,4 @@ TEST_CASE("orbits from codes refuse wrong words and partitions", "[periodic][sym
     refused({{{0, {}}}, "0"});
     refused({{{0, {0.0}}, {0, {1.0}}}, "0123"});
     CHECK_THROWS_AS(periodic::quarter_turn_partition(0, 1, {}), std::invalid_argument);
-    CHECK_THROWS_AS(periodic::henon_start(1.4, 0.3, ""), std::invalid_argument);
-    CHECK_THROWS_AS(periodic::henon_start(1.4, 0.3, "+0"), std::invalid_argument);
 }
