@@ -1,7 +1,7 @@
 # Flags that our own code is built with; they travel with the targets and touch nothing else.
 add_library(orbid_warnings INTERFACE)
 target_compile_options(orbid_warnings INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Woverloaded-virtual
+  $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess> -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Woverloaded-virtual
   $<$<BOOL:${ORBID_WERROR}>:-Werror>)
 
 # Scalar, dual and pack must agree in the value, so nothing is contracted to fused operations.
@@ -28,18 +28,22 @@ target_compile_options(orbid_library_flags INTERFACE
 add_library(orbid_test_flags INTERFACE)
 target_compile_options(orbid_test_flags INTERFACE $<$<NOT:$<CONFIG:Debug>>:-O0>)
 
-# Headers that nearly every file includes, parsed once for all rooms and once more for all tests.
+# Headers that nearly every file includes, parsed once for all rooms and once more for all tests. They are named relative
+# to the root, so that a cache of compilers' results finds them in every clone. Clang, which only reads, also keeps what
+# they instantiate; GCC says for the cache what it reads.
 function(add_precompiled name)
   add_library(${name} OBJECT ${CMAKE_SOURCE_DIR}/cmake/precompiled.cpp)
   target_link_libraries(${name} PRIVATE orbid_flags orbid_warnings fmt::fmt TBB::tbb nlohmann_json::nlohmann_json ${ARGN})
+  if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
+    target_compile_options(${name} PRIVATE -fpch-instantiate-templates)
+  endif()
 endfunction()
 add_precompiled(orbid_precompiled orbid_library_flags)
-target_precompile_headers(orbid_precompiled PRIVATE ${CMAKE_SOURCE_DIR}/cmake/precompiled.hpp)
+target_precompile_headers(orbid_precompiled PRIVATE <cmake/precompiled.hpp>)
 if(ORBID_TESTS)
   find_package(Catch2 REQUIRED)
   add_precompiled(orbid_precompiled_tests Catch2::Catch2 orbid_test_flags)
-  target_precompile_headers(orbid_precompiled_tests PRIVATE
-    ${CMAKE_SOURCE_DIR}/cmake/precompiled.hpp ${CMAKE_SOURCE_DIR}/tests/catch.hpp)
+  target_precompile_headers(orbid_precompiled_tests PRIVATE <cmake/precompiled.hpp> <tests/catch.hpp>)
 endif()
 
 # Sources of a folder in batches, each compiled as one file: what headers instantiate is then instantiated once a batch.
