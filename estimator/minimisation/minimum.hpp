@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/interface/estimate_result.hpp"
 #include "estimator/minimisation/error_parameter.hpp"
 #include "estimator/problem/linearisation.hpp"
 #include "estimator/problem/problem.hpp"

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "estimator/interface/estimate_options.hpp"
+#include "estimator/interface/estimate_result.hpp"
 #include "estimator/interface/mapped_residual.hpp"
 #include "estimator/interface/parameter_map.hpp"
 

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/interface/estimate_options.hpp"
 #include "estimator/interface/estimate_result.hpp"
 #include "estimator/problem/bounded_step.hpp"
 
