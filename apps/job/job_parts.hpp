@@ -25,7 +25,9 @@ void read_estimate(ObjectReader& root, Job& job);
 void read_reference(ObjectReader& root, Job& job);
 
 /// Parts of data.
-void read_simulation(const ValueReader& value, const Job& job, SimulationJob& simulation);
+/// The noise has an entry per coordinate, whatever is wrong with the job.
+[[nodiscard]] SimulationJob simulation_without_noise(const Job& job);
+[[nodiscard]] SimulationJob read_simulation(const ValueReader& value, const Job& job);
 void read_file(ObjectReader& data, const ValueReader& path, const Job& job, FileJob& file);
 
 /// "theta", or { "column": "theta", "unit": "deg", "sign": -1, "offset": 3.14 }.

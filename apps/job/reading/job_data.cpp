@@ -155,10 +155,10 @@ void read_source(ObjectReader& object, const Job& job, DataJob& data) {
         data.file.emplace();
         read_file(object, *file, job, *data.file);
     } else if (simulate) {
-        data.simulation.emplace();
-        read_simulation(*simulate, job, *data.simulation);
+        data.simulation = read_simulation(*simulate, job);
     } else {
-        data.simulation.emplace();
+        // That neither is there is reported. Whoever looks at the source finds a simulation without noise.
+        data.simulation = simulation_without_noise(job);
     }
 }
 

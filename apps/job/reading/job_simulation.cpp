@@ -44,8 +44,6 @@ void read_initial(const ValueReader& value, const Job& job, bool trajectories_gi
 /// "noise": { "x": sd, "y": { "sd": ..., "correlation": ... } }; the latter is a first-order autoregression from
 /// reading to reading.
 void read_noise(ObjectReader& object, const Job& job, SimulationJob& simulation) {
-    simulation.noise = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(coordinate_names(job).size()));
-    simulation.noise_correlation = simulation.noise;
     const auto noise = object.find("noise");
     if (!noise) return;
     for (const auto& [name, member] : noise->members()) {
@@ -68,7 +66,15 @@ void read_noise(ObjectReader& object, const Job& job, SimulationJob& simulation)
 
 }  // namespace
 
-void read_simulation(const ValueReader& value, const Job& job, SimulationJob& simulation) {
+SimulationJob simulation_without_noise(const Job& job) {
+    SimulationJob simulation;
+    simulation.noise = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(coordinate_names(job).size()));
+    simulation.noise_correlation = simulation.noise;
+    return simulation;
+}
+
+SimulationJob read_simulation(const ValueReader& value, const Job& job) {
+    SimulationJob simulation = simulation_without_noise(job);
     ObjectReader object(value);
     const auto sections = object.find("sections");
     const auto samples = object.find("samples");
@@ -103,6 +109,7 @@ void read_simulation(const ValueReader& value, const Job& job, SimulationJob& si
     }
     read_noise(object, job, simulation);
     object.finish();
+    return simulation;
 }
 
 }  // namespace orbid::apps
