@@ -42,7 +42,7 @@ struct BoundedStep {
 /// Minimises 1/2 ||r d + rhs||^2 + g^T d + 1/2 d^T h d + 1/2 mu ||D d||^2 within bounds, by an active set that can
 /// leave a bound again; no motion along directions that nothing decides.
 ///
-/// @param condensed  the data, latent states eliminated.
+/// @param reduced_problem  the data, latent states eliminated.
 /// @param damping    D, shape (q), > 0; does not act on directions that only the prior decides: there the quadratic
 ///                   model is exact, and damping in units of the data would freeze them.
 /// @param fallback   shape (q), see split().

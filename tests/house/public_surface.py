@@ -22,6 +22,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDS = Path(__file__).resolve().parent / "surface"
+sys.path.insert(0, str(ROOT / "tests" / "docs"))
+from check_api import public_headers  # noqa: E402
 
 
 # ---------------------------------------------------------------- what there is
@@ -92,12 +94,13 @@ def commands_of(program):
 
 
 def headers_of(build):
-    """Installed headers that users include, by installing them; those in folders detail are for these alone."""
+    """Installed headers that users include, by installing them; not those that docs/api.md says are for templates alone."""
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(["cmake", "--install", str(build), "--prefix", folder, "--component", "development"], check=True,
                        capture_output=True)
         include = Path(folder) / "include"
-        return {str(path.relative_to(include)) for path in include.rglob("*.hpp") if path.parent.name != "detail"}
+        installed = {str(path.relative_to(include / "orbid")) for path in include.rglob("*.hpp")}
+        return {f"orbid/{header}" for header in public_headers(ROOT, installed)}
 
 
 def surface_of(build):
