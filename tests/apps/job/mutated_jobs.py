@@ -5,8 +5,8 @@ usage: mutated_jobs.py path/to/orbid [--all] [--jobs N] [--show]
 
 Every job of tests/apps/jobs/valid and configs is changed at every key and value: left out, misspelt, replaced by values
 of other types, by numbers far off, and by its neighbour's value. So are pairs of these changes, since what an early
-block lacks may be missed by a later one. Exit codes 0 to 3 are answers; signals, internal errors (4) and checks that
-do not end are failures, printed with the job.
+block lacks may be missed by a later one. Exit codes 0, 2 and 3 are answers; signals, internal errors (4), what a
+sanitizer says and checks that do not end are failures, printed with the job.
 
 Without --all a fixed sample is checked: in the jobs of tests/apps/jobs/valid every block and every key of a block left
 out or misspelt, and a share of the rest.
@@ -26,8 +26,9 @@ from pathlib import Path
 
 root = Path(__file__).resolve().parents[3]
 corpus = root / "tests/apps/jobs"
-answers = (0, 1, 2, 3)
-seconds_at_most = 20
+answers = (0, 2, 3)
+sanitizers = ("Sanitizer:", "runtime error:")
+seconds_at_most = 60
 bytes_at_most = 8 << 30
 sample_size = 330  # of keys further within, of other values, and of pairs of changes
 
@@ -138,17 +139,23 @@ def mutations(jobs, everything):
             yield name, text
 
 
-def limit_memory():
-    resource.setrlimit(resource.RLIMIT_AS, (bytes_at_most, bytes_at_most))
+def limit_memory(orbid):
+    """For all that is run; but the address sanitizer reserves more than there is."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (bytes_at_most, before[1]))
+    if subprocess.run([orbid, "--version"], capture_output=True).returncode != 0:
+        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
-def fault_of(command, text=None):
+def fault_of(command):
     """What is wrong with how a command ends; nothing when it gives an answer. Its exit code."""
     try:
-        run = subprocess.run(command, input=text, capture_output=True, text=True, timeout=seconds_at_most)
+        run = subprocess.run(command, capture_output=True, text=True, timeout=seconds_at_most)
     except subprocess.TimeoutExpired:
         return f"has not ended after {seconds_at_most} s", None
+    if any(sign in run.stderr for sign in sanitizers):
+        return f"has a flaw: {run.stderr.strip()[:2000]}", run.returncode
     if run.returncode in answers:
         return None, run.returncode
     if run.returncode < 0:
@@ -163,9 +170,9 @@ def main():
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--show", action="store_true", help="the whole text of each job that fails")
     options = parser.parse_args()
-    limit_memory()
+    limit_memory(options.orbid)
     # What could not fail would say nothing.
-    for ending in ("kill -SEGV $$", "kill -ABRT $$", "exit 4"):
+    for ending in ("kill -SEGV $$", "kill -ABRT $$", "exit 4", "echo file.cpp:1:1: runtime error: >&2; exit 2"):
         if fault_of(["sh", "-c", ending])[0] is None:
             sys.exit(f"mutated_jobs.py: does not see that a program ends by {ending}")
 
