@@ -1,12 +1,12 @@
 # Reads every file for its errors and warnings and generates no code, which takes most of the time. Included after
 # project(): the checks of the compiler itself need real objects. Outputs are empty files, so that a file is read again
-# only when it or what it includes has changed. The action comes before the flags, where that of a precompiled header
-# (a later action wins) is still carried out.
+# only when it or what it includes has changed. The option -fsyntax-only comes with orbid_flags, for a cache of compilers'
+# results knows it; precompiled headers are made nevertheless.
 if(NOT CMAKE_CXX_COMPILER_ID STREQUAL Clang)
   message(FATAL_ERROR "ORBID_SYNTAX_ONLY needs Clang, not ${CMAKE_CXX_COMPILER_ID}")
 endif()
 set(CMAKE_CXX_COMPILE_OBJECT
-  "<CMAKE_CXX_COMPILER> <DEFINES> <INCLUDES> -Xclang -fsyntax-only <FLAGS> -o <OBJECT> -c <SOURCE>"
+  "<CMAKE_CXX_COMPILER> <DEFINES> <INCLUDES> <FLAGS> -o <OBJECT> -c <SOURCE>"
   "<CMAKE_COMMAND> -E touch <OBJECT>")
 set(CMAKE_CXX_CREATE_STATIC_LIBRARY "<CMAKE_COMMAND> -E touch <TARGET>")
 set(CMAKE_CXX_CREATE_SHARED_LIBRARY "<CMAKE_COMMAND> -E touch <TARGET>")
