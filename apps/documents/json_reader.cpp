@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "apps/documents/name_list.hpp"
 #include "orbits/records/nearest_name.hpp"
 
 namespace orbid::apps {
@@ -12,10 +13,6 @@ namespace {
 
 // A value shown in a message is cut here, so that a message stays one line.
 constexpr std::size_t longest_shown = 40;
-
-bool is_in(std::string_view name, const std::vector<std::string>& names) {
-    return std::find(names.begin(), names.end(), name) != names.end();
-}
 
 }  // namespace
 

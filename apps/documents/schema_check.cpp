@@ -6,15 +6,12 @@
 #include <fmt/format.h>
 
 #include "apps/documents/json_reader.hpp"
+#include "apps/documents/name_list.hpp"
 #include "orbits/records/nearest_name.hpp"
 
 namespace orbid::apps {
 
 namespace {
-
-bool is_in(const std::string& name, const std::vector<std::string>& names) {
-    return std::find(names.begin(), names.end(), name) != names.end();
-}
 
 const JsonMember* member(const JsonValue& object, std::string_view key) {
     for (const JsonMember& one : object.members)

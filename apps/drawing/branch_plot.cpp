@@ -25,7 +25,7 @@ using periodic::BranchPoint;
 using Out = std::back_insert_iterator<fmt::memory_buffer>;
 
 /// A vertex nearer than this to the one before cannot be seen [px].
-constexpr double visible = 0.5;
+constexpr double visible_px = 0.5;
 
 struct Mark {
     Bifurcation bifurcation;
@@ -73,7 +73,7 @@ private:
     orbits::SeriesCoordinate axis_;
 };
 
-PlotFrame frame_of(const std::vector<Branch>& branches, const models::Parameter& parameter, const Values& values) {
+PlotFrame branch_frame(const std::vector<Branch>& branches, const models::Parameter& parameter, const Values& values) {
     constexpr double infinity = std::numeric_limits<double>::infinity();
     std::array<double, 2> x{infinity, -infinity};
     std::array<double, 2> y{infinity, -infinity};
@@ -120,7 +120,7 @@ void draw_curve(const Branch& branch, Eigen::Index j, const Values& values, cons
             const double x = frame.x(points[i].parameter);
             const double y = frame.y(values.at(points[i], j));
             const bool jump = i == k || std::abs(values.at(points[i], j) - values.at(points[i - 1], j)) > half_turn;
-            if (!jump && i != end && std::hypot(x - last_x, y - last_y) < visible) continue;
+            if (!jump && i != end && std::hypot(x - last_x, y - last_y) < visible_px) continue;
             fmt::format_to(out, "{}{:.1f} {:.1f}", jump ? "M" : "L", x, y);
             last_x = x;
             last_y = y;
@@ -164,7 +164,7 @@ std::set<Bifurcation> draw_bifurcations(const std::vector<Branch>& branches, con
     return kinds;
 }
 
-void draw_legend(const std::set<int>& periods, const std::set<Bifurcation>& kinds, Out out) {
+void draw_branch_legend(const std::set<int>& periods, const std::set<Bifurcation>& kinds, Out out) {
     fmt::format_to(out, "<g font-size=\"14\" fill=\"#1d2430\">\n");
     constexpr double baseline = 91.0;
     constexpr double letter = 7.2;  // px of an average letter of 14 px
@@ -198,7 +198,7 @@ void draw_legend(const std::set<int>& periods, const std::set<Bifurcation>& kind
 std::string branches_svg(const std::vector<Branch>& branches, const models::Parameter& parameter,
                          const std::vector<orbits::SeriesCoordinate>& coordinates, const BranchPlotOptions& options) {
     const Values values(coordinates, options);
-    const PlotFrame frame = frame_of(branches, parameter, values);
+    const PlotFrame frame = branch_frame(branches, parameter, values);
     std::set<int> periods;
     std::size_t points = 0;
     for (const Branch& branch : branches) {
@@ -215,7 +215,7 @@ std::string branches_svg(const std::vector<Branch>& branches, const models::Para
     fmt::format_to(out, "{}", frame.border());
     draw_branches(branches, periods, values, frame, out);
     const auto kinds = draw_bifurcations(branches, values, frame, out);
-    draw_legend(periods, kinds, out);
+    draw_branch_legend(periods, kinds, out);
     fmt::format_to(out, "</svg>\n");
     return fmt::to_string(buffer);
 }

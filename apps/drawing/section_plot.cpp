@@ -150,7 +150,7 @@ void draw_orbits(const ByPeriod& periods, const SectionPlotOptions& options, con
     fmt::format_to(out, "</g>\n");
 }
 
-void draw_legend(const ByPeriod& periods, Out out) {
+void draw_period_legend(const ByPeriod& periods, Out out) {
     fmt::format_to(out, "<g font-size=\"14\" fill=\"#1d2430\">\n");
     // As wide as "period 12: 1234 orbits" needs, narrower when all would not fit into one line.
     const double step = std::min(
@@ -221,7 +221,7 @@ std::string section_svg(const orbits::Series& series, const std::vector<PlottedO
     draw_dots(thinned(series, options, frame), out);
     fmt::format_to(out, "{}", frame.border());
     draw_orbits(periods, options, frame, out);
-    draw_legend(periods, out);
+    draw_period_legend(periods, out);
     fmt::format_to(out, "</svg>\n");
     return fmt::to_string(buffer);
 }

@@ -35,7 +35,7 @@ void require(const std::vector<PlottedWaveform>& waveforms) {
     }
 }
 
-PlotFrame frame_of(const orbits::SeriesCoordinate& coordinate, const std::vector<PlottedWaveform>& waveforms) {
+PlotFrame waveform_frame(const orbits::SeriesCoordinate& coordinate, const std::vector<PlottedWaveform>& waveforms) {
     double lowest = std::numeric_limits<double>::infinity();
     double highest = -lowest;
     const auto include = [&](double value) {
@@ -55,7 +55,7 @@ PlotFrame frame_of(const orbits::SeriesCoordinate& coordinate, const std::vector
     return frame;
 }
 
-void draw_dots(const std::vector<PlottedWaveform>& waveforms, const PlotFrame& frame, Out out) {
+void draw_measured(const std::vector<PlottedWaveform>& waveforms, const PlotFrame& frame, Out out) {
     for (std::size_t w = 0; w < waveforms.size(); ++w) {
         fmt::format_to(out,
                        "<path fill=\"none\" stroke=\"{}\" stroke-opacity=\"0.55\" stroke-width=\"4\" "
@@ -88,7 +88,7 @@ void draw_lines(const std::vector<PlottedWaveform>& waveforms, const PlotFrame& 
     }
 }
 
-void draw_legend(const std::vector<PlottedWaveform>& waveforms, Out out) {
+void draw_waveform_legend(const std::vector<PlottedWaveform>& waveforms, Out out) {
     fmt::format_to(out, "<g font-size=\"14\" fill=\"#1d2430\">\n");
     const double step = std::min(170.0, (PlotFrame::right - PlotFrame::left) / static_cast<double>(waveforms.size()));
     for (std::size_t w = 0; w < waveforms.size(); ++w) {
@@ -104,17 +104,17 @@ void draw_legend(const std::vector<PlottedWaveform>& waveforms, Out out) {
 std::string waveform_svg(const orbits::SeriesCoordinate& coordinate, const std::vector<PlottedWaveform>& waveforms,
                          const std::string& title) {
     require(waveforms);
-    const PlotFrame frame = frame_of(coordinate, waveforms);
+    const PlotFrame frame = waveform_frame(coordinate, waveforms);
     fmt::memory_buffer buffer;
     const Out out(buffer);
     fmt::format_to(out, "{}{}",
                    frame.head(title.empty() ? "Steady states" : title,
                               "measured (dots) and computed (lines) over one turn of the orbit"),
                    frame.grid());
-    draw_dots(waveforms, frame, out);
+    draw_measured(waveforms, frame, out);
     fmt::format_to(out, "{}", frame.border());
     draw_lines(waveforms, frame, out);
-    draw_legend(waveforms, out);
+    draw_waveform_legend(waveforms, out);
     fmt::format_to(out, "</svg>\n");
     return fmt::to_string(buffer);
 }

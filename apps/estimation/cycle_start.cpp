@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/estimation/parameter_column.hpp"
 #include "orbits/cycle_residuals/lifted_cycle_residual.hpp"
 #include "orbits/cycle_residuals/one_period_residual.hpp"
 #include "orbits/cycle_residuals/start_scan.hpp"
@@ -51,19 +52,6 @@ std::vector<estimator::FreeParameter> for_stages(std::vector<estimator::FreePara
 void move_starts(std::vector<estimator::FreeParameter>& parameters, const estimator::Estimate& estimate) {
     for (std::size_t i = 0; i < parameters.size(); ++i)
         parameters[i].start = estimate.parameters[i].value;
-}
-
-/// One field of all parameters.
-Eigen::VectorXd column(const std::vector<estimator::FreeParameter>& parameters,
-                       double estimator::FreeParameter::*field) {
-    Eigen::VectorXd values(static_cast<Eigen::Index>(parameters.size()));
-    for (std::size_t i = 0; i < parameters.size(); ++i)
-        values[static_cast<Eigen::Index>(i)] = parameters[i].*field;
-    return values;
-}
-
-Eigen::VectorXd starts(const std::vector<estimator::FreeParameter>& parameters) {
-    return column(parameters, &estimator::FreeParameter::start);
 }
 
 /// Where stages ended.

@@ -2,26 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include <fmt/format.h>
 
+#include "apps/estimation/group_scale.hpp"
 #include "apps/job/segment_choice.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::apps {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
-/// Scale of a group; null when the estimate has none.
-const estimator::EstimatedScale* scale_of(const estimator::Estimate& estimate, const std::string& group) {
-    for (const auto& scale : estimate.scales) {
-        if (scale.group == group) return &scale;
-    }
-    return nullptr;
-}
 
 Eigen::VectorXd values(const estimator::Estimate& estimate) {
     Eigen::VectorXd theta(static_cast<Eigen::Index>(estimate.parameters.size()));
@@ -67,7 +58,7 @@ void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual
             const auto& group = residual.groups()[static_cast<std::size_t>(layout.group[static_cast<std::size_t>(i)])];
             const auto* scale = scale_of(estimate, group.name);
             const double shape = layout.shape.size() > 0 ? std::sqrt(layout.shape(i, i)) : 1.0;
-            const double sd = scale != nullptr ? scale->value * shape : nan;
+            const double sd = scale != nullptr ? scale->value * shape : estimator::nan_value;
             const std::string label = fmt::format("cycle {}", residual.cycle_of(b));
             if (group.name == "cycles.ln_multiplier") {
                 const double ln_multiplier = residual.target(b).ln_multiplier[i - position];
@@ -103,10 +94,11 @@ void add_series_rows(const Job& job, std::size_t experiment, const orbits::Serie
                 residual.groups()[static_cast<std::size_t>(residual.layout()[b].group[static_cast<std::size_t>(i)])];
             const auto* scale = scale_of(estimate, group.name);
             const double observed = segment.values(row, record.sample);
-            rows.push_back(
-                {job.data[experiment].name, segment.label, std::string(coordinate.name), segment.times[record.sample],
-                 observed, observed - values[b].e[i],
-                 scale != nullptr ? residual.error_sd(b, i, values[b].e[i], scale->value, relative_of(*scale)) : nan});
+            rows.push_back({job.data[experiment].name, segment.label, std::string(coordinate.name),
+                            segment.times[record.sample], observed, observed - values[b].e[i],
+                            scale != nullptr
+                                ? residual.error_sd(b, i, values[b].e[i], scale->value, relative_of(*scale))
+                                : estimator::nan_value});
         }
     }
 }
@@ -131,7 +123,7 @@ void add_shooting_rows(const Job& job, std::size_t experiment, const orbits::Sho
             const auto* scale = scale_of(estimate, residual.groups()[static_cast<std::size_t>(reading.group)].name);
             rows.push_back({job.data[experiment].name, segment.label, std::string(coordinate.name), at, reading.value,
                             reading.value - values[b].e[static_cast<Eigen::Index>(r)],
-                            scale != nullptr ? scale->value * reading.deviation : nan});
+                            scale != nullptr ? scale->value * reading.deviation : estimator::nan_value});
         }
     }
 }
@@ -148,7 +140,7 @@ void add_first_nodes(const Job& job, std::size_t experiment, const orbits::Shoot
             const auto& coordinate = coordinates[static_cast<std::size_t>(i)];
             const bool known = b < sds.size() && sds[b].size() == latents[b].size();
             initial.values.push_back({std::string(coordinate.name), std::string(coordinate.unit), latents[b][i],
-                                      known ? sds[b][i] : nan, true});
+                                      known ? sds[b][i] : estimator::nan_value, true});
         }
         context.initial_states.push_back(std::move(initial));
     }
@@ -166,7 +158,7 @@ void add_initial_states(const Job& job, std::size_t experiment, const orbits::Se
             const auto& free = residual.free_coordinates();
             const auto at = std::find(free.begin(), free.end(), i);
             const bool known = b < sds.size() && sds[b].size() == static_cast<Eigen::Index>(free.size());
-            double sd = at != free.end() && known ? sds[b][at - free.begin()] : nan;
+            double sd = at != free.end() && known ? sds[b][at - free.begin()] : estimator::nan_value;
             const auto& own = parameters[static_cast<std::size_t>(i)];
             if (!own.empty()) sd = estimate.parameters[static_cast<std::size_t>(own[b])].sd;
             const auto& coordinate = coordinates[static_cast<std::size_t>(i)];

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/estimation/parameter_column.hpp"
 #include "apps/job/segment_choice.hpp"
 #include "orbits/cycle_residuals/start_scan.hpp"
 #include "orbits/records/data_error.hpp"
@@ -95,14 +96,6 @@ std::unique_ptr<orbits::PredictionResidual> prediction_residual(const Job& job, 
     } catch (const std::invalid_argument& error) {
         throw orbits::DataError(fmt::format("{}: {}", data.name, error.what()));
     }
-}
-
-Eigen::VectorXd column(const std::vector<estimator::FreeParameter>& parameters,
-                       double estimator::FreeParameter::*field) {
-    Eigen::VectorXd values(static_cast<Eigen::Index>(parameters.size()));
-    for (std::size_t i = 0; i < parameters.size(); ++i)
-        values[static_cast<Eigen::Index>(i)] = parameters[i].*field;
-    return values;
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "apps/estimation/cycle_start.hpp"
 #include "apps/estimation/estimate_shooting.hpp"
 #include "apps/estimation/harvest_stage.hpp"
+#include "apps/estimation/parameter_column.hpp"
 #include "apps/estimation/posterior_stage.hpp"
 #include "apps/estimation/stage_checkpoint.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
@@ -22,13 +23,6 @@ namespace {
 using estimator::EstimateStatus;
 constexpr const char* skipped_status = "skipped";
 using Parameters = std::vector<estimator::FreeParameter>;
-
-Eigen::VectorXd starts(const Parameters& parameters) {
-    Eigen::VectorXd theta(static_cast<Eigen::Index>(parameters.size()));
-    for (std::size_t i = 0; i < parameters.size(); ++i)
-        theta[static_cast<Eigen::Index>(i)] = parameters[i].start;
-    return theta;
-}
 
 /// A stage that could not run: the parameters stay where they are.
 StageRun skipped(const StageJob& stage, const Parameters& parameters, std::string reason) {

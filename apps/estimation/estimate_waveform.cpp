@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <stdexcept>
 
@@ -10,6 +9,7 @@
 
 #include "apps/drawing/waveform_plot.hpp"
 #include "apps/job/segment_choice.hpp"
+#include "estimator/interface/not_finite.hpp"
 #include "models/definition/parameter.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -18,8 +18,6 @@ namespace orbid::apps {
 namespace {
 
 using Eigen::Index;
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 std::string block_label(const Job& job, const orbits::Series& series, std::size_t experiment, std::size_t segment) {
     const std::string& name = job.data[experiment].name;
@@ -33,7 +31,7 @@ void take_readings(const Job& job, const DataJob& data, const orbits::Series& se
     const orbits::Segment& from = series.segments[segment];
     const Index count = from.values.cols();
     record.times = from.times;
-    record.values = Eigen::MatrixXd::Constant(std::ssize(errors), count, nan);
+    record.values = Eigen::MatrixXd::Constant(std::ssize(errors), count, estimator::nan_value);
     const bool sds = std::any_of(errors.begin(), errors.end(), [](const auto& e) { return !e.sd_column.empty(); });
     if (sds) record.deviations = record.values;
     for (std::size_t c = 0; c < errors.size(); ++c) {
@@ -144,7 +142,7 @@ void add_waveform_rows(const Job& job, const JobWaveform& waveform, const estima
                 {data.name, waveform.residual->records()[b].label,
                  std::string(job.model.system->coordinates()[static_cast<std::size_t>(channel.coordinate)].name),
                  record.times[source.sample], observed, predicted,
-                 scale != estimate.scales.end() ? sd_of(*scale, channel, deviation, predicted) : nan});
+                 scale != estimate.scales.end() ? sd_of(*scale, channel, deviation, predicted) : estimator::nan_value});
         }
     }
 }
@@ -164,7 +162,7 @@ void add_steady_states(const Job& job, const JobWaveform& waveform, const Eigen:
         const auto sd_at = [&](Index unknown) {
             const auto at = std::find(unknowns.begin(), unknowns.end(), unknown);
             const bool known = b < sds.size() && sds[b].size() == std::ssize(unknowns);
-            return at != unknowns.end() && known ? sds[b][at - unknowns.begin()] : nan;
+            return at != unknowns.end() && known ? sds[b][at - unknowns.begin()] : estimator::nan_value;
         };
         const auto is_estimated = [&](Index unknown) {
             return std::count(unknowns.begin(), unknowns.end(), unknown) > 0;

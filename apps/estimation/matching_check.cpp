@@ -4,19 +4,13 @@
 
 #include <fmt/format.h>
 
+#include "apps/estimation/group_scale.hpp"
 #include "apps/estimation/model_fit.hpp"
 #include "orbits/series_residuals/continuity_report.hpp"
 
 namespace orbid::apps {
 
 namespace {
-
-const estimator::EstimatedScale* scale_of(const estimator::Estimate& estimate, const std::string& group) {
-    for (const auto& scale : estimate.scales) {
-        if (scale.group == group) return &scale;
-    }
-    return nullptr;
-}
 
 /// Sds of matching at the estimate, shape (n): as set, or as estimated.
 Eigen::VectorXd matching_sds(const orbits::ShootingResidual& residual, const estimator::Estimate& estimate) {

@@ -15,7 +15,7 @@ namespace {
 // Codes of ECMA-48 that every terminal with colours knows.
 constexpr std::string_view red = "\033[31m";
 constexpr std::string_view green = "\033[32m";
-constexpr std::string_view plain = "\033[0m";
+constexpr std::string_view reset = "\033[0m";
 
 std::string_view environment(const char* name) {
     const char* value = std::getenv(name);
@@ -37,7 +37,7 @@ bool is_coloured(std::string_view choice, std::FILE* stream) {
 std::string error_text(const std::string& message, bool coloured) {
     const auto end = message.find(": ");
     if (!coloured || end == std::string::npos) return message;
-    return fmt::format("{}{}{}{}", red, message.substr(0, end + 1), plain, message.substr(end + 1));
+    return fmt::format("{}{}{}{}", red, message.substr(0, end + 1), reset, message.substr(end + 1));
 }
 
 std::string with_status_colours(const std::string& summary, bool coloured) {
@@ -52,7 +52,7 @@ std::string with_status_colours(const std::string& summary, bool coloured) {
                                     Status::failed, Status::interrupted}) {
             const std::string_view word = estimator::name(status);
             if (!line.starts_with(word) || line.size() <= word.size() || line[word.size()] != ':') continue;
-            text += fmt::format("{}{}{}", status == Status::converged ? green : red, word, plain);
+            text += fmt::format("{}{}{}", status == Status::converged ? green : red, word, reset);
             line.remove_prefix(word.size());
             break;
         }

@@ -11,7 +11,7 @@ namespace orbid::apps {
 
 namespace {
 
-std::string joined(const std::vector<std::string>& names) {
+std::string space_separated(const std::vector<std::string>& names) {
     std::string text;
     for (const std::string& name : names)
         text += (text.empty() ? "" : " ") + name;
@@ -26,7 +26,7 @@ std::vector<CommandOption> options_of(const Command& command) {
 
 /// What bash offers for a word; empty: nothing is known of it.
 std::string bash_offer(WordKind kind, std::vector<std::string> (*choices)()) {
-    if (choices != nullptr) return fmt::format("_orbid_words '{}'", joined(choices()));
+    if (choices != nullptr) return fmt::format("_orbid_words '{}'", space_separated(choices()));
     switch (kind) {
         case WordKind::job_file:
             return "_orbid_files json";
@@ -122,7 +122,7 @@ std::string zsh_text(const std::string& text) {
 }
 
 std::string zsh_offer(WordKind kind, std::vector<std::string> (*choices)()) {
-    if (choices != nullptr) return fmt::format("({})", joined(choices()));
+    if (choices != nullptr) return fmt::format("({})", space_separated(choices()));
     switch (kind) {
         case WordKind::job_file:
             return "_files -g \"*.json\"";

@@ -35,7 +35,7 @@ std::string wrapped(const std::string& text, std::size_t indent) {
     return result;
 }
 
-std::string joined(const std::vector<std::string>& names) {
+std::string comma_separated(const std::vector<std::string>& names) {
     std::string text;
     for (const std::string& name : names)
         text += (text.empty() ? "" : ", ") + name;
@@ -52,7 +52,7 @@ constexpr std::size_t step_width = 44;
 std::string option_text(const CommandOption& option) {
     const std::string left = "--" + option.name + (option.value.empty() ? "" : " " + option.value);
     std::string meaning = option.meaning;
-    if (option.choices != nullptr) meaning += ": " + joined(option.choices());
+    if (option.choices != nullptr) meaning += ": " + comma_separated(option.choices());
     constexpr std::size_t indent = 19;
     return fmt::format("  {:<16} {}\n", left, wrapped(meaning, indent));
 }
@@ -138,7 +138,7 @@ std::string command_help(const Command& command) {
     for (const CommandWord& word : command.words) {
         if (word.choices == nullptr) continue;
         constexpr std::size_t indent = 19;
-        text += fmt::format("  {:<16} {}\n", word.name, wrapped(joined(word.choices()), indent));
+        text += fmt::format("  {:<16} {}\n", word.name, wrapped(comma_separated(word.choices()), indent));
     }
     text += "options:\n";
     for (const CommandOption& option : command.options)

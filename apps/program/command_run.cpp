@@ -10,13 +10,12 @@
 #include "apps/check/work_estimate.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/program/colour.hpp"
+#include "apps/program/exit_code.hpp"
 #include "apps/program/run.hpp"
 
 namespace orbid::apps {
 
 namespace {
-
-constexpr int unusable_data = 3;
 
 /// The job, or its problems on standard error.
 JobReading read_and_report(const CommandCall& call) {

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/program/exit_code.hpp"
 #include "apps/report/plots/picture_file.hpp"
 #include "apps/report/plots/plot_catalog.hpp"
 #include "apps/results/output_folder.hpp"
@@ -19,9 +20,6 @@
 namespace orbid::apps {
 
 namespace {
-
-constexpr int wrong_call = 2;
-constexpr int unusable_data = 3;
 
 /// The value of an option as a number within a range.
 double number_of(const CommandCall& call, const std::string& option, double without, double lowest, double highest) {

@@ -13,7 +13,7 @@ namespace orbid::apps {
 namespace {
 
 /// Text as troff prints it literally: no request at the beginning of a line, no hyphen for a minus.
-std::string plain(const std::string& text) {
+std::string troff_text(const std::string& text) {
     std::string result;
     for (const char letter : text) {
         if ((letter == '.' || letter == '\'') && (result.empty() || result.back() == '\n')) result += "\\&";
@@ -29,8 +29,8 @@ std::string plain(const std::string& text) {
 }
 
 void add_entry(std::string& page, const std::string& bold, const std::string& italic, const std::string& meaning) {
-    page += ".TP\n\\fB" + plain(bold) + "\\fR" + (italic.empty() ? "" : " \\fI" + plain(italic) + "\\fR") + "\n" +
-            plain(meaning) + "\n";
+    page += ".TP\n\\fB" + troff_text(bold) + "\\fR" + (italic.empty() ? "" : " \\fI" + troff_text(italic) + "\\fR") +
+            "\n" + troff_text(meaning) + "\n";
 }
 
 std::string with_choices(const std::string& meaning, std::vector<std::string> (*choices)()) {
@@ -38,17 +38,18 @@ std::string with_choices(const std::string& meaning, std::vector<std::string> (*
 }
 
 void add_command(std::string& page, const Command& command) {
-    page += ".SS \"orbid " + command.name + (command.words.empty() ? "" : " ") + plain(usage_words(command)) + "\"\n";
-    page += plain(command.summary) + ".\n";
+    page +=
+        ".SS \"orbid " + command.name + (command.words.empty() ? "" : " ") + troff_text(usage_words(command)) + "\"\n";
+    page += troff_text(command.summary) + ".\n";
     for (const CommandWord& word : command.words) {
         if (word.choices != nullptr) add_entry(page, word.name, "", with_choices("One of", word.choices));
     }
     for (const CommandOption& option : command.options)
         add_entry(page, "--" + option.name, option.value, with_choices(option.meaning, option.choices));
-    if (!command.details.empty()) page += ".PP\n" + plain(command.details) + "\n";
+    if (!command.details.empty()) page += ".PP\n" + troff_text(command.details) + "\n";
     for (const CommandExample& example : command.examples) {
-        page += ".PP\n.nf\n.RS\n" + plain(example.line) + "\n.RE\n.fi\n";
-        if (!example.meaning.empty()) page += ".RS\n" + plain(example.meaning) + "\n.RE\n";
+        page += ".PP\n.nf\n.RS\n" + troff_text(example.line) + "\n.RE\n.fi\n";
+        if (!example.meaning.empty()) page += ".RS\n" + troff_text(example.meaning) + "\n.RE\n";
     }
 }
 
@@ -76,7 +77,7 @@ std::string manual_page() {
     page += ".SH ENVIRONMENT\n";
     for (const EnvironmentVariable& variable : environment_variables())
         add_entry(page, variable.name, "", variable.meaning);
-    page += ".SH SIGNALS\n" + plain(signals_text()) + "\n";
+    page += ".SH SIGNALS\n" + troff_text(signals_text()) + "\n";
     return page;
 }
 

@@ -19,6 +19,7 @@
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/program/colour.hpp"
 #include "apps/program/command_report.hpp"
+#include "apps/program/exit_code.hpp"
 #include "apps/program/summary.hpp"
 #include "apps/program/thread_limit.hpp"
 #include "apps/results/invariants_file.hpp"
@@ -38,13 +39,6 @@
 namespace orbid::apps {
 
 namespace {
-
-constexpr int success = 0;
-constexpr int no_valid_answer = 1;
-constexpr int wrong_call = 2;
-constexpr int unusable_data = 3;
-constexpr int not_stored = 4;
-constexpr int interrupted = 130;
 
 /// A run that its caller may stop.
 class AskedCaller final : public Interruption {

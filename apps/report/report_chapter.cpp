@@ -33,7 +33,7 @@ std::string grouped(std::size_t value) {
     return digits;
 }
 
-std::string counted(std::size_t count, std::string_view noun) {
+std::string grouped_count(std::size_t count, std::string_view noun) {
     return apps::counted(count, noun, grouped(count));
 }
 

@@ -67,7 +67,7 @@ using Json = nlohmann::ordered_json;
 /// 1048576 -> "1 048 576", with spaces that do not break.
 [[nodiscard]] std::string grouped(std::size_t value);
 /// "1 cycle", "3 cycles".
-[[nodiscard]] std::string counted(std::size_t count, std::string_view noun);
+[[nodiscard]] std::string grouped_count(std::size_t count, std::string_view noun);
 
 }  // namespace detail
 

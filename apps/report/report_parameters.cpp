@@ -15,7 +15,7 @@ using detail::Json;
 using detail::number_at;
 using detail::text_at;
 
-std::string interval_text(const Json& entry, double sd) {
+std::string parameter_interval_text(const Json& entry, double sd) {
     const Json* ends = filled(entry, "interval95");
     if (ends == nullptr || ends->size() != 2 || !(*ends)[0].is_number() || !(*ends)[1].is_number()) return "undefined";
     return fmt::format("[{}, {}]", with_digits_of((*ends)[0].get<double>(), sd),
@@ -55,7 +55,7 @@ std::string estimated_table(const std::string& caption, const Json& list) {
                    {with_digits_of(value, sd), value},
                    {std::isfinite(sd) ? significant(sd, 2) : "undefined", sd},
                    text_at(entry, "unit"),
-                   interval_text(entry, sd),
+                   parameter_interval_text(entry, sd),
                    text_at(entry, "interval_method"),
                    number_cell(number_at(entry, "start"), 4),
                    number_cell(number_at(entry, "reference"), 8),

@@ -22,7 +22,7 @@ std::string refusal(const Json& block) {
     return text_at(block, "status") == "refused" ? text_at(block, "message") : std::string();
 }
 
-std::string interval_text(const Json& entry) {
+std::string posterior_interval_text(const Json& entry) {
     const Json* ends = filled(entry, "interval95");
     if (ends == nullptr) return "";
     const double sd = number_at(entry, "sd");
@@ -120,7 +120,7 @@ std::string profile_table(const Json& profiles) {
         table.add({name,
                    {significant(number_at(profile, "value"), 6), number_at(profile, "value")},
                    text_at(profile, "unit"),
-                   interval_text(profile),
+                   posterior_interval_text(profile),
                    text_at(profile, "method"),
                    text_at(profile, "message")});
     return table.html();
@@ -209,7 +209,7 @@ std::string marginal_table(const Json& marginals) {
                    {with_digits_of(number_at(entry, "mean"), sd), number_at(entry, "mean")},
                    {significant(sd, 3), sd},
                    {with_digits_of(number_at(entry, "median"), sd), number_at(entry, "median")},
-                   interval_text(entry),
+                   posterior_interval_text(entry),
                    text_at(entry, "unit"),
                    text_at(entry, "message")});
     }
@@ -238,7 +238,7 @@ std::string sample_table(const Json& posterior) {
                        {with_digits_of(number_at(entry, "mean"), sd), number_at(entry, "mean")},
                        {significant(sd, 3), sd},
                        {with_digits_of(number_at(entry, "median"), sd), number_at(entry, "median")},
-                       interval_text(entry),
+                       posterior_interval_text(entry),
                        text_at(entry, "unit"),
                        {significant(rhat, 5), rhat, rhat < 1.01 ? "" : "caution"},
                        {std::isfinite(bulk) ? fmt::format("{:.0f}", bulk) : "", bulk},

@@ -17,9 +17,9 @@ namespace orbid::apps {
 
 namespace {
 
-using detail::counted;
 using detail::filled;
 using detail::grouped;
+using detail::grouped_count;
 using detail::Json;
 using detail::number_at;
 using detail::text_at;
@@ -260,10 +260,11 @@ ReportChapter section_chapter(const ReportSource& source) {
     try {
         if (const auto section = section_points(source.run)) {
             chart = section_chart(*section, cycles, blocks);
-            words = fmt::format("{} of the section, darker where they are dense{}.", counted(blocks.given, "point"),
-                                blocks.kept < blocks.given ? fmt::format(" (every {}th of them is in this page)",
-                                                                         (blocks.given + blocks.kept - 1) / blocks.kept)
-                                                           : "");
+            words =
+                fmt::format("{} of the section, darker where they are dense{}.", grouped_count(blocks.given, "point"),
+                            blocks.kept < blocks.given ? fmt::format(" (every {}th of them is in this page)",
+                                                                     (blocks.given + blocks.kept - 1) / blocks.kept)
+                                                       : "");
         }
     } catch (const orbits::DataError& error) {
         // The report is about what was found; a record that has gone since is said, not fatal.
@@ -271,7 +272,7 @@ ReportChapter section_chapter(const ReportSource& source) {
     }
     if (cycles != nullptr)
         words += fmt::format("{}Coloured marks are points of {}, by period; the cursor tells which.",
-                             words.empty() ? "" : " ", counted(cycles->size(), "periodic orbit"));
+                             words.empty() ? "" : " ", grouped_count(cycles->size(), "periodic orbit"));
     chapter.html += figure_html(source, chart, words, &blocks);
     if (cycles == nullptr) return chapter;
     if (chart.views.empty() && source.still_plots.count("section") == 0) {

@@ -12,8 +12,8 @@ namespace orbid::apps {
 
 namespace {
 
-using detail::counted;
 using detail::filled;
+using detail::grouped_count;
 using detail::Json;
 using detail::number_at;
 using detail::text_at;
@@ -70,10 +70,11 @@ std::string what_was_done(const StoredRun& run) {
                 names.push_back(name);
         }
         constexpr std::size_t most_names = 8;
-        out = names.empty()                ? fmt::format("No parameter of {} was free; errors and states were", model)
-              : names.size() == 1          ? fmt::format("{} of {} was", names[0], model)
-              : names.size() <= most_names ? fmt::format("{} of {} were", listed(names), model)
-                                           : fmt::format("{} of {} were", counted(names.size(), "parameter"), model);
+        out = names.empty()       ? fmt::format("No parameter of {} was free; errors and states were", model)
+              : names.size() == 1 ? fmt::format("{} of {} was", names[0], model)
+              : names.size() <= most_names
+                  ? fmt::format("{} of {} were", listed(names), model)
+                  : fmt::format("{} of {} were", grouped_count(names.size(), "parameter"), model);
         out += " estimated";
         std::vector<std::string> from;
         if (const Json* counts = filled(result, "residuals")) {
@@ -82,9 +83,9 @@ std::string what_was_done(const StoredRun& run) {
                 const std::string type = text_at(count, "type");
                 if (!(used > 0.0)) continue;
                 const auto n = static_cast<std::size_t>(used);
-                from.push_back(type == "cycles"   ? counted(n, "unstable periodic orbit")
-                               : type == "series" ? counted(n, "interval") + " of the record"
-                                                  : fmt::format("{} ({})", counted(n, "record"), type));
+                from.push_back(type == "cycles"   ? grouped_count(n, "unstable periodic orbit")
+                               : type == "series" ? grouped_count(n, "interval") + " of the record"
+                                                  : fmt::format("{} ({})", grouped_count(n, "record"), type));
             }
         }
         if (!from.empty()) out += " from " + listed(from);
@@ -92,13 +93,14 @@ std::string what_was_done(const StoredRun& run) {
             const auto points = static_cast<std::size_t>(std::max(0.0, number_at(*data, "points")));
             const auto segments = static_cast<std::size_t>(std::max(0.0, number_at(*data, "segments")));
             if (points > 0)
-                out += fmt::format("; data: {} in {}", counted(points, "point"), counted(segments, "segment"));
+                out +=
+                    fmt::format("; data: {} in {}", grouped_count(points, "point"), grouped_count(segments, "segment"));
         }
         return out + ".";
     }
     if (run.branch && filled(*run.branch, "branches") != nullptr)
         return fmt::format("{} of periodic orbits of {} followed over {}.",
-                           counted(run.branch->at("branches").size(), "branch") == "1 branch"
+                           grouped_count(run.branch->at("branches").size(), "branch") == "1 branch"
                                ? std::string("One branch")
                                : fmt::format("{} branches", run.branch->at("branches").size()),
                            model, text_at(run.branch->at("parameter"), "name"));
@@ -107,7 +109,7 @@ std::string what_was_done(const StoredRun& run) {
                            detail::grouped(run.orbits->at("cycles").size()));
     if (run.cycles)
         return fmt::format("The record of {} was searched for unstable periodic orbits: {} found.", model,
-                           counted(run.cycles->at("cycles").size(), "cycle"));
+                           grouped_count(run.cycles->at("cycles").size(), "cycle"));
     return fmt::format("Data of {} were made.", model);
 }
 
@@ -188,7 +190,7 @@ void add_parameters(const Json& result, Remarks& remarks) {
     if (known > 0)
         remarks.push_back({worst > 3.0 ? Remark::Weight::caution : Remark::Weight::good,
                            fmt::format("Against {}, the largest deviation is {:.2g} standard deviations ({}).",
-                                       counted(known, "known value"), worst, worst_name)});
+                                       grouped_count(known, "known value"), worst, worst_name)});
 }
 
 void add_errors(const Json& result, Remarks& remarks) {

@@ -14,12 +14,12 @@ namespace {
 
 constexpr const char* file_name = "checkpoint.bin";
 // Changes with what is kept in a checkpoint: values of another layout must not be taken for ours.
-constexpr std::string_view format = "orbid-checkpoint/1";
+constexpr std::string_view checkpoint_format = "orbid-checkpoint/1";
 
 }  // namespace
 
 Checkpoint::Checkpoint(OutputFolder& folder, const Fingerprint& fingerprint)
-    : folder_(folder), fingerprint_(fmt::format("{} {}", format, fingerprint.sha256)) {
+    : folder_(folder), fingerprint_(fmt::format("{} {}", checkpoint_format, fingerprint.sha256)) {
     const std::filesystem::path file = folder.file(file_name);
     if (!std::filesystem::exists(file)) return;
     try {

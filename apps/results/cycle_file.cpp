@@ -11,7 +11,11 @@
 
 namespace orbid::apps {
 
+namespace {
+
 using Json = nlohmann::ordered_json;
+
+}  // namespace
 
 namespace detail {
 

@@ -230,4 +230,9 @@ std::string draws_text(const estimator::PosteriorSample& sample) {
     return fmt::to_string(out);
 }
 
+Json evidence_json(const LogEvidence& evidence) {
+    return {{"value", evidence.value ? Json(*evidence.value) : Json(nullptr)},
+            {"reason", evidence.value ? Json(nullptr) : Json(evidence.reason)}};
+}
+
 }  // namespace orbid::apps

@@ -38,6 +38,9 @@ struct LogEvidence {
     std::string reason;  ///< empty with a value
 };
 
+/// {"value", "reason"}; null for what there is not.
+[[nodiscard]] nlohmann::ordered_json evidence_json(const LogEvidence& evidence);
+
 /// What a job asks for beyond the estimate, as far as it was asked for and done.
 struct PosteriorResults {
     std::vector<std::string> parameters;  ///< names, in the order of theta

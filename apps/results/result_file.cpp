@@ -59,11 +59,6 @@ Json covariance_json(const estimator::EstimatedCovariance& covariance) {
             {"uncertainty", json_rows(covariance.uncertainty)}};
 }
 
-Json evidence_json(const LogEvidence& evidence) {
-    return {{"value", evidence.value ? Json(*evidence.value) : Json(nullptr)},
-            {"reason", evidence.value ? Json(nullptr) : Json(evidence.reason)}};
-}
-
 /// `sd` is always a standard deviation in the data's unit: of a factor group it is the rms of the raw residuals.
 /// `interval95` belongs to what was estimated: the factor of such a group, the sd of the others.
 Json scale_json(const estimator::EstimatedScale& scale) {

@@ -11,11 +11,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json evidence_json(const LogEvidence& evidence) {
-    return {{"value", evidence.value ? Json(*evidence.value) : Json(nullptr)},
-            {"reason", evidence.value ? Json(nullptr) : Json(evidence.reason)}};
-}
-
 Json stage_json(const StageResult& stage, const std::map<std::string, double>& references) {
     Json out;
     out["stage"] = stage.stage;

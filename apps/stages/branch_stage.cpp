@@ -19,7 +19,7 @@ namespace orbid::apps {
 
 namespace {
 
-std::optional<FollowedBranches> from_folder(const Workspace& work, const Fingerprint& wanted) {
+std::optional<FollowedBranches> branches_from_folder(const Workspace& work, const Fingerprint& wanted) {
     const auto file = work.file("branch.json");
     if (!std::filesystem::exists(file)) return std::nullopt;
     auto stored = stored_branches(read_whole_file(file));
@@ -78,7 +78,7 @@ FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits
     const Job& job = work.job;
     const ContinuationJob& continuation = *job.periodic->continuation;
     const Fingerprint wanted = stage_fingerprint(work.document, {"/model", "/section", "/periodic"});
-    if (auto stored = from_folder(work, wanted)) {
+    if (auto stored = branches_from_folder(work, wanted)) {
         work.progress.reused("branches", fmt::format("{} branches from branch.json", stored->branches.size()));
         return std::move(*stored);
     }

@@ -156,7 +156,7 @@ Fingerprint orbits_fingerprint(const Workspace& work) {
     return stage_fingerprint(work.document, places);
 }
 
-std::optional<ComputedOrbits> from_folder(const Workspace& work, const Fingerprint& wanted) {
+std::optional<ComputedOrbits> orbits_from_folder(const Workspace& work, const Fingerprint& wanted) {
     const auto file = work.file("orbits.json");
     if (!std::filesystem::exists(file)) return std::nullopt;
     auto stored = stored_orbits(read_whole_file(file));
@@ -182,7 +182,7 @@ ComputedOrbits compute_orbits(const Workspace& work) {
     const Job& job = work.job;
     const models::System& system = work.system();
     const Fingerprint wanted = orbits_fingerprint(work);
-    if (auto stored = from_folder(work, wanted)) {
+    if (auto stored = orbits_from_folder(work, wanted)) {
         work.progress.reused("periodic", fmt::format("{} orbits from orbits.json", stored->list.size()));
         stored->own_time = system.kind() == models::Kind::autonomous;
         return std::move(*stored);

@@ -11,21 +11,18 @@
 
 #include "apps/estimation/estimate_residuals.hpp"
 #include "apps/estimation/estimate_setup.hpp"
+#include "apps/stored_run/root_mean_square.hpp"
+#include "estimator/interface/not_finite.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 /// Errors beyond this many sds end a forecast, and bound the band.
 constexpr double band_sds = 2.0;
 /// Samples over which the errors' rms is compared with that: one reading alone exceeds 2 sds every twentieth time.
 constexpr std::size_t window = 10;
-
-double rms(double squares, std::size_t count) {
-    return count > 0 ? std::sqrt(squares / static_cast<double>(count)) : nan;
-}
 
 /// The relative parts of the errors, and scales; as the residual's groups have them.
 struct Scales {
@@ -156,12 +153,12 @@ public:
     [[nodiscard]] std::vector<CoordinateForecast> coordinates() const {
         auto list = list_;
         for (std::size_t i = 0; i < list.size(); ++i) {
-            list[i].rms = rms(list[i].rms, counts_[i]);
-            list[i].sd = rms(list[i].sd, counts_[i]);
+            list[i].rms = root_mean_square(list[i].rms, counts_[i]);
+            list[i].sd = root_mean_square(list[i].sd, counts_[i]);
         }
         return list;
     }
-    [[nodiscard]] double normalised() const { return rms(normalised_, count_); }
+    [[nodiscard]] double normalised() const { return root_mean_square(normalised_, count_); }
 
 private:
     std::vector<Eigen::Index> index_;
@@ -182,7 +179,7 @@ double growth_rate(const std::vector<double>& times, const std::vector<double>& 
         mean_t += times[k];
         mean_y += std::log(sizes[k]);
     }
-    if (n < 3.0) return nan;
+    if (n < 3.0) return estimator::nan_value;
     mean_t /= n;
     mean_y /= n;
     double tt = 0.0;
@@ -192,7 +189,7 @@ double growth_rate(const std::vector<double>& times, const std::vector<double>& 
         tt += (times[k] - mean_t) * (times[k] - mean_t);
         ty += (times[k] - mean_t) * (std::log(sizes[k]) - mean_y);
     }
-    return tt > 0.0 ? ty / tt : nan;
+    return tt > 0.0 ? ty / tt : estimator::nan_value;
 }
 
 /// Everything about one segment after its initial state is known.
@@ -313,7 +310,7 @@ void forecast_samples(const PredictionJob& job, const Experiment& record, Foreca
                 const auto& coordinate =
                     job.derived.model.system->coordinates()[static_cast<std::size_t>(job.derived.data[0].observe[c])];
                 one.course.push_back({std::string(coordinate.name), std::string(coordinate.unit),
-                                      course.rms[static_cast<Eigen::Index>(c)], nan});
+                                      course.rms[static_cast<Eigen::Index>(c)], estimator::nan_value});
             }
         }
         if (!beginnings[b].ok) {

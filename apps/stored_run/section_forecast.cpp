@@ -1,5 +1,4 @@
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <numeric>
 #include <span>
@@ -8,20 +7,12 @@
 #include <Eigen/Dense>
 
 #include "apps/stored_run/forecast.hpp"
+#include "apps/stored_run/root_mean_square.hpp"
+#include "estimator/interface/not_finite.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/simulation/transition.hpp"
 
 namespace orbid::apps::detail {
-
-namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
-double rms(double squares, std::size_t count) {
-    return count > 0 ? std::sqrt(squares / static_cast<double>(count)) : nan;
-}
-
-}  // namespace
 
 void forecast_sections(const PredictionJob& job, const Experiment& record, Forecast& out) {
     const models::System& system = *job.derived.model.system;
@@ -49,10 +40,10 @@ void forecast_sections(const PredictionJob& job, const Experiment& record, Forec
         orbits::error_sizes(data.sensor, orbits::coordinate_range(system, record.series, states));
 
     // Sds of readings as the run knows them; otherwise what these very predictions leave, an upper bound.
-    Eigen::VectorXd sds = Eigen::VectorXd::Constant(system.dimension(), nan);
+    Eigen::VectorXd sds = Eigen::VectorXd::Constant(system.dimension(), estimator::nan_value);
     if (job.known_errors && job.derived.estimate && job.derived.estimate->series) {
         for (const ErrorJob& error : job.derived.estimate->series->errors)
-            sds[error.coordinate] = error.scale.value > 0.0 ? error.scale.value : nan;
+            sds[error.coordinate] = error.scale.value > 0.0 ? error.scale.value : estimator::nan_value;
     }
     if (!sds.allFinite()) {
         out.known_errors = false;
@@ -87,10 +78,10 @@ void forecast_sections(const PredictionJob& job, const Experiment& record, Forec
     for (std::size_t c = 0; c < dimension; ++c) {
         const auto& coordinate = system.coordinates()[c];
         all.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit),
-                                   rms(squares[c], all.steps), sds[static_cast<Eigen::Index>(c)]});
-        all.expected.push_back(rms(expected[c], all.steps));
+                                   root_mean_square(squares[c], all.steps), sds[static_cast<Eigen::Index>(c)]});
+        all.expected.push_back(root_mean_square(expected[c], all.steps));
     }
-    all.normalised = rms(normalised, all.steps * dimension);
+    all.normalised = root_mean_square(normalised, all.steps * dimension);
     if (all.steps > 0) all.growth = growth / static_cast<double>(all.steps);
 }
 

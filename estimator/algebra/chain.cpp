@@ -33,7 +33,7 @@ struct Reduction {
 };
 
 /// Small matrices one after the other in the same memory.
-class Workspace {
+class MatrixPool {
 public:
     Rows zero(Eigen::Index rows, Eigen::Index columns) {
         const auto size = static_cast<std::size_t>(rows * columns);
@@ -141,7 +141,7 @@ void keep(const Rows& a, const Eigen::Index* order, Elimination& step, ChainLeve
 
 /// One node between its neighbours; `made` is the place for the rows that this leaves between them.
 void eliminate_between(const Reduction& work, Elimination& step, const Edge& before, const Edge& after,
-                       ChainLevel& level, Edge& made, double* place, Workspace& space, Remainder& rest) {
+                       ChainLevel& level, Edge& made, double* place, MatrixPool& space, Remainder& rest) {
     const ChainNode& own = work.nodes[static_cast<std::size_t>(step.node)];
     const Eigen::Index l = own.latents;
     const Eigen::Index l_left = work.nodes[static_cast<std::size_t>(step.left)].latents;
@@ -164,7 +164,7 @@ void eliminate_between(const Reduction& work, Elimination& step, const Edge& bef
 }
 
 /// The one or two nodes that are left.
-void eliminate_last(const Reduction& work, ChainLevel& level, Workspace& space, Remainder& rest) {
+void eliminate_last(const Reduction& work, ChainLevel& level, MatrixPool& space, Remainder& rest) {
     const std::size_t first = work.left[0];
     const std::size_t second = work.left.back();
     const bool pair = work.left.size() == 2;
@@ -234,7 +234,7 @@ ChainLevel reduce(Reduction& work, bool cyclic, Remainder& rest) {
     std::vector<Edge> edges(count);
     std::vector<Eigen::MatrixXd> rests(pieces_of(count));
     for_pieces(count, [&](std::size_t begin, std::size_t end, std::size_t piece) {
-        Workspace space;
+        MatrixPool space;
         Remainder own(work.width);
         for (std::size_t k = begin; k < end; ++k)
             eliminate_between(work, level.steps[k], work.edge[2 * k], work.edge[2 * k + 1], level, edges[k],
@@ -300,7 +300,7 @@ ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Ei
     Remainder rest(work.width);
     while (work.left.size() > 2)
         chain.levels.push_back(reduce(work, cyclic, rest));
-    Workspace space;
+    MatrixPool space;
     chain.levels.emplace_back();
     eliminate_last(work, chain.levels.back(), space, rest);
     chain.rest = rest.triangle();

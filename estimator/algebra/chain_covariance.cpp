@@ -10,7 +10,7 @@ namespace {
 using Groups = std::initializer_list<std::pair<Eigen::Index, Eigen::Index>>;
 
 /// Memory of one thread for the matrices of one elimination.
-struct Workspace {
+struct EliminationMatrices {
     Eigen::MatrixXd inverse;
     Eigen::MatrixXd gain;
     Eigen::MatrixXd joint;
@@ -20,7 +20,7 @@ struct Workspace {
 
 /// Covariance of (pivots, separator) from that of the separator s: z = G s + R^-1 noise, G = -R^-1 R_s.
 void extend(const ChainLevel& level, const Elimination& step, const Eigen::Ref<const Eigen::MatrixXd>& separator,
-            Workspace& space) {
+            EliminationMatrices& space) {
     const Eigen::Index l = step.pivots;
     const Eigen::Index s = separator.rows();
     const Eigen::Index rank = step.rank;
@@ -118,7 +118,7 @@ void chain_covariance(const ChainFactor& chain, const Eigen::MatrixXd& parameter
     const Eigen::Index r = parameter_covariance.rows();
     const auto latents = [&chain](std::ptrdiff_t i) { return chain.latents[static_cast<std::size_t>(i)]; };
     const auto block = [&chain](std::ptrdiff_t i) { return chain.block[static_cast<std::size_t>(i)]; };
-    const auto give = [](const Eigen::MatrixXd& from, const Groups& groups, Workspace& space, std::size_t to,
+    const auto give = [](const Eigen::MatrixXd& from, const Groups& groups, EliminationMatrices& space, std::size_t to,
                          const CovarianceUse& use) {
         if (!use) return;
         const Eigen::Index size = size_of(groups);
@@ -129,7 +129,7 @@ void chain_covariance(const ChainFactor& chain, const Eigen::MatrixXd& parameter
     };
 
     // The last one or two nodes; a link between them is an original one where no level comes before.
-    Workspace top;
+    EliminationMatrices top;
     const ChainLevel& end = chain.levels.back();
     const Elimination& last = end.steps.front();
     extend(end, last, parameter_covariance, top);
@@ -170,7 +170,7 @@ void chain_covariance(const ChainFactor& chain, const Eigen::MatrixXd& parameter
             next.allocate();
         }
         for_pieces(count, [&](std::size_t begin, std::size_t finish, std::size_t) {
-            Workspace space;
+            EliminationMatrices space;
             for (std::size_t k = begin; k < finish; ++k) {
                 const Elimination& step = level.steps[k];
                 const Eigen::Index l_own = latents(step.node);

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -10,6 +9,7 @@
 
 #include "estimator/errors/error_density.hpp"
 #include "estimator/errors/noise_model.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
@@ -17,7 +17,6 @@ namespace {
 
 using Kind = ErrorCoordinate::Kind;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 /// Below one degree of freedom Student's likelihood is unbounded in more cases than it is useful; above 1e4 it cannot
 /// be told from the normal one (the densities differ by less than 1e-4 within four sd).
 constexpr double least_dof = 1.0;

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <variant>
 
 #include "estimator/estimate/estimate_report.hpp"
+#include "estimator/interface/not_finite.hpp"
 #include "estimator/problem/problem_setup.hpp"
 #include "estimator/problem/tie.hpp"
 #include "estimator/uncertainty/posterior.hpp"
@@ -15,8 +15,6 @@
 namespace orbid::estimator {
 
 namespace {
-
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 
 std::string label(const Problem& problem, const ActiveBlock& block) {
     const Residual& residual = *problem.residuals[block.residual];

@@ -3,17 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include <boost/math/distributions/chi_squared.hpp>
 
 #include "estimator/errors/joint_covariance.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 /// 97.5 % quantile of the standard normal density.
 constexpr double normal_975 = 1.9599639845400545;
 

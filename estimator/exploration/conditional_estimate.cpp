@@ -2,18 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
 
 #include "estimator/interface/mapped_residual.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
 namespace {
-
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 
 const Estimated* find(const std::vector<Estimated>& list, const std::string& name) {
     const auto found = std::find_if(list.begin(), list.end(), [&](const Estimated& one) { return one.name == name; });

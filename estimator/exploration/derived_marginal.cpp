@@ -9,12 +9,11 @@
 #include <boost/math/interpolators/makima.hpp>
 
 #include "estimator/exploration/log_density_spline.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
 namespace {
-
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 
 /// Slopes below this share of the largest (times the parameters' sds) count as none.
 constexpr double no_slope = 1e-10;
@@ -54,7 +53,7 @@ struct Component {
     double sd;
 };
 
-double cumulative(const std::vector<Component>& mixture, double dof, double x) {
+double mixture_cdf(const std::vector<Component>& mixture, double dof, double x) {
     const boost::math::normal_distribution<double> normal;
     double sum = 0.0;
     for (const Component& part : mixture) {
@@ -72,7 +71,7 @@ double cumulative(const std::vector<Component>& mixture, double dof, double x) {
 double quantile(const std::vector<Component>& mixture, double dof, double p, double from, double to) {
     for (int halving = 0; halving < 80; ++halving) {
         const double middle = 0.5 * (from + to);
-        (cumulative(mixture, dof, middle) < p ? from : to) = middle;
+        (mixture_cdf(mixture, dof, middle) < p ? from : to) = middle;
     }
     return 0.5 * (from + to);
 }

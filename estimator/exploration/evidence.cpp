@@ -36,7 +36,7 @@ std::string coordinate_name(ErrorCoordinate::Kind kind) {
 }
 
 /// Share of the density below x, from the quantiles by bisection.
-double cumulative(const Prior& prior, double x) {
+double prior_cdf(const Prior& prior, double x) {
     const Support ends = support(prior);
     if (!(x > ends.lower)) return 0.0;
     if (!(x < ends.upper)) return 1.0;
@@ -84,7 +84,7 @@ EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters, const
             terms.improper.push_back({parameter.name, coordinate_name(parameter.scale)});
         if (!joint && is_proper(parameter.prior)) {
             const double inside =
-                cumulative(parameter.prior, parameter.upper) - cumulative(parameter.prior, parameter.lower);
+                prior_cdf(parameter.prior, parameter.upper) - prior_cdf(parameter.prior, parameter.lower);
             terms.log_integral -= std::log(inside);
         }
     }

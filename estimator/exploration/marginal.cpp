@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include <tbb/parallel_for.h>
@@ -11,19 +10,18 @@
 
 #include "estimator/exploration/conditional_estimate.hpp"
 #include "estimator/exploration/log_density_spline.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
-
 /// Up to this many parameters 2 q evaluations more per point are taken for granted.
 constexpr std::size_t affordable = 12;
 /// Halvings of a step before a point that cannot be evaluated, or a jump of the density, ends the grid.
-constexpr int halvings = 5;
+constexpr int step_halvings = 5;
 
-void check(const MarginalOptions& options) {
+void check_marginal(const MarginalOptions& options) {
     const auto positive = [](const std::string& what, double value) {
         if (!(value > 0.0)) throw std::invalid_argument(what + " = " + std::to_string(value) + " must be positive");
     };
@@ -33,7 +31,7 @@ void check(const MarginalOptions& options) {
     positive("maximum_points", options.maximum_points);
 }
 
-struct Node {
+struct MarginalNode {
     double u = 0.0;
     double log_density = 0.0;
     ConditionalStart at;
@@ -42,8 +40,8 @@ struct Node {
 };
 
 /// The grid of one unknown on one side of the estimate.
-struct Side {
-    std::vector<Node> nodes;
+struct MarginalSide {
+    std::vector<MarginalNode> nodes;
     MarginalEnd end = MarginalEnd::reach;
     int failed = 0;
     int evaluations = 0;
@@ -59,8 +57,8 @@ public:
           options_(options),
           full_hessian_(full_hessian) {}
 
-    [[nodiscard]] std::optional<Node> at(double u, const ConditionalStart& from, int& evaluations) const;
-    [[nodiscard]] Side walk(const Node& centre, int direction) const;
+    [[nodiscard]] std::optional<MarginalNode> at(double u, const ConditionalStart& from, int& evaluations) const;
+    [[nodiscard]] MarginalSide walk(const MarginalNode& centre, int direction) const;
 
 private:
     const Conditional& conditional_;
@@ -70,26 +68,26 @@ private:
     bool full_hessian_;
 };
 
-std::optional<Node> Grid::at(double u, const ConditionalStart& from, int& evaluations) const {
+std::optional<MarginalNode> Grid::at(double u, const ConditionalStart& from, int& evaluations) const {
     const double prior = conditional_.log_prior(unknown_, u);
     if (!std::isfinite(prior)) return std::nullopt;
-    const auto attempt = [&](const ConditionalStart& start) -> std::optional<Node> {
+    const auto attempt = [&](const ConditionalStart& start) -> std::optional<MarginalNode> {
         const ConditionalEstimate found = conditional_.at(unknown_, u, start, estimate_.variance, full_hessian_);
         evaluations += found.evaluations;
         if (!found.good()) return std::nullopt;
-        return Node{u, found.log_integral + prior, found.at, found.covariance, found.degrees_of_freedom};
+        return MarginalNode{u, found.log_integral + prior, found.at, found.covariance, found.degrees_of_freedom};
     };
     if (auto node = attempt(conditional_.moved(from, unknown_, u))) return node;
     return attempt(conditional_.moved(conditional_.start(), unknown_, u));
 }
 
-Side Grid::walk(const Node& centre, int direction) const {
-    Side side;
+MarginalSide Grid::walk(const MarginalNode& centre, int direction) const {
+    MarginalSide side;
     const double sd = unknown_.sd > 0.0 ? unknown_.sd : 0.1 * unknown_.size;
     const double limit = direction < 0 ? unknown_.lower : unknown_.upper;
     double step = options_.step * sd;
     double highest = centre.log_density;
-    const Node* last = &centre;
+    const MarginalNode* last = &centre;
     int halved = 0;
     side.nodes.reserve(static_cast<std::size_t>(options_.maximum_points));
     while (side.nodes.size() < static_cast<std::size_t>(options_.maximum_points)) {
@@ -105,10 +103,10 @@ Side Grid::walk(const Node& centre, int direction) const {
             side.end = MarginalEnd::bound;
             return side;
         }
-        const std::optional<Node> node = at(u, last->at, side.evaluations);
+        const std::optional<MarginalNode> node = at(u, last->at, side.evaluations);
         if (!node) {
             ++side.failed;
-            if (++halved > halvings) {
+            if (++halved > step_halvings) {
                 side.end = MarginalEnd::failed;
                 return side;
             }
@@ -117,7 +115,7 @@ Side Grid::walk(const Node& centre, int direction) const {
         }
         const double drop = last->log_density - node->log_density;
         // Too coarse for the spline: the density falls by 8 orders over a step, or is lost at once.
-        if (drop > 0.6 * options_.fall && halved < halvings) {
+        if (drop > 0.6 * options_.fall && halved < step_halvings) {
             ++halved;
             step *= 0.5;
             continue;
@@ -198,23 +196,23 @@ Marginal marginal_of(const Conditional& conditional, const Unknown& unknown, con
         result.message = "interrupted";
         return result;
     }
-    const std::optional<Node> centre = grid.at(unknown.u, conditional.start(), result.evaluations);
+    const std::optional<MarginalNode> centre = grid.at(unknown.u, conditional.start(), result.evaluations);
     if (!centre) {
         result.lower_end = result.upper_end = MarginalEnd::failed;
         result.message = "the others do not converge with it held at its estimate";
         return result;
     }
-    Side lower;
-    Side upper;
+    MarginalSide lower;
+    MarginalSide upper;
     tbb::parallel_invoke([&] { lower = grid.walk(*centre, -1); }, [&] { upper = grid.walk(*centre, 1); });
     result.lower_end = lower.end;
     result.upper_end = upper.end;
     result.failed_points = lower.failed + upper.failed;
     result.evaluations += lower.evaluations + upper.evaluations;
-    std::vector<Node> nodes(lower.nodes.rbegin(), lower.nodes.rend());
+    std::vector<MarginalNode> nodes(lower.nodes.rbegin(), lower.nodes.rend());
     nodes.push_back(*centre);
     nodes.insert(nodes.end(), upper.nodes.begin(), upper.nodes.end());
-    for (const Node& node : nodes)
+    for (const MarginalNode& node : nodes)
         result.points.push_back({node.u, conditional.natural(unknown, node.u), node.log_density,
                                  conditional.expand(node.at.theta), conditional.expand_covariance(node.covariance),
                                  node.degrees_of_freedom});
@@ -249,7 +247,7 @@ std::string_view name(MarginalEnd end) {
 std::vector<Marginal> marginals(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
                                 const EstimateOptions& options, const Estimate& estimate,
                                 const MarginalOptions& marginal) {
-    check(marginal);
+    check_marginal(marginal);
     const Conditional conditional(parameters, residuals, options, estimate);
     std::vector<std::size_t> which;
     for (const std::string& wanted : marginal.names)

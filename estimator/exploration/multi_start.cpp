@@ -18,7 +18,7 @@ namespace orbid::estimator {
 
 namespace {
 
-void check(const ResidualFactory& residuals, const MultiStartOptions& options) {
+void check_multi_start(const ResidualFactory& residuals, const MultiStartOptions& options) {
     const auto positive = [](const std::string& name, double value) {
         if (!(value > 0.0)) throw std::invalid_argument(name + " = " + std::to_string(value) + " must be positive");
     };
@@ -203,7 +203,7 @@ std::vector<Optimum> Search::cluster() {
 
 MultiStart multi_start(const std::vector<FreeParameter>& parameters, const ResidualFactory& residuals,
                        const std::vector<DerivedQuantity>& derived, const MultiStartOptions& options) {
-    check(residuals, options);
+    check_multi_start(residuals, options);
     Search search(parameters, residuals, derived, options);
     std::vector<std::size_t> which(search.runs.size());
     std::iota(which.begin(), which.end(), std::size_t{0});

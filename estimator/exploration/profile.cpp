@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 
@@ -13,17 +12,16 @@
 #include <boost/math/distributions/students_t.hpp>
 
 #include "estimator/exploration/conditional_estimate.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
-
 /// Bisections towards a point that fails before the side is given up: the end is then known to 1/64 of a step.
-constexpr int halvings = 6;
+constexpr int end_bisections = 6;
 
-void check(const ProfileOptions& options) {
+void check_profile(const ProfileOptions& options) {
     const auto positive = [](const std::string& what, double value) {
         if (!(value > 0.0)) throw std::invalid_argument(what + " = " + std::to_string(value) + " must be positive");
     };
@@ -76,15 +74,15 @@ Threshold threshold_of(const Conditional& conditional, const Unknown& unknown, c
     return {(dof + determined) * std::log1p(t * t / dof), "profile t"};
 }
 
-struct Node {
+struct ProfileNode {
     double u = 0.0;
     double objective = 0.0;
     double root = 0.0;  ///< >= 0 away from the minimum
     ConditionalStart at;
 };
 
-struct Side {
-    std::vector<Node> nodes;  ///< in the order of distance from the estimate
+struct ProfileSide {
+    std::vector<ProfileNode> nodes;  ///< in the order of distance from the estimate
     std::vector<double> failed;
     ProfileEnd end = ProfileEnd::found;
     double limit = nan_value;  ///< the end, in u
@@ -94,7 +92,7 @@ struct Side {
 class Walk {
 public:
     Walk(const Conditional& conditional, const Unknown& unknown, const EstimateOptions& estimate,
-         const ProfileOptions& options, const Node& centre, double threshold, int direction)
+         const ProfileOptions& options, const ProfileNode& centre, double threshold, int direction)
         : conditional_(conditional),
           unknown_(unknown),
           estimate_(estimate),
@@ -109,7 +107,7 @@ public:
     void run();
     void draw_curve();
 
-    Side side;
+    ProfileSide side;
 
 private:
     bool visit(double u);
@@ -145,11 +143,11 @@ bool Walk::visit(double u) {
         side.failed.push_back(conditional_.natural(unknown_, u));
         return false;
     }
-    Node node{u, found.objective - prior, 0.0, found.at};
+    ProfileNode node{u, found.objective - prior, 0.0, found.at};
     const double rise = 2.0 * (node.objective - side.nodes.front().objective);
     node.root = rise > 0.0 ? std::sqrt(rise) : -std::sqrt(-rise);
     const auto place = std::find_if(side.nodes.begin(), side.nodes.end(),
-                                    [&](const Node& other) { return direction_ * (other.u - u) > 0.0; });
+                                    [&](const ProfileNode& other) { return direction_ * (other.u - u) > 0.0; });
     side.nodes.insert(place, std::move(node));
     return true;
 }
@@ -180,7 +178,8 @@ void Walk::close_in(std::size_t inner, std::size_t outer) {
             side.limit = near;
             return;
         }
-        const auto node = std::find_if(side.nodes.begin(), side.nodes.end(), [&](const Node& n) { return n.u == u; });
+        const auto node =
+            std::find_if(side.nodes.begin(), side.nodes.end(), [&](const ProfileNode& n) { return n.u == u; });
         const double excess = node->root - target_;
         if (std::abs(excess) < error) {
             error = std::abs(excess);
@@ -208,7 +207,7 @@ void Walk::run() {
     double step = target_ * sd_;
     int halved = 0;
     while (!stopped()) {
-        const Node last = side.nodes.back();
+        const ProfileNode last = side.nodes.back();
         double u = last.u + direction_ * step;
         const bool at_limit = std::isfinite(limit_) && direction_ * (limit_ - u) <= 0.0;
         if (at_limit) u = limit_;
@@ -218,7 +217,7 @@ void Walk::run() {
             return;
         }
         if (!visit(u)) {
-            if (++halved > halvings) {
+            if (++halved > end_bisections) {
                 side.end = ProfileEnd::failed;
                 side.limit = last.u;
                 return;
@@ -258,8 +257,8 @@ void Walk::draw_curve() {
     const double top = std::isfinite(last) ? target_ : side.nodes.back().root;
     const double gap = 1.3 * top / options_.curve_points;
     for (std::size_t k = 0; k + 1 < side.nodes.size() && !stopped();) {
-        const Node& a = side.nodes[k];
-        const Node& b = side.nodes[k + 1];
+        const ProfileNode& a = side.nodes[k];
+        const ProfileNode& b = side.nodes[k + 1];
         const bool outside = direction_ * (a.u - side.nodes.front().u) >= last;
         const double parts = std::ceil((b.root - a.root) / gap);
         if (outside || !(parts > 1.0) || !visit(a.u + (b.u - a.u) / parts)) ++k;
@@ -304,7 +303,7 @@ Profile profile_of(const Conditional& conditional, const Unknown& unknown, const
         result.message = "the others do not converge with it held at its estimate: " + held.message;
         return result;
     }
-    const Node centre{u, held.objective - prior, 0.0, held.at};
+    const ProfileNode centre{u, held.objective - prior, 0.0, held.at};
     Walk down(conditional, unknown, estimate, options, centre, threshold.value, -1);
     Walk up(conditional, unknown, estimate, options, centre, threshold.value, 1);
     const auto go = [](Walk& walk) {
@@ -315,14 +314,14 @@ Profile profile_of(const Conditional& conditional, const Unknown& unknown, const
     result.value = conditional.natural(unknown, u);
     result.lower_end = down.side.end;
     result.upper_end = up.side.end;
-    const auto end_of = [&](const Side& side, double open) {
+    const auto end_of = [&](const ProfileSide& side, double open) {
         return side.end == ProfileEnd::open && !std::isfinite(side.limit) ? open
                                                                           : conditional.natural(unknown, side.limit);
     };
     result.lower = end_of(down.side, unknown.natural_lower);
     result.upper = end_of(up.side, unknown.natural_upper);
     double least = centre.objective;
-    const auto add = [&](const Node& node, int sign) {
+    const auto add = [&](const ProfileNode& node, int sign) {
         least = std::min(least, node.objective);
         result.points.push_back({node.u, conditional.natural(unknown, node.u), node.objective, sign * node.root,
                                  conditional.expand(node.at.theta)});
@@ -364,7 +363,7 @@ std::string_view name(ProfileEnd end) {
 
 std::vector<Profile> profiles(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
                               const EstimateOptions& options, const Estimate& estimate, const ProfileOptions& profile) {
-    check(profile);
+    check_profile(profile);
     const Conditional conditional(parameters, residuals, options, estimate);
     std::vector<std::size_t> which;
     for (const std::string& wanted : profile.names)

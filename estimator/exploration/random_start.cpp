@@ -12,13 +12,12 @@
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
 
+#include "estimator/interface/not_finite.hpp"
 #include "estimator/problem/coordinate.hpp"
 
 namespace orbid::estimator {
 
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// Cut at both ends of what the bounds leave of a prior.
 constexpr double outer_share = 0.005;

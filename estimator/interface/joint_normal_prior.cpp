@@ -18,7 +18,7 @@ constexpr double symmetry_tolerance = 1e-12;
 /// 2 ln sqrt(2 pi), the normalisation of the normal density per dimension.
 const double ln_two_pi = std::log(2.0 * std::numbers::pi);
 
-[[noreturn]] void refuse(const std::string& what) {
+[[noreturn]] void refuse_joint_prior(const std::string& what) {
     throw std::invalid_argument("joint normal prior: " + what);
 }
 
@@ -58,38 +58,41 @@ JointPriorDerivatives derivatives(const JointNormalPrior& prior, const Eigen::Ve
 
 void validate(const JointNormalPrior& prior) {
     const auto count = static_cast<Eigen::Index>(prior.names.size());
-    if (count == 0) refuse("names: needs at least one");
+    if (count == 0) refuse_joint_prior("names: needs at least one");
     std::set<std::string> names;
     for (const std::string& name : prior.names)
-        if (!names.insert(name).second) refuse("\"" + name + "\" is named twice");
+        if (!names.insert(name).second) refuse_joint_prior("\"" + name + "\" is named twice");
     if (prior.mean.size() != count)
-        refuse("mean has " + std::to_string(prior.mean.size()) + " values for " + std::to_string(count) + " names");
+        refuse_joint_prior("mean has " + std::to_string(prior.mean.size()) + " values for " + std::to_string(count) +
+                           " names");
     if (prior.covariance.rows() != count || prior.covariance.cols() != count)
-        refuse("covariance is " + std::to_string(prior.covariance.rows()) + " x " +
-               std::to_string(prior.covariance.cols()) + ", must be " + std::to_string(count) + " x " +
-               std::to_string(count));
+        refuse_joint_prior("covariance is " + std::to_string(prior.covariance.rows()) + " x " +
+                           std::to_string(prior.covariance.cols()) + ", must be " + std::to_string(count) + " x " +
+                           std::to_string(count));
     for (Eigen::Index i = 0; i < count; ++i) {
         const std::string& name = prior.names[static_cast<std::size_t>(i)];
         if (!std::isfinite(prior.mean[i]))
-            refuse("mean of \"" + name + "\" = " + fmt::to_string(prior.mean[i]) + " must be finite");
+            refuse_joint_prior("mean of \"" + name + "\" = " + fmt::to_string(prior.mean[i]) + " must be finite");
         const double variance = prior.covariance(i, i);
         if (!(variance > 0.0) || !std::isfinite(variance))
-            refuse("variance of \"" + name + "\" = " + fmt::to_string(variance) + " must be positive and finite");
+            refuse_joint_prior("variance of \"" + name + "\" = " + fmt::to_string(variance) +
+                               " must be positive and finite");
     }
     for (Eigen::Index i = 0; i < count; ++i)
         for (Eigen::Index j = 0; j < i; ++j) {
             const double sds = std::sqrt(prior.covariance(i, i)) * std::sqrt(prior.covariance(j, j));
             if (!(std::abs(prior.covariance(i, j) - prior.covariance(j, i)) <= symmetry_tolerance * sds))
-                refuse("covariance[" + std::to_string(i) + "][" + std::to_string(j) +
-                       "] = " + fmt::to_string(prior.covariance(i, j)) + " and covariance[" + std::to_string(j) + "][" +
-                       std::to_string(i) + "] = " + fmt::to_string(prior.covariance(j, i)) + ": must be symmetric");
+                refuse_joint_prior("covariance[" + std::to_string(i) + "][" + std::to_string(j) +
+                                   "] = " + fmt::to_string(prior.covariance(i, j)) + " and covariance[" +
+                                   std::to_string(j) + "][" + std::to_string(i) +
+                                   "] = " + fmt::to_string(prior.covariance(j, i)) + ": must be symmetric");
         }
     const Factor factor = factorise(prior.covariance);
     // A pivot at the rounding of its sum is not positive.
     const Eigen::MatrixXd lower = factor.correlation.matrixL();
     const double least = factor.correlation.info() == Eigen::Success ? lower.diagonal().minCoeff() : 0.0;
     if (!(least * least > 1e-14 * static_cast<double>(count)))
-        refuse("covariance must be positive definite: some combination of the parameters has no variance");
+        refuse_joint_prior("covariance must be positive definite: some combination of the parameters has no variance");
 }
 
 }  // namespace orbid::estimator

@@ -12,15 +12,16 @@
 #include <boost/math/special_functions/erf.hpp>
 #include <boost/math/special_functions/gamma.hpp>
 
+#include "estimator/interface/not_finite.hpp"
+
 namespace orbid::estimator {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 /// ln sqrt(2 pi), the normalisation of the normal density.
 const double ln_sqrt_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
 
-[[noreturn]] void refuse(const std::string& what, double value, const std::string& rule) {
+[[noreturn]] void refuse_value(const std::string& what, double value, const std::string& rule) {
     std::ostringstream text;
     text.precision(17);
     text << what << " = " << value << ": " << rule;
@@ -28,11 +29,11 @@ const double ln_sqrt_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
 }
 
 void check_finite(const std::string& what, double value) {
-    if (!std::isfinite(value)) refuse(what, value, "must be finite");
+    if (!std::isfinite(value)) refuse_value(what, value, "must be finite");
 }
 
 void check_positive(const std::string& what, double value) {
-    if (!(value > 0.0) || !std::isfinite(value)) refuse(what, value, "must be positive and finite");
+    if (!(value > 0.0) || !std::isfinite(value)) refuse_value(what, value, "must be positive and finite");
 }
 
 /// ln(1 + t^2 / n) without overflow of t^2.
@@ -172,8 +173,8 @@ Support support(const Prior& prior) {
 }
 
 double quantile(const Prior& prior, double p) {
-    if (!is_proper(prior)) refuse("quantile of a flat prior at p", p, "a flat prior has none");
-    if (!(p >= 0.0) || !(p <= 1.0)) refuse("p of a quantile", p, "must lie in [0, 1]");
+    if (!is_proper(prior)) refuse_value("quantile of a flat prior at p", p, "a flat prior has none");
+    if (!(p >= 0.0) || !(p <= 1.0)) refuse_value("p of a quantile", p, "must lie in [0, 1]");
     const Support ends = support(prior);
     if (p == 0.0) return ends.lower;
     if (p == 1.0) return ends.upper;
@@ -212,8 +213,8 @@ void validate(const Prior& prior) {
                               check_finite("lower end of the uniform prior", p.lower);
                               check_finite("upper end of the uniform prior", p.upper);
                               if (!(p.upper > p.lower))
-                                  refuse("upper end of the uniform prior", p.upper,
-                                         "must be above the lower end " + std::to_string(p.lower));
+                                  refuse_value("upper end of the uniform prior", p.upper,
+                                               "must be above the lower end " + std::to_string(p.lower));
                           },
                           [](const HalfNormalPrior& p) { check_positive("scale of the half-normal prior", p.scale); },
                           [](const HalfCauchyPrior& p) { check_positive("scale of the half-Cauchy prior", p.scale); },

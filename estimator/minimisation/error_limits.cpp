@@ -5,12 +5,12 @@
 #include <limits>
 
 #include "estimator/errors/joint_covariance.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
 /// Sums over the records of each channel.

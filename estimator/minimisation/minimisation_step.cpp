@@ -1,13 +1,11 @@
 #include <cmath>
-#include <limits>
 
+#include "estimator/interface/not_finite.hpp"
 #include "estimator/minimisation/minimisation.hpp"
 
 namespace orbid::estimator {
 
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// Steps shorter than this, in posterior sds, are judged by gradients. Computed orbits carry rounding of up to 1e-6 sds
 /// of their targets, which hides the 5e-7 that a step of 1e-3 gains and is a fiftieth of the 5e-5 of a step of 1e-2.

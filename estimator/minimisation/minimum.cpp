@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <string>
 
+#include "estimator/interface/not_finite.hpp"
 #include "estimator/minimisation/minimisation.hpp"
 #include "estimator/minimisation/plain_least_squares.hpp"
 
@@ -13,15 +13,11 @@ namespace orbid::estimator {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
-/// After the convergence test is met, steps go on while they gain digits: at most this many, and not below this length
-/// in posterior sds, where nothing that is ever shown changes.
+/// After the convergence test is met, steps go on while they gain digits: at most this many.
 constexpr int polishing_steps = 12;
-constexpr double polished = 1e-10;
 
 /// Steps are stretched by what the last one taught only this close to the minimum, in posterior sds.
-constexpr double near_sds = 1.0;
+constexpr double stretched_within_sds = 1.0;
 
 /// This many small steps without halving what is left gain nothing any more.
 constexpr int stagnant_steps = 12;
@@ -111,7 +107,7 @@ Minimum Minimisation::run() {
             best_remaining = infinity;
             continue;
         }
-        if (met && (minimum_.remaining < polished || polish >= polishing_steps || rejected > 0 ||
+        if (met && (minimum_.remaining < polished_sds || polish >= polishing_steps || rejected > 0 ||
                     (polish > 1 && minimum_.remaining > 0.8 * last_remaining))) {
             minimum_.outcome = Outcome::converged;
             minimum_.message = "the full step that is left is " + figures("%.2g", minimum_.remaining) +
@@ -159,7 +155,7 @@ Minimum Minimisation::run() {
         if (set_.constraints > 0 && minimum_.matching > exact_matching) ++stage_trials_;
         if (unsettled()) break;
         last_step_full_ = step.mu == 0.0;
-        if (last_step_full_ && rejected == 0 && minimum_.remaining < near_sds) stretch(step, stretch_);
+        if (last_step_full_ && rejected == 0 && minimum_.remaining < stretched_within_sds) stretch(step, stretch_);
         if (try_step(step)) {
             rejected = 0;
             for (std::size_t b = 0; b < failures_.size(); ++b) {

@@ -12,6 +12,10 @@
 
 namespace orbid::estimator {
 
+/// Steps go on while they gain digits, but not below this length in posterior sds, where nothing that is ever shown
+/// changes.
+inline constexpr double polished_sds = 1e-10;
+
 enum class Outcome { converged, no_progress, iteration_limit, interrupted, blocks_stopped, start_failed, no_freedom };
 
 /// The end of one minimisation with a frozen set of blocks.

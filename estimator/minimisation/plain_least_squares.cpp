@@ -37,10 +37,8 @@ constexpr double longest_correction = 0.75;
 constexpr double least_bend = 0.1;
 /// Below this length in sds of the parameters corrections are not worth their evaluation, and decreases drown in
 /// rounding soon: plain Gauss-Newton steps, judged by the length of the step that is left.
-constexpr double near_sds = 1e-3;
+constexpr double plain_within_sds = 1e-3;
 constexpr double curved_sds = 0.05;
-/// See minimise(): nothing that is ever shown changes below it.
-constexpr double polished = 1e-10;
 /// Steps that leave more than this share of their length are not worth going on with.
 constexpr double least_contraction = 0.9;
 /// Rows worked on together (twenty columns of them fit the second cache), and how many make other threads worth waking.
@@ -410,10 +408,10 @@ Evaluation LeastSquares::run() {
     if (!std::isfinite(e.squaredNorm())) return std::move(trial_values_);
     adopt(std::move(trial_values_), std::move(e));
     factorise();
-    while (remaining_ > polished && std::isfinite(remaining_)) {
+    while (remaining_ > polished_sds && std::isfinite(remaining_)) {
         if (ledger_.trials >= problem_.options.maximum_iterations) break;
         if (problem_.options.interrupted && problem_.options.interrupted()) break;
-        if ((remaining_ < near_sds ? polish() : try_step()) == Verdict::stop) break;
+        if ((remaining_ < plain_within_sds ? polish() : try_step()) == Verdict::stop) break;
     }
     start_scale();
     return std::move(now_);

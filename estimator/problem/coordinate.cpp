@@ -9,11 +9,12 @@
 #include <boost/math/special_functions/gamma.hpp>
 #include <boost/math/special_functions/trigamma.hpp>
 
+#include "estimator/interface/not_finite.hpp"
+
 namespace orbid::estimator {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 /// Distance of the quartiles of a normal density of sd 1.
 constexpr double normal_quartiles = 1.3489795003921634;
 

@@ -15,7 +15,7 @@ namespace orbid::estimator {
 
 namespace {
 
-[[noreturn]] void refuse(const std::string& what) {
+[[noreturn]] void refuse_improper(const std::string& what) {
     throw std::invalid_argument("the posterior is improper: " + what);
 }
 
@@ -49,7 +49,7 @@ void check_parameters(const Problem& problem, const Estimate& estimate) {
     if (words.empty())
         for (const NullDirection& direction : estimate.null_directions)
             words += (words.empty() ? "" : "; ") + in_words(direction, problem.parameters);
-    refuse(words + "; give one of them a proper prior or two bounds");
+    refuse_improper(words + "; give one of them a proper prior or two bounds");
 }
 
 /// Rows of one channel with respect to latent states and parameters, all blocks under each other.
@@ -97,9 +97,9 @@ void check_scale(const Problem& problem, const BlockSet& set, const std::vector<
     const int channel = law.channels.front();
     if (!scale.estimate || is_proper(scale.prior) || std::isfinite(scale.lower)) return;
     const std::string who = "the scale of group \"" + estimated.group + "\" has neither a prior nor a floor, and ";
-    if (set.count[channel] == 0.0) refuse(who + "there is no record of it");
+    if (set.count[channel] == 0.0) refuse_improper(who + "there is no record of it");
     if (std::holds_alternative<RelativeErrors>(law.distribution))
-        refuse(who + "its relative part can carry all of the error");
+        refuse_improper(who + "its relative part can carry all of the error");
     const auto q = static_cast<Eigen::Index>(problem.parameters.size());
     const auto count = static_cast<Eigen::Index>(set.count[channel]);
     // Fitted to rounding: the scale of any other fit is near the rms of its residuals.
@@ -110,7 +110,7 @@ void check_scale(const Problem& problem, const BlockSet& set, const std::vector<
         return Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(rows_of(rows, problem, set, channel)).rank();
     };
     if (fitted || (count <= q + set.latents && rank() == count))
-        refuse(who + "its records can be fitted exactly: as the scale goes to zero the likelihood does not");
+        refuse_improper(who + "its records can be fitted exactly: as the scale goes to zero the likelihood does not");
 }
 
 }  // namespace
@@ -131,8 +131,8 @@ void refuse_improper(const Problem& problem, const BlockSet& set, const Estimate
             for (Eigen::Index k = 0; k < z.cols(); ++k)
                 if (const double length = z.col(k).norm(); length > 0.0) z.col(k) /= length;
         if (z.rows() == 0 || Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(z).rank() < block.latents)
-            refuse("the records of block \"" + problem.residuals[block.residual]->layout()[block.block].label +
-                   "\" do not determine its latent states");
+            refuse_improper("the records of block \"" + problem.residuals[block.residual]->layout()[block.block].label +
+                            "\" do not determine its latent states");
     }
     for (const NoiseModel& law : problem.laws) {
         const EstimatedScale& scale = estimate.scales[static_cast<std::size_t>(law.channels.front())];
@@ -142,7 +142,8 @@ void refuse_improper(const Problem& problem, const BlockSet& set, const Estimate
                    set.count[law.channels.front()] <
                        static_cast<double>(law.channels.size()) +
                            static_cast<double>(theta.size()) / static_cast<double>(law.channels.size())) {
-            refuse("the full covariance of group \"" + scale.group + "\" and others has no prior and too few records");
+            refuse_improper("the full covariance of group \"" + scale.group +
+                            "\" and others has no prior and too few records");
         }
     }
 }

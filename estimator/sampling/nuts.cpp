@@ -5,13 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <mutex>
 #include <stdexcept>
 #include <string>
 
 #include <Eigen/Cholesky>
 
+#include "estimator/interface/not_finite.hpp"
 #include "estimator/interface/random_stream.hpp"
 #include "estimator/sampling/dual_averaging.hpp"
 
@@ -19,7 +19,6 @@ namespace orbid::estimator {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 /// Loss of energy that no sound trajectory shows: exp(-1000) is nothing, and a step that is too long loses far more.
 constexpr double divergent_loss = 1000.0;
 

@@ -3,18 +3,16 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <limits>
 #include <utility>
 
 #include <Eigen/Eigenvalues>
 
+#include "estimator/interface/not_finite.hpp"
 #include "estimator/problem/linearisation.hpp"
 
 namespace orbid::estimator {
 
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// The errors of a block alone, as short as its laws allow: all that -ln p needs as a function of psi.
 BlockRows errors_alone(const BlockRows& block, const std::vector<PartRows>& parts) {

@@ -21,14 +21,14 @@ namespace {
 constexpr double largest_rhat = 1.01;
 constexpr double least_effective_size = 400.0;
 
-[[noreturn]] void refuse(const std::string& what) {
+[[noreturn]] void refuse_options(const std::string& what) {
     throw std::invalid_argument("posterior sample: " + what);
 }
 
 void check_estimate(const Problem& problem, const Estimate& start) {
     // A singular estimate may still have a proper posterior: see refuse_improper().
     if (start.status != EstimateStatus::converged && start.status != EstimateStatus::singular)
-        refuse(
+        refuse_options(
             fmt::format("the estimate must have converged, its status is {}: {}", name(start.status), start.message));
     bool fits = start.parameters.size() == problem.parameters.size() &&
                 start.scales.size() == problem.channels.size() && start.latents.size() == problem.residuals.size();
@@ -40,11 +40,11 @@ void check_estimate(const Problem& problem, const Estimate& start) {
         for (std::size_t b = 0; fits && b < layout.size(); ++b)
             fits = !layout[b].active || start.latents[r][b].size() == layout[b].latents;
     }
-    if (!fits) refuse("the estimate does not belong to these parameters and residuals");
+    if (!fits) refuse_options("the estimate does not belong to these parameters and residuals");
     for (const Residual* residual : problem.residuals)
         for (const BlockLayout& block : residual->layout())
             if (block.active && block.constraints > 0)
-                refuse(
+                refuse_options(
                     fmt::format("block \"{}\" has equality constraints, on which no density can be walked; give its "
                                 "matching errors a small sd instead",
                                 block.label));
@@ -253,7 +253,7 @@ PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters, c
     const Shown shown(problem, density, derived);
     shown.name(sample);
     if (density.dimension() == 0 || density.covariance().size() == 0) {
-        if (parameters.empty() && set.latents == 0 && sample.errors.empty()) refuse("nothing is estimated");
+        if (parameters.empty() && set.latents == 0 && sample.errors.empty()) refuse_options("nothing is estimated");
         sample.message = "the posterior cannot be evaluated around the estimate";
         return sample;
     }

@@ -1,18 +1,13 @@
 #include "estimator/uncertainty/independence.hpp"
 
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include <boost/math/distributions/chi_squared.hpp>
 
+#include "estimator/interface/not_finite.hpp"
+
 namespace orbid::estimator {
-
-namespace {
-
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
-
-}  // namespace
 
 TestResult ljung_box(const std::vector<Eigen::VectorXd>& sequences, int lags) {
     double count = 0.0;

@@ -9,12 +9,11 @@
 
 #include <boost/math/distributions/normal.hpp>
 
+#include "estimator/interface/not_finite.hpp"
+
 namespace orbid::estimator {
 
 namespace {
-
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
-constexpr TestResult undefined{nan_value, nan_value};
 
 double below(double z) {
     return 0.5 * std::erfc(-z / std::numbers::sqrt2);
@@ -112,7 +111,7 @@ double sample_kurtosis(const Eigen::VectorXd& sample) {
 
 TestResult anderson_darling(const Eigen::VectorXd& sample) {
     const Eigen::Index n = sample.size();
-    if (n < 8 || !spreads(sample)) return undefined;
+    if (n < 8 || !spreads(sample)) return undefined_test;
     const auto count = static_cast<double>(n);
     const double mean = sample.mean();
     const double sd = std::sqrt((sample.array() - mean).square().sum() / (count - 1.0));
@@ -142,7 +141,7 @@ TestResult anderson_darling(const Eigen::VectorXd& sample) {
 
 TestResult skewness_test(const Eigen::VectorXd& sample) {
     const auto n = static_cast<double>(sample.size());
-    if (sample.size() < 8 || !spreads(sample)) return undefined;
+    if (sample.size() < 8 || !spreads(sample)) return undefined_test;
     const double y = sample_skewness(sample) * std::sqrt((n + 1.0) * (n + 3.0) / (6.0 * (n - 2.0)));
     const double beta =
         3.0 * (n * n + 27.0 * n - 70.0) * (n + 1.0) * (n + 3.0) / ((n - 2.0) * (n + 5.0) * (n + 7.0) * (n + 9.0));
@@ -153,7 +152,7 @@ TestResult skewness_test(const Eigen::VectorXd& sample) {
 
 TestResult kurtosis_test(const Eigen::VectorXd& sample) {
     const auto n = static_cast<double>(sample.size());
-    if (sample.size() < 20 || !spreads(sample)) return undefined;
+    if (sample.size() < 20 || !spreads(sample)) return undefined_test;
     const double variance = 24.0 * n * (n - 2.0) * (n - 3.0) / ((n + 1.0) * (n + 1.0) * (n + 3.0) * (n + 5.0));
     const double x = (sample_kurtosis(sample) - 3.0 * (n - 1.0) / (n + 1.0)) / std::sqrt(variance);
     const double skew = 6.0 * (n * n - 5.0 * n + 2.0) / ((n + 7.0) * (n + 9.0)) *
@@ -166,7 +165,7 @@ TestResult kurtosis_test(const Eigen::VectorXd& sample) {
 
 TestResult shapiro_wilk(const Eigen::VectorXd& sample) {
     const Eigen::Index n = sample.size();
-    if (n < 3 || n > 5000 || !spreads(sample)) return undefined;
+    if (n < 3 || n > 5000 || !spreads(sample)) return undefined_test;
     const std::vector<double> weight = shapiro_weights(static_cast<int>(n));
     Eigen::VectorXd x = (sample.array() - sample.mean()) / (sample.maxCoeff() - sample.minCoeff());
     std::sort(x.begin(), x.end());

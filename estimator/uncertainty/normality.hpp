@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 
+#include "estimator/interface/not_finite.hpp"
+
 namespace orbid::estimator {
 
 /// A statistic and the probability of one as extreme or more when the hypothesis holds. nan: not defined for this
@@ -10,6 +12,8 @@ struct TestResult {
     double statistic;
     double p;
 };
+
+inline constexpr TestResult undefined_test{nan_value, nan_value};
 
 /// Anderson-Darling distance from the normal distribution whose mean and variance (divisor n - 1) are the sample's,
 /// with the factor 1 + 0.75/n + 2.25/n^2 included in the statistic. Needs n >= 8.

@@ -11,12 +11,11 @@
 #include <boost/math/distributions/students_t.hpp>
 
 #include "estimator/algebra/block_loop.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
 namespace {
-
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 
 /// 97.5 % quantile of Student's t; of the normal where the degrees of freedom no longer matter.
 double quantile_975(double degrees) {

@@ -9,14 +9,12 @@
 
 #include <boost/math/distributions/students_t.hpp>
 
+#include "estimator/interface/not_finite.hpp"
 #include "estimator/uncertainty/autocorrelation.hpp"
 
 namespace orbid::estimator {
 
 namespace {
-
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
-constexpr TestResult undefined{nan_value, nan_value};
 
 void check(const ResidualSample& sample, const DiagnosticOptions& options) {
     const Eigen::Index n = sample.residual.size();
@@ -116,7 +114,7 @@ ResidualDiagnostic diagnose(const ResidualSample& sample, const DiagnosticOption
     result.count = n;
     result.mean = n > 0 ? e.mean() : nan_value;
     result.sd = n > 1 ? std::sqrt((e.array() - result.mean).square().sum() / (count - 1.0)) : nan_value;
-    result.mean_test = undefined;
+    result.mean_test = undefined_test;
     if (result.sd > 0.0) {
         const double t = result.mean / result.sd * std::sqrt(count);
         result.mean_test = {t, two_sided_t(t, count - 1.0)};
@@ -128,7 +126,7 @@ ResidualDiagnostic diagnose(const ResidualSample& sample, const DiagnosticOption
     result.skewness_test = skewness_test(e);
     result.kurtosis_test = kurtosis_test(e);
     result.lag1 = nan_value;
-    result.ljung_box = result.runs = undefined;
+    result.ljung_box = result.runs = undefined_test;
     if (!sample.sequences.empty()) {
         std::vector<Eigen::VectorXd> sequences;
         Eigen::Index first = 0;

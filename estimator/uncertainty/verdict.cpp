@@ -3,16 +3,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <numbers>
 
 #include <Eigen/Cholesky>
+
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
-constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
 /// Where the objective is looked at, in posterior sds: a 95 % interval ends there.
 constexpr double reach = 2.0;
 /// Probability outside of `reach` sds to both sides, 4.55 % when all is normal: with the signed root of twice the rise

@@ -10,29 +10,29 @@ namespace orbid::models {
 
 namespace {
 
-using Graph = ExpressionGraph::Operation;
-using Operation = FormulaCode::Operation;
+using GraphOperation = ExpressionGraph::Operation;
+using CodeOperation = FormulaCode::Operation;
 using Node = ExpressionGraph::Node;
 
-Operation function_of(Graph operation) {
+CodeOperation function_of(GraphOperation operation) {
     // Both lists end with the functions, in the same order.
-    return static_cast<Operation>(static_cast<int>(Operation::negate) + static_cast<int>(operation) -
-                                  static_cast<int>(Graph::negate));
+    return static_cast<CodeOperation>(static_cast<int>(CodeOperation::negate) + static_cast<int>(operation) -
+                                      static_cast<int>(GraphOperation::negate));
 }
-static_assert(static_cast<int>(Operation::sign) - static_cast<int>(Operation::negate) ==
-              static_cast<int>(Graph::sign) - static_cast<int>(Graph::negate));
+static_assert(static_cast<int>(CodeOperation::sign) - static_cast<int>(CodeOperation::negate) ==
+              static_cast<int>(GraphOperation::sign) - static_cast<int>(GraphOperation::negate));
 
-FormulaCode::Segment segment_of(Graph operation) {
+FormulaCode::Segment segment_of(GraphOperation operation) {
     switch (operation) {
-        case Graph::parameter:
-        case Graph::coordinate:
+        case GraphOperation::parameter:
+        case GraphOperation::coordinate:
             return FormulaCode::coordinates;
-        case Graph::constant:
+        case GraphOperation::constant:
             return FormulaCode::constants;
-        case Graph::phase:
-        case Graph::forcing:
+        case GraphOperation::phase:
+        case GraphOperation::forcing:
             return FormulaCode::forcing;
-        case Graph::input:
+        case GraphOperation::input:
             return FormulaCode::inputs;
         default:
             return FormulaCode::registers;
@@ -52,8 +52,8 @@ FormulaCode formula_code(const ExpressionGraph& graph, std::span<const Node> res
         needed[node] = wanted[node] = true;
     // Numbers and sides are operands of most operations; only where an operation has none for them they get registers.
     std::vector<bool> loaded(graph.size(), false);
-    const auto is_number = [&](Node node) { return graph[node].operation == Graph::number; };
-    const auto is_side = [&](Node node) { return graph[node].operation == Graph::side; };
+    const auto is_number = [&](Node node) { return graph[node].operation == GraphOperation::number; };
+    const auto is_side = [&](Node node) { return graph[node].operation == GraphOperation::side; };
     std::vector<Node> last_use(graph.size(), 0);
     const auto uses = [&](Node by, Node operand) {
         needed[operand] = true;
@@ -66,8 +66,8 @@ FormulaCode formula_code(const ExpressionGraph& graph, std::span<const Node> res
         if (!is_binary(entry.operation)) continue;
         uses(i, entry.a);
         uses(i, entry.b);
-        const bool product = entry.operation == Graph::multiply;
-        if (is_number(entry.a) && entry.operation == Graph::power) loaded[entry.a] = true;
+        const bool product = entry.operation == GraphOperation::multiply;
+        if (is_number(entry.a) && entry.operation == GraphOperation::power) loaded[entry.a] = true;
         // A side is an operand of its own in products with what is neither side nor number.
         for (const auto& [one, other] : {std::pair(entry.a, entry.b), std::pair(entry.b, entry.a)})
             if (is_side(one) && !(product && !is_side(other) && !is_number(other))) loaded[one] = true;
@@ -94,7 +94,7 @@ FormulaCode formula_code(const ExpressionGraph& graph, std::span<const Node> res
             throw std::length_error("the formulas need more intermediate results at a time than can be held");
         return static_cast<std::uint16_t>(register_count++);
     };
-    const auto emit = [&](Node node, Operation operation, Operand a, Operand b, double literal) {
+    const auto emit = [&](Node node, CodeOperation operation, Operand a, Operand b, double literal) {
         const std::uint16_t to = target();
         place[node] = {registers, to};
         instructions.push_back({operation, a, b, to, literal});
@@ -102,12 +102,12 @@ FormulaCode formula_code(const ExpressionGraph& graph, std::span<const Node> res
     for (Node i = 0; i < graph.size(); ++i) {
         if (!needed[i]) continue;
         const auto& entry = graph[i];
-        if (entry.operation == Graph::number) {
-            if (loaded[i]) emit(i, Operation::number, {}, {}, entry.value);
-        } else if (entry.operation == Graph::side) {
-            if (loaded[i]) emit(i, Operation::side, {}, {registers, static_cast<std::uint16_t>(entry.index)}, 0.0);
+        if (entry.operation == GraphOperation::number) {
+            if (loaded[i]) emit(i, CodeOperation::number, {}, {}, entry.value);
+        } else if (entry.operation == GraphOperation::side) {
+            if (loaded[i]) emit(i, CodeOperation::side, {}, {registers, static_cast<std::uint16_t>(entry.index)}, 0.0);
         } else if (is_variable(entry.operation)) {
-            const bool moved = entry.operation == Graph::parameter && !places.empty();
+            const bool moved = entry.operation == GraphOperation::parameter && !places.empty();
             place[i] = {segment_of(entry.operation),
                         static_cast<std::uint16_t>(moved ? places[entry.index] : entry.index)};
         } else if (is_unary(entry.operation)) {
@@ -122,43 +122,43 @@ FormulaCode formula_code(const ExpressionGraph& graph, std::span<const Node> res
                 return Operand{registers, static_cast<std::uint16_t>(graph[side].index)};
             };
             switch (entry.operation) {
-                case Graph::add:
+                case GraphOperation::add:
                     if (left || right)
-                        emit(i, Operation::add_number, left ? b : a, {}, left ? x : y);
+                        emit(i, CodeOperation::add_number, left ? b : a, {}, left ? x : y);
                     else
-                        emit(i, Operation::add, a, b, 0.0);
+                        emit(i, CodeOperation::add, a, b, 0.0);
                     break;
-                case Graph::subtract:
+                case GraphOperation::subtract:
                     if (left)
-                        emit(i, Operation::from_number, b, {}, x);
+                        emit(i, CodeOperation::from_number, b, {}, x);
                     else if (right)
-                        emit(i, Operation::add_number, a, {}, -y);
+                        emit(i, CodeOperation::add_number, a, {}, -y);
                     else
-                        emit(i, Operation::subtract, a, b, 0.0);
+                        emit(i, CodeOperation::subtract, a, b, 0.0);
                     break;
-                case Graph::multiply:
+                case GraphOperation::multiply:
                     if (left || right)
-                        emit(i, Operation::multiply_number, left ? b : a, {}, left ? x : y);
+                        emit(i, CodeOperation::multiply_number, left ? b : a, {}, left ? x : y);
                     else if (is_side(entry.a) && !loaded[entry.a])
-                        emit(i, Operation::multiply_side, b, side_operand(entry.a), 0.0);
+                        emit(i, CodeOperation::multiply_side, b, side_operand(entry.a), 0.0);
                     else if (is_side(entry.b) && !loaded[entry.b])
-                        emit(i, Operation::multiply_side, a, side_operand(entry.b), 0.0);
+                        emit(i, CodeOperation::multiply_side, a, side_operand(entry.b), 0.0);
                     else
-                        emit(i, Operation::multiply, a, b, 0.0);
+                        emit(i, CodeOperation::multiply, a, b, 0.0);
                     break;
-                case Graph::divide:
+                case GraphOperation::divide:
                     if (left)
-                        emit(i, Operation::number_over, b, {}, x);
+                        emit(i, CodeOperation::number_over, b, {}, x);
                     else if (right)
-                        emit(i, Operation::over_number, a, {}, y);
+                        emit(i, CodeOperation::over_number, a, {}, y);
                     else
-                        emit(i, Operation::divide, a, b, 0.0);
+                        emit(i, CodeOperation::divide, a, b, 0.0);
                     break;
                 default:  // power
                     if (right)
-                        emit(i, Operation::power_number, a, {}, y);
+                        emit(i, CodeOperation::power_number, a, {}, y);
                     else
-                        emit(i, Operation::power, a, b, 0.0);
+                        emit(i, CodeOperation::power, a, b, 0.0);
                     break;
             }
             release(entry.a, i);
@@ -181,7 +181,7 @@ EquationProgram equation_program(const Equations& equations, std::span<const std
     StagedEquations stages = staged(equations, EquationProgram::most_constants, tabulated);
     program.constant_count = stages.constants.size();
     program.constants = formula_code(stages.graph, stages.constants, places);
-    const Node phase = stages.graph.variable(Graph::phase, 0);
+    const Node phase = stages.graph.variable(GraphOperation::phase, 0);
     const Node force = stages.forcing.value_or(phase);
     program.forcing = formula_code(stages.graph, std::span(&force, 1));
     program.rates = formula_code(stages.graph, stages.rates);
@@ -201,7 +201,7 @@ EquationProgram equation_program(const Equations& equations, std::span<const std
     results.assign(1, force);
     std::vector<Node> variables{phase};
     for (std::size_t k = 0; k < program.constant_count; ++k)
-        variables.push_back(stages.graph.variable(Graph::constant, k));
+        variables.push_back(stages.graph.variable(GraphOperation::constant, k));
     for (const Node variable : variables) {
         if (const auto derivative = stages.graph.derivative(force, variable)) {
             program.forcing_entries.push_back(entry_of(0, variable));

@@ -10,7 +10,11 @@
 
 namespace orbid::models {
 
+namespace {
+
 using Node = ExpressionGraph::Node;
+
+}  // namespace
 
 EquationReader::EquationReader(const EquationText& text, std::vector<EquationProblem>& problems)
     : text_(text),

@@ -16,7 +16,7 @@ using Node = ExpressionGraph::Node;
 using Operation = ExpressionGraph::Operation;
 
 /// More constants than these, and the flows of a model cannot be computed in packs any more.
-constexpr std::size_t most_constants = 48;
+constexpr std::size_t most_packed_constants = 48;
 /// States of a fixed number of coordinates are inlined everywhere; beyond, loops are as fast.
 constexpr std::size_t most_fixed_coordinates = 8;
 
@@ -33,7 +33,7 @@ class SourceWriter {
 public:
     SourceWriter(const Equations& equations, bool fixed)
         : equations_(equations),
-          stages_(staged(equations, most_constants, equations.surfaces().empty() || equations.dry_friction())),
+          stages_(staged(equations, most_packed_constants, equations.surfaces().empty() || equations.dry_friction())),
           fixed_(fixed),
           n_(equations.coordinates().size()),
           q_(equations.parameters().size()) {

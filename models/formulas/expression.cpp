@@ -12,19 +12,19 @@ namespace orbid::models {
 
 namespace {
 
-using Operation = Expression::Operation;
+using StepOperation = Expression::Operation;
 using Step = Expression::Step;
 
 struct Function {
     std::string_view name;
-    Operation operation;
+    StepOperation operation;
 };
 constexpr std::array functions{
-    Function{"sin", Operation::sin},   Function{"cos", Operation::cos},   Function{"tan", Operation::tan},
-    Function{"asin", Operation::asin}, Function{"acos", Operation::acos}, Function{"atan", Operation::atan},
-    Function{"sinh", Operation::sinh}, Function{"cosh", Operation::cosh}, Function{"tanh", Operation::tanh},
-    Function{"exp", Operation::exp},   Function{"log", Operation::log},   Function{"sqrt", Operation::sqrt},
-    Function{"abs", Operation::abs},   Function{"sign", Operation::sign}};
+    Function{"sin", StepOperation::sin},   Function{"cos", StepOperation::cos},   Function{"tan", StepOperation::tan},
+    Function{"asin", StepOperation::asin}, Function{"acos", StepOperation::acos}, Function{"atan", StepOperation::atan},
+    Function{"sinh", StepOperation::sinh}, Function{"cosh", StepOperation::cosh}, Function{"tanh", StepOperation::tanh},
+    Function{"exp", StepOperation::exp},   Function{"log", StepOperation::log},   Function{"sqrt", StepOperation::sqrt},
+    Function{"abs", StepOperation::abs},   Function{"sign", StepOperation::sign}};
 
 // The parser calls itself for brackets and signs; a formula that nests deeper than this is a mistake or an attack on
 // the stack.
@@ -60,11 +60,11 @@ private:
             if (take('+')) {
                 const std::size_t at = position_ - 1;
                 product();
-                push(Operation::add, at);
+                push(StepOperation::add, at);
             } else if (take('-')) {
                 const std::size_t at = position_ - 1;
                 product();
-                push(Operation::subtract, at);
+                push(StepOperation::subtract, at);
             } else {
                 return;
             }
@@ -77,11 +77,11 @@ private:
             if (take('*')) {
                 const std::size_t at = position_ - 1;
                 negated();
-                push(Operation::multiply, at);
+                push(StepOperation::multiply, at);
             } else if (take('/')) {
                 const std::size_t at = position_ - 1;
                 negated();
-                push(Operation::divide, at);
+                push(StepOperation::divide, at);
             } else {
                 return;
             }
@@ -93,7 +93,7 @@ private:
         if (take('-')) {
             const std::size_t at = position_ - 1;
             negated();
-            push(Operation::negate, at);
+            push(StepOperation::negate, at);
         } else if (take('+')) {
             negated();
         } else {
@@ -107,7 +107,7 @@ private:
         if (!take('^')) return;
         const std::size_t at = position_ - 1;
         negated();
-        push(Operation::power, at);
+        push(StepOperation::power, at);
     }
 
     void atom() {
@@ -120,7 +120,7 @@ private:
             ++position_;
         const std::string_view word = text_.substr(start, position_ - start);
         if (word == "pi") {
-            steps_.push_back({Operation::constant, std::numbers::pi, 0, start});
+            steps_.push_back({StepOperation::constant, std::numbers::pi, 0, start});
             return;
         }
         for (const Function& function : functions) {
@@ -136,7 +136,7 @@ private:
             position_ = start;
             fail("unknown name \"" + std::string(word) + "\"");
         }
-        steps_.push_back({Operation::name, 0.0, static_cast<std::size_t>(at - names_.begin()), start});
+        steps_.push_back({StepOperation::name, 0.0, static_cast<std::size_t>(at - names_.begin()), start});
     }
 
     void bracket(std::size_t open) {
@@ -152,11 +152,11 @@ private:
         const auto [end, error] = std::from_chars(begin, text_.data() + text_.size(), value);
         if (error == std::errc::result_out_of_range) fail("number out of range");
         if (error != std::errc()) fail("expected a number");
-        steps_.push_back({Operation::constant, value, 0, position_});
+        steps_.push_back({StepOperation::constant, value, 0, position_});
         position_ += static_cast<std::size_t>(end - begin);
     }
 
-    void push(Operation operation, std::size_t position) { steps_.push_back({operation, 0.0, 0, position}); }
+    void push(StepOperation operation, std::size_t position) { steps_.push_back({operation, 0.0, 0, position}); }
 
     /// What may follow a value only after an operator: a product written as in a book, "k x" or "2(x + 1)".
     static bool begins_atom(char c) { return is_letter(c) || is_digit(c) || c == '('; }
@@ -206,7 +206,7 @@ Expression Expression::parse(std::string_view text, std::span<const std::string>
     result.text_ = text;
     result.steps_ = Parser(text, names).parse();
     for (const Step& step : result.steps_) {
-        if (step.operation == Operation::name) result.used_.push_back(step.index);
+        if (step.operation == StepOperation::name) result.used_.push_back(step.index);
     }
     std::sort(result.used_.begin(), result.used_.end());
     result.used_.erase(std::unique(result.used_.begin(), result.used_.end()), result.used_.end());

@@ -11,6 +11,7 @@
 #include <Eigen/Cholesky>
 
 #include "orbits/cycle_residuals/cycle_block.hpp"
+#include "orbits/records/upper_median.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 
 namespace orbid::orbits {
@@ -33,12 +34,6 @@ constexpr int most_newton_steps = 15;
 VectorXd state_scale(const SectionMap& map, const std::vector<Cycle>& cycles) {
     VectorXd scale = map.states(target_scale(map.coordinates(), cycles)).cwiseAbs();
     return (scale.array() > 0.0).select(scale, 1.0);
-}
-
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
 }
 
 }  // namespace
@@ -109,8 +104,8 @@ void CycleResidual::gate_start(const std::vector<PeriodicOrbit>& solved, const V
         distances.push_back(distance[b]);
     }
     if (sizes.empty()) return;
-    const double largest_size = options_.gate * median(sizes);
-    const double largest_distance = options_.gate * median(distances);
+    const double largest_size = options_.gate * upper_median(sizes);
+    const double largest_distance = options_.gate * upper_median(distances);
     for (std::size_t b = 0; b < layout_.size(); ++b) {
         if (size[b] <= largest_size || distance[b] <= largest_distance) continue;
         layout_[b].active = false;
@@ -231,7 +226,7 @@ estimator::RefreshReport CycleResidual::update_active_set(const VectorXd& theta,
         if (layout_[b].active) active_sizes.push_back(size[b]);
     }
     const double limit =
-        active_sizes.empty() ? std::numeric_limits<double>::infinity() : options_.gate * median(active_sizes);
+        active_sizes.empty() ? std::numeric_limits<double>::infinity() : options_.gate * upper_median(active_sizes);
     for (std::size_t b = 0; b < layout_.size(); ++b) {
         if (solved[b].status != OrbitStatus::converged) continue;
         const bool plausible = std::isfinite(size[b]) && size[b] <= limit;

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "orbits/cycle_residuals/cycle_block.hpp"
+#include "orbits/records/upper_median.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -21,12 +22,6 @@ constexpr int most_refreshes = 15;
 constexpr double least_scale = 1e-4;
 /// The median of |e| of normal errors times this is their sd.
 constexpr double normal_median = 1.4826;
-
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 }  // namespace
 
@@ -88,11 +83,11 @@ double OnePeriodResidual::weigh(const VectorXd& values) {
         }
     }
     if (changes.empty()) return 0.0;
-    double change = median(std::move(changes));
+    double change = upper_median(std::move(changes));
     for (std::size_t i = 0; i < sizes.size(); ++i) {
         double& scale = groups_[i].scale.value;
         const double now =
-            std::max(normal_median * median(std::move(sizes[i])), least_scale * range_(static_cast<Index>(i)));
+            std::max(normal_median * upper_median(std::move(sizes[i])), least_scale * range_(static_cast<Index>(i)));
         change = std::max(change, std::abs(std::log(now / scale)));
         scale = now;
     }

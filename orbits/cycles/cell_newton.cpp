@@ -14,14 +14,14 @@ namespace {
 
 // Largest coordinate of a Newton step (scaled units): beyond it the map is not linear enough (from prototypes on the
 // pendulum).
-constexpr double step_cap = 0.04;
+constexpr double cell_step_cap = 0.04;
 
 // A start needs 5-10 steps; more means that it wanders.
-constexpr int maximum_steps = 25;
+constexpr int most_cell_steps = 25;
 
 // From steps this small (in edges of a cell) on the points stay in their cells.
 constexpr double settled_step = 0.1;
-constexpr double converged_step = 1e-11;
+constexpr double converged_cell_step = 1e-11;
 
 // Up to this size elimination of the whole matrix is faster than using its structure.
 constexpr std::size_t small_size = 24;
@@ -85,7 +85,7 @@ bool close_on_cells(const SectionPoints& section, const CellMap& map, Eigen::Mat
     std::vector<double> image(static_cast<std::size_t>(n)), values(static_cast<std::size_t>(map.terms()));
     std::vector<double> matrix;
     bool frozen = false;
-    for (int step = 0; step < maximum_steps; ++step) {
+    for (int step = 0; step < most_cell_steps; ++step) {
         for (Eigen::Index j = 0; j < p; ++j) {
             const CellMap::Cell*& cell = cells[static_cast<std::size_t>(j)];
             if (!frozen) cell = &map.cell_of(points.col(j).data());
@@ -103,13 +103,13 @@ bool close_on_cells(const SectionPoints& section, const CellMap& map, Eigen::Mat
             finite = finite && std::isfinite(d);
         }
         if (!finite) return false;
-        const double share = size > step_cap ? step_cap / size : 1.0;
+        const double share = size > cell_step_cap ? cell_step_cap / size : 1.0;
         for (Eigen::Index j = 0; j < p; ++j)
             for (Eigen::Index d = 0; d < n; ++d)
                 points(d, j) = section.wrapped(points(d, j) + share * defect[static_cast<std::size_t>(j * n + d)], d);
         if (frozen && size > map.edge()) return false;
         if (size < settled_step * map.edge()) frozen = true;
-        if (size < converged_step) return true;
+        if (size < converged_cell_step) return true;
     }
     return false;
 }

@@ -25,22 +25,17 @@ using Eigen::VectorXd;
 
 // The paper's: neighbours out of two boxes around the reference, 32 of them or more.
 constexpr double ball_boxes = 2.0;
-constexpr int least_neighbours = 32;
+constexpr int least_map_neighbours = 32;
 
 // A linear map must explain half of the variance of its neighbours' images: of shuffled points two slopes explain
 // 2 / 32, and half of it with a probability below 1e-7. Reading errors of half a box leave a map above this.
-constexpr double unexplained = 0.7;
+constexpr double linear_unexplained = 0.7;
 
 // Two estimates of one cycle lie within six of their standard deviations, but never farther apart than this.
-constexpr double same_boxes = 1.0;
+constexpr double same_cycle_boxes = 1.0;
 
 // A cycle known less well than to half a box is not told from its neighbours.
 constexpr double largest_sd_boxes = 0.5;
-
-struct Trial {
-    CycleCandidate draft;
-    bool accepted = false;
-};
 
 class ClosestReturnFinder final : public CycleFinder {
 public:
@@ -49,8 +44,8 @@ public:
         if (options_.order > 1)
             throw std::invalid_argument("find_cycles: closest_return fits linear maps, order must be 1 or 0, got " +
                                         std::to_string(options_.order));
-        check_neighbours(section.image_count(), options_.neighbours, least_neighbours, section.dimension() + 2);
-        if (options_.neighbours == 0) options_.neighbours = least_neighbours;
+        check_neighbours(section.image_count(), options_.neighbours, least_map_neighbours, section.dimension() + 2);
+        if (options_.neighbours == 0) options_.neighbours = least_map_neighbours;
         const MatrixXd unit = section.scale().cwiseInverse().asDiagonal();
         if (options.reading_covariance.size() > 0) reading_covariance_ = unit * options.reading_covariance * unit;
     }
@@ -59,7 +54,7 @@ public:
         const std::vector<RecurrenceSeed> seeds =
             recurrence_seeds(section_, period, options_.box, static_cast<std::size_t>(options_.minimum_recurrences));
         search.candidates += seeds.size();
-        std::vector<Trial> trials(seeds.size());
+        std::vector<JudgedCandidate> trials(seeds.size());
         // Every start writes its own slot: the same bytes with any number of threads.
         tbb::parallel_for(tbb::blocked_range<std::size_t>(0, seeds.size()),
                           [&](const tbb::blocked_range<std::size_t>& range) {
@@ -67,12 +62,12 @@ public:
                                   trials[i] = estimate(seeds[i], period);
                           });
         std::vector<CycleCandidate> drafts;
-        for (Trial& trial : trials)
+        for (JudgedCandidate& trial : trials)
             if (trial.accepted)
                 drafts.push_back(std::move(trial.draft));
             else
                 ++search.rejected;
-        const double limit = same_boxes * options_.box;
+        const double limit = same_cycle_boxes * options_.box;
         drafts = merged(section_, std::move(drafts), [&](const CycleCandidate& a, const CycleCandidate& b) {
             return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), limit);
         });
@@ -84,18 +79,18 @@ public:
     }
 
 private:
-    [[nodiscard]] Trial estimate(const RecurrenceSeed& seed, int period) const {
+    [[nodiscard]] JudgedCandidate estimate(const RecurrenceSeed& seed, int period) const {
         const Index n = section_.dimension(), p = period;
         const double ball = ball_boxes * options_.box;
         std::vector<ReferenceMap> maps;
         std::vector<MatrixXd> jacobians;
-        Trial trial;
+        JudgedCandidate trial;
         for (Index j = 0; j < p; ++j) {
             maps.push_back(fit_reference_map(section_, grid_, seed.start + static_cast<std::size_t>(j), ball,
                                              static_cast<std::size_t>(options_.neighbours)));
             const ReferenceMap& map = maps.back();
-            const auto least = static_cast<Index>(std::min(options_.neighbours, least_neighbours));
-            if (!map.usable || map.offsets.rows() < least || !(map.residual <= unexplained * map.image_spread))
+            const auto least = static_cast<Index>(std::min(options_.neighbours, least_map_neighbours));
+            if (!map.usable || map.offsets.rows() < least || !(map.residual <= linear_unexplained * map.image_spread))
                 return trial;
             jacobians.push_back(map.jacobian);
         }

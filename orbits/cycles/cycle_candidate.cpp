@@ -12,7 +12,7 @@ namespace {
 // Two solutions are one cycle when all points lie within this many standard deviations, or within this distance
 // (scaled units).
 constexpr double same_sds = 6.0;
-constexpr double same_distance = 1e-6;
+constexpr double same_candidate_distance = 1e-6;
 
 Cycle plain(const SectionPoints& section, const CycleCandidate& draft) {
     const Eigen::Index n = draft.points.rows(), p = draft.points.cols();
@@ -72,7 +72,7 @@ bool is_prime(const SectionPoints& section, const Eigen::MatrixXd& points, doubl
 }
 
 double same_cycle_tolerance(double sd_a, double sd_b, double limit) {
-    return std::min(limit, std::max(same_distance, same_sds * std::hypot(sd_a, sd_b)));
+    return std::min(limit, std::max(same_candidate_distance, same_sds * std::hypot(sd_a, sd_b)));
 }
 
 std::vector<CycleCandidate> merged(

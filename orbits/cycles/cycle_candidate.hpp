@@ -35,6 +35,12 @@ struct CycleCandidate {
     [[nodiscard]] double largest_sd() const;
 };
 
+/// A candidate, and whether its finder accepts it.
+struct JudgedCandidate {
+    CycleCandidate draft;
+    bool accepted = false;
+};
+
 /// Largest coordinate of a(j) - b(j + shift) over all j, b mirrored or not. Shapes (n, p), scaled units.
 [[nodiscard]] double cycle_distance(const SectionPoints& section, const Eigen::MatrixXd& a, const Eigen::MatrixXd& b,
                                     Eigen::Index shift, bool mirrored);

@@ -12,13 +12,13 @@ namespace orbid::orbits {
 namespace {
 
 // Largest coordinate of a Newton step: beyond a few boxes local maps say nothing.
-constexpr double step_cap = 0.04;
+constexpr double cycle_step_cap = 0.04;
 
 // Newton has converged when its step is down to rounding, or when steps this small do not become smaller any more
 // (nearly singular cycles amplify rounding). It needs 4-6 steps, more means that it wanders.
-constexpr double converged_step = 1e-14;
+constexpr double converged_cycle_step = 1e-14;
 constexpr double rounding_step = 1e-10;
-constexpr int maximum_steps = 25;
+constexpr int most_cycle_steps = 25;
 
 // New fits until the points lie within this part of the radius around the fits' centres: the fit is then as good as
 // one centred exactly.
@@ -56,12 +56,12 @@ bool close_orbit(const SectionPoints& section, RefinedCycle& cycle) {
     const Eigen::Index n = cycle.points.rows(), p = cycle.points.cols();
     Eigen::VectorXd defect(n * p);
     double previous = std::numeric_limits<double>::infinity();
-    for (int step = 0; step < maximum_steps; ++step) {
+    for (int step = 0; step < most_cycle_steps; ++step) {
         std::vector<Eigen::MatrixXd> jacobians;
         for (Eigen::Index j = 0; j < p; ++j) {
             const LocalMap& map = cycle.maps[static_cast<std::size_t>(j)];
             const Eigen::VectorXd d = offset_of(section, cycle.points, map, j);
-            if (!(d.cwiseAbs().maxCoeff() <= std::max(step_cap, extrapolation * map.radius))) return false;
+            if (!(d.cwiseAbs().maxCoeff() <= std::max(cycle_step_cap, extrapolation * map.radius))) return false;
             jacobians.push_back(map.jacobian_at(d));
             defect.segment(j * n, n) = section.difference(Eigen::VectorXd(map.value + map.displacement(d)),
                                                           Eigen::VectorXd(cycle.points.col((j + 1) % p)));
@@ -69,10 +69,10 @@ bool close_orbit(const SectionPoints& section, RefinedCycle& cycle) {
         Eigen::VectorXd change = periodic::CyclicSystem(jacobians).solve(defect);
         if (!change.allFinite()) return false;
         const double size = change.cwiseAbs().maxCoeff();
-        if (size > step_cap) change *= step_cap / size;
+        if (size > cycle_step_cap) change *= cycle_step_cap / size;
         for (Eigen::Index j = 0; j < p; ++j)
             cycle.points.col(j) = section.wrapped(cycle.points.col(j) + change.segment(j * n, n));
-        if (size < converged_step || (size < rounding_step && size > 0.1 * previous)) return true;
+        if (size < converged_cycle_step || (size < rounding_step && size > 0.1 * previous)) return true;
         previous = size;
     }
     return false;

@@ -68,7 +68,7 @@ struct CycleUncertainty {
 /// system dx_{j+1} - A_j dx_j = e_j (for p = 1 and independent reading errors this is (M6)), and ln|multipliers| by
 /// their derivative along E_j + F''_j dx_j. Where other fits of a point are farther away than their predicted errors
 /// allow, its errors grow accordingly: what the residuals of one fit do not show. The ln|multipliers| of the cycles on
-/// other fits (`refits`) are added as outer products. Never zero; see covariance_floor in the source for how small
+/// other fits (`refits`) are added as outer products. Never zero; see floored_covariance() for how small
 /// eigenvalues are kept away from it.
 ///
 /// @param fits  of every point around it, as fitted to RefinedCycle::sizes.

@@ -39,7 +39,8 @@ struct Support {
     Eigen::VectorXd times;     // shape (k) [s]
 };
 
-Support gather(const SectionPoints& points, const NeighbourIndex& grid, const Eigen::VectorXd& place, std::size_t k) {
+Support gather_support(const SectionPoints& points, const NeighbourIndex& grid, const Eigen::VectorXd& place,
+                       std::size_t k) {
     const Eigen::Index n = points.dimension();
     const std::vector<Neighbour> members = grid.nearest(place, k);
     Support support;
@@ -78,7 +79,7 @@ std::optional<TimeFit> fit(const Support& support, int order, Eigen::Index k) {
 
 // The best fit, its sd with the difference to the second-best in it.
 std::optional<TimeFit> best_fit(const SectionPoints& points, const NeighbourIndex& grid, const Eigen::VectorXd& place) {
-    const Support support = gather(points, grid, place, std::min(most_neighbours, points.image_count() / 4));
+    const Support support = gather_support(points, grid, place, std::min(most_neighbours, points.image_count() / 4));
     std::vector<TimeFit> fits;
     for (const int order : {1, 2, 3})
         for (const std::size_t size : sizes) {

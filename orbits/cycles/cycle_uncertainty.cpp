@@ -2,37 +2,23 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
-
 #include "orbits/cycles/cycle_refinement.hpp"
+#include "orbits/local_maps/floored_covariance.hpp"
 #include "periodic/discretisation/cyclic_system.hpp"
 
 namespace orbid::orbits {
 
 namespace {
 
-// Smallest eigenvalues of a covariance, relative to its largest and absolute (scaled units squared): the ratio bounds
-// the condition number, so that factorisations work; the absolute value is the rounding of points of order one.
-constexpr double covariance_floor = 1e-9;
-constexpr double rounding_variance = 1e-28;
-
 // Step of differences of a local map's jacobian, in its radius: their error is of the order of 1e-6 of the curvature,
 // far below what a covariance needs.
-constexpr double difference_step = 1e-3;
-
-Eigen::MatrixXd floored(const Eigen::MatrixXd& covariance) {
-    Eigen::MatrixXd result = 0.5 * (covariance + covariance.transpose());
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(result, Eigen::EigenvaluesOnly);
-    const double largest = std::max(0.0, solver.eigenvalues().maxCoeff());
-    result.diagonal().array() += covariance_floor * largest + rounding_variance;
-    return result;
-}
+constexpr double radius_difference_step = 1e-3;
 
 // d vec(jacobian) / d place of a local map at its centre, shape (n n, n).
 Eigen::MatrixXd curvature(const LocalMap& map) {
     const Eigen::Index n = map.jacobian.rows();
     Eigen::MatrixXd result = Eigen::MatrixXd::Zero(n * n, n);
-    const double step = difference_step * map.radius;
+    const double step = radius_difference_step * map.radius;
     for (Eigen::Index d = 0; d < n; ++d) {
         const Eigen::VectorXd h = step * Eigen::VectorXd::Unit(n, d);
         const Eigen::MatrixXd change = (map.jacobian_at(h) - map.jacobian_at(-h)) / (2.0 * step);
@@ -105,8 +91,8 @@ CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCy
             result.ln_multiplier_covariance += change * change.transpose() / static_cast<double>(refits.size());
     }
 
-    result.covariance = floored(result.covariance);
-    result.ln_multiplier_covariance = floored(result.ln_multiplier_covariance);
+    result.covariance = floored_covariance(result.covariance);
+    result.ln_multiplier_covariance = floored_covariance(result.ln_multiplier_covariance);
     return result;
 }
 

@@ -33,7 +33,7 @@ std::vector<Index> model_coordinates(const Series& series, const models::System&
     return result;
 }
 
-void validate(const models::System& system, const VectorXd& theta, const ModelGuidedSearchOptions& options) {
+void validate_search(const models::System& system, const VectorXd& theta, const ModelGuidedSearchOptions& options) {
     models::check_parameters(system, theta);
     models::check_free(system, options.free);
     models::check_sensor(system, options.sensor);
@@ -110,7 +110,7 @@ MatrixXd sensitivities(const models::System& system, const VectorXd& theta, cons
 std::vector<ExpectedCycle> expected_cycles(const Series& series, const SectionPoints& section,
                                            const models::System& system, const VectorXd& theta,
                                            const ModelGuidedSearchOptions& options) {
-    validate(system, theta, options);
+    validate_search(system, theta, options);
     const std::vector<Index> rows = model_coordinates(series, system);
     const auto n = static_cast<Index>(rows.size());
     const Index states = system.dimension(), directions = states + static_cast<Index>(options.free.size());

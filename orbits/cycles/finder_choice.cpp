@@ -18,7 +18,7 @@ namespace {
 using Method = CycleSearchOptions::Method;
 
 // Fewer points tell neither the errors of readings nor a sheet.
-constexpr std::size_t least_points = 300;
+constexpr std::size_t least_chosen_points = 300;
 
 // Reading errors (scaled units) beyond which one map for the whole section is better than local ones. Measured on 42
 // 754 sections of the pendulum (cycles up to period 5 found, all of them true; median error; largest error / sd), local
@@ -58,7 +58,7 @@ struct ReadingErrors {
 ReadingErrors reading_errors(const Series& series, const SectionPoints& section, const CycleSearchOptions& options) {
     if (options.reading_covariance.size() > 0) return {options.reading_covariance, true};
     if (Eigen::MatrixXd known = known_covariance(series); known.size() > 0) return {std::move(known), true};
-    if (section.image_count() < least_points) return {};
+    if (section.image_count() < least_chosen_points) return {};
     const NoiseLevel level = noise_level(section, NeighbourIndex(section));
     return {level.covariance, level.resolved};
 }
@@ -73,7 +73,7 @@ Eigen::MatrixXd scaled(const SectionPoints& section, const Eigen::MatrixXd& cova
 Eigen::Index sheet_dimension(const SectionPoints& section, const Eigen::MatrixXd& covariance) {
     const Eigen::Index n = section.dimension();
     const bool angles = std::any_of(section.angle().begin(), section.angle().end(), [](char a) { return a != 0; });
-    if (n < 2 || angles || section.image_count() < least_points) return n;
+    if (n < 2 || angles || section.image_count() < least_chosen_points) return n;
     const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
     if (factor.info() != Eigen::Success) return n;
     const NeighbourIndex grid(section);
@@ -102,7 +102,7 @@ std::unique_ptr<CycleFinder> by_the_data(const SectionPoints& section, const Cyc
     return patch_map_finder(section, options, covariance);
 }
 
-void validate(const Partition& partition, Eigen::Index dimension) {
+void validate_partition(const Partition& partition, Eigen::Index dimension) {
     if (!(partition.coordinate >= 0 && partition.coordinate < dimension))
         throw std::invalid_argument("find_cycles: the partition's coordinate must be in [0, " +
                                     std::to_string(dimension) + "), got " + std::to_string(partition.coordinate));
@@ -137,7 +137,7 @@ void check_search(const CycleSearchOptions& options, Eigen::Index dimension) {
                                     std::to_string(options.reading_covariance.rows()) + ", " +
                                     std::to_string(options.reading_covariance.cols()) + "), the series " +
                                     std::to_string(dimension) + " coordinates");
-    if (options.partition) validate(*options.partition, dimension);
+    if (options.partition) validate_partition(*options.partition, dimension);
 }
 
 std::unique_ptr<CycleFinder> choose_finder(const Series& series, const SectionPoints& section,

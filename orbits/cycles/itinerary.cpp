@@ -16,7 +16,7 @@ namespace orbid::orbits {
 namespace {
 
 // Points that one task looks at; fixed, so that the result does not depend on the number of threads.
-constexpr std::size_t block = 1 << 15;
+constexpr std::size_t points_per_task = 1 << 15;
 
 struct Recurrence {
     std::uint64_t itinerary;
@@ -111,10 +111,10 @@ std::vector<RecurrenceSeed> itinerary_seeds(const SectionPoints& points, int per
     const auto p = static_cast<std::size_t>(period);
     if (points.size() <= p) return {};
     const ItineraryHash itinerary(points, p, cell);
-    const std::size_t blocks = (points.size() - p + block - 1) / block;
+    const std::size_t blocks = (points.size() - p + points_per_task - 1) / points_per_task;
     // use(start, gap) for the recurrent points of a block.
     const auto each_recurrent = [&](std::size_t b, const auto& use) {
-        const std::size_t first = b * block, end = std::min(points.size() - p, first + block);
+        const std::size_t first = b * points_per_task, end = std::min(points.size() - p, first + points_per_task);
         std::size_t run = 0;  // images that lead up to point i + p without a break
         for (std::size_t i = first + p; i-- > first && points.has_image(i);)
             ++run;

@@ -28,23 +28,23 @@ constexpr int default_neighbours = 32;
 
 // A neighbourhood of which a fit, the point itself left out, explains less than 91 % of the variance is no map:
 // shuffled points leave all of it, the clean pendulum less than 1e-6.
-constexpr double unexplained = 0.3;
+constexpr double fit_unexplained = 0.3;
 
 // Standard deviation (scaled units) beyond which a cycle is not told from its neighbours (trials: 2e-3).
-constexpr double largest_sd = 2e-3;
+constexpr double largest_local_sd = 2e-3;
 
 // Other fits of the same points may move a point by this much (scaled units; trials: 3e-3).
-constexpr double largest_disagreement = 3e-3;
+constexpr double largest_fit_disagreement = 3e-3;
 
 // Edge of the cells (scaled units) that tell the itineraries of starts apart (trials: 1.2 %).
 constexpr double itinerary_cell = 0.012;
 
 // Two solutions are one before their sds are known when they lie within this distance (scaled units): starts of one
 // cycle end within 1e-7 of each other on clean data.
-constexpr double same_distance = 1e-6;
+constexpr double same_local_distance = 1e-6;
 
 // Other fits that differ by more than this many standard deviations are remarked on.
-constexpr double remarkable = 3.0;
+constexpr double remarkable_fit_sds = 3.0;
 
 // A cycle that fewer points of the series recur to is called isolated.
 constexpr std::size_t few_recurrences = 3;
@@ -55,11 +55,6 @@ constexpr double degenerate = 0.05;
 
 // Leave-one-out predictions that leave more than this part of the images' spread at a point of a cycle are remarked on.
 constexpr double weak = 0.1;
-
-struct Trial {
-    CycleCandidate draft;
-    bool accepted = false;
-};
 
 // Largest part of the images' spread that a point's fit leaves when the point itself is left out.
 double unexplained_part(const RefinedCycle& cycle) {
@@ -81,9 +76,9 @@ void each(std::size_t count, const Body& body) {
     });
 }
 
-std::vector<CycleCandidate> accepted(std::vector<Trial>& trials, CycleSearch& search) {
+std::vector<CycleCandidate> accepted(std::vector<JudgedCandidate>& trials, CycleSearch& search) {
     std::vector<CycleCandidate> drafts;
-    for (Trial& trial : trials)
+    for (JudgedCandidate& trial : trials)
         if (trial.accepted)
             drafts.push_back(std::move(trial.draft));
         else
@@ -117,8 +112,8 @@ std::vector<CycleCandidate> distinct(const SectionPoints& section, const std::ve
     std::vector<CycleCandidate> result;
     double last = 0.0;
     for (const auto& [number, i] : order) {
-        if (!result.empty() && number - last < same_distance &&
-            same_cycle(section, result.back().points, drafts[i].points, same_distance)) {
+        if (!result.empty() && number - last < same_local_distance &&
+            same_cycle(section, result.back().points, drafts[i].points, same_local_distance)) {
             result.back().recurrences += drafts[i].recurrences;
             continue;
         }
@@ -148,7 +143,7 @@ public:
         std::vector<std::size_t> lost;  // starts that do not close on cells
         // In blocks: wide boxes have a hundred times more starts than orbits.
         for (std::size_t first = 0; first < seeds.size(); first += starts_at_once) {
-            std::vector<Trial> closed(std::min(starts_at_once, seeds.size() - first));
+            std::vector<JudgedCandidate> closed(std::min(starts_at_once, seeds.size() - first));
             each(closed.size(), [&](std::size_t i) { closed[i] = close(seeds[first + i], period); });
             for (std::size_t i = 0; i < closed.size(); ++i)
                 if (!closed[i].accepted) lost.push_back(first + i);
@@ -161,10 +156,11 @@ public:
         for (CycleCandidate& draft : closed_directly(seeds, std::move(lost), period))
             orbits.push_back(std::move(draft));
         std::vector<CycleCandidate> drafts =
-            merged(section_, distinct(section_, orbits), [](const auto&, const auto&) { return same_distance; });
-        std::erase_if(drafts,
-                      [&](const CycleCandidate& draft) { return !is_prime(section_, draft.points, same_distance); });
-        std::vector<Trial> judged(drafts.size());
+            merged(section_, distinct(section_, orbits), [](const auto&, const auto&) { return same_local_distance; });
+        std::erase_if(drafts, [&](const CycleCandidate& draft) {
+            return !is_prime(section_, draft.points, same_local_distance);
+        });
+        std::vector<JudgedCandidate> judged(drafts.size());
         each(drafts.size(), [&](std::size_t i) { judged[i] = judge(drafts[i]); });
         drafts = merged(section_, accepted(judged, search), [&](const CycleCandidate& a, const CycleCandidate& b) {
             return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), merging_boxes * options_.box);
@@ -181,7 +177,7 @@ public:
         const std::vector<CycleCandidate>& starts) const override {
         std::vector<std::optional<CycleCandidate>> result(starts.size());
         each(starts.size(), [&](std::size_t i) {
-            Trial trial = judge(starts[i]);
+            JudgedCandidate trial = judge(starts[i]);
             if (trial.accepted) result[i] = std::move(trial.draft);
         });
         return result;
@@ -194,8 +190,8 @@ private:
         return options;
     }
 
-    [[nodiscard]] Trial close(const RecurrenceSeed& seed, int period) const {
-        Trial trial;
+    [[nodiscard]] JudgedCandidate close(const RecurrenceSeed& seed, int period) const {
+        JudgedCandidate trial;
         trial.draft = start_of(seed, period);
         trial.accepted = close_on_cells(section_, cells_, trial.draft.points);
         return trial;
@@ -206,7 +202,7 @@ private:
             refine_cycle(section_, choice_, draft.points, FitSize{cells_.order(), cells_.neighbours()});
         const bool converged = cycle.status == RefinementStatus::converged;
         if (converged) draft.points = cycle.points;
-        return converged && unexplained_part(cycle) <= unexplained;
+        return converged && unexplained_part(cycle) <= fit_unexplained;
     }
 
     // Where the map bends within a cell (next to the fold of a Lorenz section) only fits centred on the points close an
@@ -218,13 +214,13 @@ private:
         };
         const std::size_t count = std::min(direct_starts, lost.size());
         std::partial_sort(lost.begin(), lost.begin() + static_cast<std::ptrdiff_t>(count), lost.end(), more);
-        std::vector<Trial> trials(count);
+        std::vector<JudgedCandidate> trials(count);
         each(count, [&](std::size_t i) {
             trials[i].draft = start_of(seeds[lost[i]], period);
             trials[i].accepted = settle(trials[i].draft);
         });
         std::vector<CycleCandidate> drafts;
-        for (Trial& trial : trials)
+        for (JudgedCandidate& trial : trials)
             if (trial.accepted) drafts.push_back(std::move(trial.draft));
         return drafts;
     }
@@ -240,10 +236,10 @@ private:
     }
 
     // The best fits that the data allow, covariance, and whether the cycle can be believed.
-    [[nodiscard]] Trial judge(const CycleCandidate& start) const {
-        Trial trial;
+    [[nodiscard]] JudgedCandidate judge(const CycleCandidate& start) const {
+        JudgedCandidate trial;
         const RefinedCycle cycle = refine_cycle(section_, choice_, start.points);
-        if (cycle.status != RefinementStatus::converged || !(unexplained_part(cycle) <= unexplained)) return trial;
+        if (cycle.status != RefinementStatus::converged || !(unexplained_part(cycle) <= fit_unexplained)) return trial;
         std::vector<PlacedFits> fits;
         for (std::size_t j = 0; j < cycle.maps.size(); ++j)
             fits.push_back(choice_.fitted(cycle.points.col(static_cast<Eigen::Index>(j)), cycle.sizes[j]));
@@ -251,7 +247,7 @@ private:
                                                alternative_cycle(section_, cycle, fits, 2)};
         for (const RefinedCycle& refit : refits)
             if (!(refit.status == RefinementStatus::converged &&
-                  cycle_distance(section_, cycle.points, refit.points, 0, false) <= largest_disagreement))
+                  cycle_distance(section_, cycle.points, refit.points, 0, false) <= largest_fit_disagreement))
                 return trial;
         const CycleUncertainty uncertainty = cycle_uncertainty(section_, cycle, fits, refits);
         CycleCandidate& draft = trial.draft;
@@ -261,14 +257,14 @@ private:
         draft.multipliers = uncertainty.multipliers;
         draft.ln_multiplier_covariance = uncertainty.ln_multiplier_covariance;
         draft.advance = count_turns(section_, grid_, draft.points);
-        trial.accepted = draft.largest_sd() <= largest_sd && draft.multipliers.ln_modulus.size() > 0;
+        trial.accepted = draft.largest_sd() <= largest_local_sd && draft.multipliers.ln_modulus.size() > 0;
         remark(draft, cycle, uncertainty.disagreement);
         return trial;
     }
 
     void remark(CycleCandidate& draft, const RefinedCycle& cycle, double disagreement) const {
         const Eigen::Index n = section_.dimension();
-        if (disagreement > remarkable)
+        if (disagreement > remarkable_fit_sds)
             draft.quality.emplace_back("depends on the neighbourhoods' size beyond its error");
         if (draft.recurrences < few_recurrences)
             draft.quality.emplace_back("isolated: fewer than " + std::to_string(few_recurrences) +

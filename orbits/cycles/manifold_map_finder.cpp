@@ -42,7 +42,7 @@ constexpr double least_beside = 0.05;
 
 // Standard deviation (scaled units) beyond which a cycle is not told from its neighbours: half of what still counts as
 // a position.
-constexpr double largest_sd = 1e-2;
+constexpr double largest_manifold_sd = 1e-2;
 
 // Cycles farther apart than this (scaled units) are two, whatever their sds.
 constexpr double same_limit = 0.02;
@@ -219,7 +219,7 @@ private:
     }
 
     [[nodiscard]] static bool believable(const CycleCandidate& one, const Solution& solution) {
-        return one.largest_sd() <= largest_sd && one.multipliers.ln_modulus.allFinite() &&
+        return one.largest_sd() <= largest_manifold_sd && one.multipliers.ln_modulus.allFinite() &&
                std::all_of(solution.maps.begin(), solution.maps.end(), [](const ManifoldMap& map) {
                    return map.significance >= significant && map.beside >= least_beside;
                });

@@ -4,35 +4,24 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include "orbits/cycles/cycle_refinement.hpp"
+#include "orbits/local_maps/floored_covariance.hpp"
 
 namespace orbid::orbits {
 
 namespace {
 
 // Largest coordinate of a Newton step: a patch is about as wide.
-constexpr double step_cap = 0.04;
+constexpr double spline_step_cap = 0.04;
 
 // Newton has converged when its step is down to rounding. From far starts it walks: 0.2 away is five capped steps.
-constexpr double converged_step = 1e-12;
-constexpr int maximum_steps = 40;
-
-// Smallest eigenvalues of a covariance relative to its largest: symmetric halves of a cycle are exactly dependent, and
-// factorisations must work.
-constexpr double covariance_floor = 1e-9;
+constexpr double converged_spline_step = 1e-12;
+constexpr int most_spline_steps = 40;
 
 // Relative change of a jacobian's entries for the derivative of ln|multipliers|: errors of 1e-6 of it.
-constexpr double difference_step = 1e-6;
-
-Eigen::MatrixXd floored(const Eigen::MatrixXd& covariance) {
-    Eigen::MatrixXd result = 0.5 * (covariance + covariance.transpose());
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(result, Eigen::EigenvaluesOnly);
-    result.diagonal().array() += covariance_floor * std::max(0.0, solver.eigenvalues().maxCoeff()) + 1e-28;
-    return result;
-}
+constexpr double jacobian_difference_step = 1e-6;
 
 // d ln|multipliers| / d (entries of A_0, A_1, ..., column by column), shape (n, p n n).
 Eigen::MatrixXd multiplier_derivative(std::vector<Eigen::MatrixXd> jacobians) {
@@ -40,7 +29,7 @@ Eigen::MatrixXd multiplier_derivative(std::vector<Eigen::MatrixXd> jacobians) {
     Eigen::MatrixXd result(n, static_cast<Eigen::Index>(jacobians.size()) * n * n);
     Eigen::Index column = 0;
     for (std::size_t j = 0; j < jacobians.size(); ++j) {
-        const double step = difference_step * std::max(jacobians[j].norm(), difference_step);
+        const double step = jacobian_difference_step * std::max(jacobians[j].norm(), jacobian_difference_step);
         for (Eigen::Index entry = 0; entry < n * n; ++entry) {
             const double kept = jacobians[j].data()[entry];
             jacobians[j].data()[entry] = kept + step;
@@ -63,7 +52,7 @@ SplineMapCycle close_on_spline_map(const SectionPoints& section, const SplineMap
     Eigen::VectorXd defect(n * p);
     Eigen::MatrixXd matrix(n * p, n * p);
     MapValue value;
-    for (int step = 0; step < maximum_steps; ++step) {
+    for (int step = 0; step < most_spline_steps; ++step) {
         matrix.setZero();
         for (Eigen::Index j = 0; j < p; ++j) {
             map.evaluate(cycle.points.col(j).data(), 1, value);
@@ -77,10 +66,10 @@ SplineMapCycle close_on_spline_map(const SectionPoints& section, const SplineMap
         Eigen::VectorXd change = matrix.partialPivLu().solve(-defect);
         if (!change.allFinite()) return cycle;
         const double size = change.cwiseAbs().maxCoeff();
-        if (size > step_cap) change *= step_cap / size;
+        if (size > spline_step_cap) change *= spline_step_cap / size;
         for (Eigen::Index j = 0; j < p; ++j)
             cycle.points.col(j) = section.wrapped(cycle.points.col(j) + change.segment(j * n, n));
-        if (size < converged_step) {
+        if (size < converged_spline_step) {
             cycle.converged = true;
             return cycle;
         }
@@ -157,8 +146,8 @@ CycleCandidate draft_of(const SectionPoints& section, const SplineMapFit& fit, c
                 bend.row(a * n + d) = values[static_cast<std::size_t>(j)].bending[static_cast<std::size_t>(d)].row(a);
         to_multipliers += direct * bend * to_points.middleRows(j * n, n);
     }
-    draft.covariance = floored(to_points * errors * to_points.transpose());
-    draft.ln_multiplier_covariance = floored(to_multipliers * errors * to_multipliers.transpose());
+    draft.covariance = floored_covariance(to_points * errors * to_points.transpose());
+    draft.ln_multiplier_covariance = floored_covariance(to_multipliers * errors * to_multipliers.transpose());
     if (section.turns_known()) {
         std::vector<double> advance;
         for (Eigen::Index d = 0; d < n; ++d)

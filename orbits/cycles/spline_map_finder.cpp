@@ -18,10 +18,10 @@ namespace orbid::orbits {
 namespace {
 
 // Largest standard deviation (scaled units) of a cycle that is told from its neighbours.
-constexpr double largest_sd = 0.01;
+constexpr double largest_spline_sd = 0.01;
 
 // Newton solutions of one map from different starts end within this distance.
-constexpr double same_distance = 1e-7;
+constexpr double same_spline_distance = 1e-7;
 
 // Newton on one map is cheap, so starts are sought from recurrences as wide as this whatever the box.
 constexpr double widest_start = 0.2;
@@ -34,14 +34,14 @@ constexpr double spacing = 0.02;
 constexpr double coarser = 1.5;
 
 // A coarser map may move a point by this much (scaled units).
-constexpr double largest_disagreement = 0.02;
+constexpr double largest_map_disagreement = 0.02;
 
 // Changes of this many sds between the two maps are no chance: the patches do not follow the map there. Where it has
 // kinks, an error of the order of the spacing, the finer map is as wrong again as the change, 1 / (1.5 - 1) = 2 of it.
 constexpr double resolved = 3.0;
 // Part of that error which is one vector for all points of a cycle; the rest is independent.
 constexpr double common_part = 0.5;
-constexpr double remarkable = 3.0;
+constexpr double remarkable_map_sds = 3.0;
 
 // Beyond this the readings' errors do not explain what the map leaves over (right: 0.97; a wrong lift: 1.2 to 1.9).
 constexpr double largest_chi2 = 3.0;
@@ -76,7 +76,7 @@ public:
         });
         std::vector<CycleCandidate> drafts;
         for (const SplineMapCycle& cycle : closed) {
-            if (!cycle.converged || !is_prime(section_, cycle.points, 10.0 * same_distance)) {
+            if (!cycle.converged || !is_prime(section_, cycle.points, 10.0 * same_spline_distance)) {
                 ++search.rejected;
                 continue;
             }
@@ -85,12 +85,12 @@ public:
             draft.recurrences = 1;
             drafts.push_back(std::move(draft));
         }
-        drafts = merged(section_, std::move(drafts), [](const auto&, const auto&) { return same_distance; });
+        drafts = merged(section_, std::move(drafts), [](const auto&, const auto&) { return same_spline_distance; });
         std::vector<char> accepted(drafts.size(), 0);
         tbb::parallel_for(std::size_t{0}, drafts.size(), [&](std::size_t i) {
             bool agrees = false;
             drafts[i] = judged(drafts[i], agrees);
-            accepted[i] = agrees && drafts[i].largest_sd() <= largest_sd ? 1 : 0;
+            accepted[i] = agrees && drafts[i].largest_sd() <= largest_spline_sd ? 1 : 0;
         });
         const std::size_t before = drafts.size();
         std::size_t kept = 0;
@@ -110,13 +110,13 @@ public:
         if (!explains()) return result;
         tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
             const SplineMapCycle cycle = close_on_spline_map(section_, fit_.map, starts[i].points);
-            if (!cycle.converged || !is_prime(section_, cycle.points, 10.0 * same_distance)) return;
+            if (!cycle.converged || !is_prime(section_, cycle.points, 10.0 * same_spline_distance)) return;
             CycleCandidate draft;
             draft.points = cycle.points;
             draft.recurrences = starts[i].recurrences;
             bool agrees = false;
             draft = judged(draft, agrees);
-            if (agrees && draft.largest_sd() <= largest_sd) result[i] = std::move(draft);
+            if (agrees && draft.largest_sd() <= largest_spline_sd) result[i] = std::move(draft);
         });
         return result;
     }
@@ -149,10 +149,10 @@ private:
     [[nodiscard]] CycleCandidate judged(const CycleCandidate& found, bool& agrees) const {
         CycleCandidate draft = draft_of(section_, fit_, {found.points, true});
         draft.recurrences = found.recurrences;
-        draft.same_within = 10.0 * same_distance;
+        draft.same_within = 10.0 * same_spline_distance;
         const SplineMapCycle refit = close_on_spline_map(section_, coarse_.map, found.points);
-        agrees =
-            refit.converged && cycle_distance(section_, refit.points, found.points, 0, false) <= largest_disagreement;
+        agrees = refit.converged &&
+                 cycle_distance(section_, refit.points, found.points, 0, false) <= largest_map_disagreement;
         if (!agrees) return draft;
         const Eigen::Index n = found.points.rows(), p = found.points.cols();
         Eigen::VectorXd change(n * p);
@@ -169,10 +169,10 @@ private:
         Eigen::MatrixXd added = common_part * change * change.transpose();
         added.diagonal() += (1.0 - common_part) * change.cwiseAbs2();
         draft.covariance += share * added;
-        if (beyond > remarkable * remarkable)
+        if (beyond > remarkable_map_sds * remarkable_map_sds)
             draft.quality.emplace_back("depends on the patches' size beyond its error");
         if (p == 1 && section_.symmetric() &&
-            cycle_distance(section_, found.points, found.points, 0, true) <= 10.0 * same_distance)
+            cycle_distance(section_, found.points, found.points, 0, true) <= 10.0 * same_spline_distance)
             draft.quality.emplace_back("a fixed point by symmetry alone: perhaps a state of rest");
         const Eigen::VectorXd ln_change =
             multipliers_of(coarse_.map, refit.points).ln_modulus - draft.multipliers.ln_modulus;

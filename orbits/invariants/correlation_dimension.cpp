@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "estimator/interface/not_finite.hpp"
 #include "orbits/invariants/correlation_sum.hpp"
 #include "orbits/invariants/sample_stride.hpp"
 #include "orbits/sections/section_points.hpp"
@@ -15,7 +16,6 @@ namespace orbid::orbits {
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t fewest_points = 1000;
 
 constexpr int octaves = 30;             // down to 1e-10 of the range
@@ -34,7 +34,7 @@ constexpr std::size_t settled = 3;
 constexpr double fewest_staying = 200.0;
 
 struct WithError {
-    double value = nan, sd = nan;
+    double value = estimator::nan_value, sd = estimator::nan_value;
 };
 
 // A function of the counts with its jackknife error over the stretches.
@@ -59,7 +59,7 @@ double decay(const OctaveCount::Pairs& pairs) {
     std::size_t last = settled;
     while (last + 1 < pairs.stay.size() && pairs.stay[last + 1] > fewest_staying)
         ++last;
-    if (last < settled + 2) return nan;
+    if (last < settled + 2) return estimator::nan_value;
     return std::log(pairs.stay[settled] / pairs.stay[last]) / static_cast<double>(last - settled);
 }
 
@@ -116,7 +116,7 @@ Fit fit_range(const std::vector<CorrelationScale>& scales, const Range& range) {
     return fit;
 }
 
-void validate(const CorrelationOptions& options) {
+void validate_correlation(const CorrelationOptions& options) {
     if (!(options.pairs >= 10'000 && options.pairs <= 1'000'000'000))
         throw std::invalid_argument("correlation_dimension: pairs must be in [10^4, 10^9], got " +
                                     std::to_string(options.pairs));
@@ -192,9 +192,10 @@ void find_scaling_range(const std::vector<Octave>& by_octave, double dimension, 
 }  // namespace
 
 CorrelationDimension correlation_dimension(const Series& series, const CorrelationOptions& options) {
-    validate(options);
+    validate_correlation(options);
     CorrelationDimension result;
-    result.dimension = result.sd = result.takens = result.takens_sd = result.entropy = result.entropy_sd = nan;
+    result.dimension = result.sd = result.takens = result.takens_sd = result.entropy = result.entropy_sd =
+        estimator::nan_value;
     const bool samples = series.sampling == Series::Sampling::samples;
     const std::size_t stride = samples ? sample_stride(series) : 1;
     const SectionPoints points(samples ? strided(series, 1) : series);
@@ -260,7 +261,7 @@ CorrelationDimension correlation_dimension(const Series& series, const Correlati
             });
             result.scales.push_back({radius / std::pow(2.0, 0.5 * static_cast<double>(k)), chosen.size(),
                                      static_cast<std::size_t>(sum.within[k]), sum.within[k] / count.candidates,
-                                     slope.value, slope.sd, k == 0 ? octave.entropy.value : nan});
+                                     slope.value, slope.sd, k == 0 ? octave.entropy.value : estimator::nan_value});
         }
     }
     if (identical > 0.1)

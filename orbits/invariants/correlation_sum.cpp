@@ -110,7 +110,7 @@ private:
     std::vector<Entry> entries_;
 };
 
-double distance(const SectionPoints& points, std::size_t i, std::size_t j) {
+double largest_difference(const SectionPoints& points, std::size_t i, std::size_t j) {
     double largest = 0.0;
     for (Eigen::Index d = 0; d < points.dimension(); ++d)
         largest = std::max(largest, std::abs(points.difference(points.point(i)[d], points.point(j)[d], d)));
@@ -155,7 +155,7 @@ OctaveCount count_pairs(const SectionPoints& points, const std::vector<std::uint
             boxes.visit(i, [&](std::uint32_t place) {
                 const std::uint32_t j = chosen[place];
                 if (!(j > i + theiler)) return;
-                const double apart = distance(points, i, j);
+                const double apart = largest_difference(points, i, j);
                 if (!(apart < radius)) return;
                 OctaveCount::Pairs& sum = sums[part][own_row + stretch_of(place, chosen.size())];
                 sum.within[0] += 1.0;
@@ -167,7 +167,7 @@ OctaveCount count_pairs(const SectionPoints& points, const std::vector<std::uint
                 }
                 if (std::min(ahead[i], ahead[j]) < OctaveCount::followed) return;
                 for (std::size_t k = 0; k < OctaveCount::followed; ++k) {
-                    if (!(distance(points, i + k * stride, j + k * stride) < radius)) break;
+                    if (!(largest_difference(points, i + k * stride, j + k * stride) < radius)) break;
                     sum.stay[k] += 1.0;
                 }
             });

@@ -3,20 +3,18 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <limits>
 #include <stdexcept>
 #include <string>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "estimator/interface/not_finite.hpp"
 #include "orbits/invariants/kaplan_yorke.hpp"
 
 namespace orbid::orbits {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 // A multiplier this near to modulus 1 makes det(1 - J^r) vanish for some r within rounding.
 constexpr double marginal = 1e-9;
@@ -168,26 +166,26 @@ double leading_zero(const Eigen::VectorXd& q) {
     Eigen::MatrixXd companion = Eigen::MatrixXd::Zero(degree, degree);
     companion.row(0) = -q.tail(degree).transpose();
     companion.diagonal(-1).setOnes();
-    if (!companion.allFinite()) return nan;
+    if (!companion.allFinite()) return estimator::nan_value;
     double largest = 0.0;
     for (const std::complex<double>& value : companion.eigenvalues())
         if (value.imag() == 0.0) largest = std::max(largest, value.real());
     // Zero coefficients at the end leave eigenvalues 0, which rounding moves by its n-th root: far below any that
     // matters, since the sets considered have at most a few symbols and stay for at least a few steps.
-    return largest > 1e-3 ? 1.0 / largest : nan;
+    return largest > 1e-3 ? 1.0 / largest : estimator::nan_value;
 }
 
 // s with leading zero z = 1, and the slopes ds/dbeta there; nan when there is none.
 struct Zero {
-    double s = nan;
-    double mean_time = nan;
+    double s = estimator::nan_value;
+    double mean_time = estimator::nan_value;
     Eigen::VectorXd slope;
 };
 
 Zero zero_in_s(const std::vector<Term>& terms, Weight weight, int longest) {
     const Eigen::Index n = terms.front().ln_modulus.size();
     Zero result;
-    result.slope = Eigen::VectorXd::Constant(n, nan);
+    result.slope = Eigen::VectorXd::Constant(n, estimator::nan_value);
     double s = 0.0;
     // ln z is convex in s and straight without times: Newton on ln z(s) = 0 ends after one step or a few.
     for (int step = 0; step < 50; ++step) {
@@ -221,10 +219,10 @@ CycleExpansionTerm expand(const std::vector<Term>& all, int longest) {
     CycleExpansionTerm result;
     result.period = longest;
     result.cycles = terms.size();
-    result.exponents = Eigen::VectorXd::Constant(all.front().ln_modulus.size(), nan);
+    result.exponents = Eigen::VectorXd::Constant(all.front().ln_modulus.size(), estimator::nan_value);
     result.conservation = 1.0;
-    result.determinant_zero = result.zeta_zero = result.escape_rate = result.metric_entropy = nan;
-    result.topological_entropy = result.mean_time = result.dimension = nan;
+    result.determinant_zero = result.zeta_zero = result.escape_rate = result.metric_entropy = estimator::nan_value;
+    result.topological_entropy = result.mean_time = result.dimension = estimator::nan_value;
     if (terms.empty()) return result;
     const Eigen::VectorXd q = coefficients(terms, Weight::determinant, longest, 0.0).value;
     result.coefficient = q[longest];

@@ -26,7 +26,7 @@ constexpr int alignment = 3;
 // Of one reference: ln distance at every lag, one path per pair.
 using Paths = std::vector<std::vector<double>>;
 
-double distance(const SectionPoints& points, const Neighbour& neighbour, std::size_t i, std::size_t step) {
+double path_distance(const SectionPoints& points, const Neighbour& neighbour, std::size_t i, std::size_t step) {
     double sum = 0.0;
     for (Eigen::Index d = 0; d < points.dimension(); ++d) {
         const double sign = neighbour.mirrored ? points.signs()[d] : 1.0;
@@ -60,7 +60,7 @@ std::vector<Paths> follow_pairs(const SectionPoints& points, const NeighbourInde
             if (!(neighbour.distance2 > 0.0)) continue;
             std::vector<double> path;
             for (int lag = 0; lag <= lags; ++lag)
-                path.push_back(std::log(distance(points, neighbour, i, static_cast<std::size_t>(lag * pace))));
+                path.push_back(std::log(path_distance(points, neighbour, i, static_cast<std::size_t>(lag * pace))));
             paths[r].push_back(std::move(path));
         }
     });

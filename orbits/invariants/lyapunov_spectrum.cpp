@@ -8,6 +8,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "estimator/interface/not_finite.hpp"
 #include "orbits/invariants/divergence_rate.hpp"
 #include "orbits/invariants/kaplan_yorke.hpp"
 #include "orbits/invariants/sample_stride.hpp"
@@ -18,8 +19,6 @@
 namespace orbid::orbits {
 
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 // Steps at the head of a piece that only turn the directions: the errors of the frame fall by the ratio of
 // neighbouring multipliers per step, of sampled flows (a tenth of the range per step) by e^-0.1 and slower.
@@ -70,7 +69,7 @@ struct Sum {
     std::size_t steps = 0, lost = 0;
 };
 
-void validate(const LyapunovOptions& options, Eigen::Index dimension) {
+void validate_lyapunov(const LyapunovOptions& options, Eigen::Index dimension) {
     if (!(options.order >= 0 && options.order <= 4))
         throw std::invalid_argument("lyapunov_spectrum: order must be 1 to 4, or 0 for the data to choose, got " +
                                     std::to_string(options.order));
@@ -232,8 +231,8 @@ void reduce(const std::vector<Sum>& sums, LyapunovSpectrum& result) {
         time += result.timed ? sum.time : static_cast<double>(sum.steps);
         used += sum.steps > 0 ? 1 : 0;
     }
-    result.exponents = Eigen::VectorXd::Constant(n, nan);
-    result.sds = Eigen::VectorXd::Constant(n, nan);
+    result.exponents = Eigen::VectorXd::Constant(n, estimator::nan_value);
+    result.sds = Eigen::VectorXd::Constant(n, estimator::nan_value);
     if (result.steps == 0) return;
     result.attenuation /= static_cast<double>(result.steps);
     result.mean_time = time / static_cast<double>(result.steps);
@@ -257,8 +256,8 @@ void reduce(const std::vector<Sum>& sums, LyapunovSpectrum& result) {
         std::nth_element(sds.begin(), place, sds.end());
         if (*place < unresolved && std::isfinite(result.exponents[j])) continue;
         // Directions further down lie across this one as well.
-        result.exponents.tail(n - j).setConstant(nan);
-        result.sds.tail(n - j).setConstant(nan);
+        result.exponents.tail(n - j).setConstant(estimator::nan_value);
+        result.sds.tail(n - j).setConstant(estimator::nan_value);
         return;
     }
 }
@@ -266,7 +265,7 @@ void reduce(const std::vector<Sum>& sums, LyapunovSpectrum& result) {
 }  // namespace
 
 LyapunovSpectrum lyapunov_spectrum(const Series& series, const LyapunovOptions& options) {
-    validate(options, series.dimension());
+    validate_lyapunov(options, series.dimension());
     LyapunovSpectrum result;
     const bool samples = series.sampling == Series::Sampling::samples;
     if (samples) result.stride = sample_stride(series);

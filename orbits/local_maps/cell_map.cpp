@@ -6,6 +6,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "orbits/records/upper_median.hpp"
 #include "orbits/sections/mixed_bits.hpp"
 
 namespace orbid::orbits {
@@ -14,13 +15,13 @@ namespace {
 
 // Neighbours per coefficient of the smallest fits: 21 for the 6 coefficients of order 2 in two dimensions (prototypes
 // on the pendulum found as many cycles with 20 as with 30 for the 10 coefficients of order 3).
-constexpr double smallest_share = 3.4;
+constexpr double cell_share = 3.4;
 
 // Larger neighbourhoods are tried in these steps; one that does not bring the median error down to this part is not
 // worth its truncation elsewhere.
-constexpr std::size_t growth = 4;
+constexpr std::size_t neighbourhood_growth = 4;
 constexpr double worthwhile = 0.7;
-constexpr std::size_t places = 128;
+constexpr std::size_t cell_places = 128;
 
 // The error that leave-one-out shows does not hold the polynomials' truncation where noise hides it: wider
 // neighbourhoods are not trusted.
@@ -34,18 +35,11 @@ constexpr double largest_edge = 0.04;
 
 // A neighbourhood of which a fit, the point itself left out, explains less than 91 % of the variance is no map
 // (shuffled points: nothing); a place whose image is not known to this (scaled units) lies beyond the data.
-constexpr double unexplained = 0.3;
+constexpr double cell_unexplained = 0.3;
 constexpr double largest_error = 0.01;
 
 // Values known to this (scaled units) are known well enough for any search.
-constexpr double rounding = 1e-12;
-
-double median(std::vector<double> values) {
-    if (values.empty()) return 0.0;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
+constexpr double well_known = 1e-12;
 
 }  // namespace
 
@@ -62,14 +56,14 @@ CellMap::CellMap(const SectionPoints& section, const NeighbourIndex& grid, int o
 }
 
 void CellMap::choose_neighbours(std::size_t asked) {
-    const auto least = static_cast<std::size_t>(std::ceil(smallest_share * static_cast<double>(terms_)));
+    const auto least = static_cast<std::size_t>(std::ceil(cell_share * static_cast<double>(terms_)));
     std::vector<std::size_t> starts;
-    const std::size_t stride = std::max<std::size_t>(1, section_.size() / places);
+    const std::size_t stride = std::max<std::size_t>(1, section_.size() / cell_places);
     for (std::size_t i = stride / 2; i < section_.size(); i += stride)
         if (section_.has_image(i)) starts.push_back(i);
     const auto with_remainder = std::make_shared<const Monomials>(section_.dimension(), order_ + 2);
     double best = 0.0;
-    for (std::size_t k = asked > 0 ? asked : least;; k *= growth) {
+    for (std::size_t k = asked > 0 ? asked : least;; k *= neighbourhood_growth) {
         if (neighbours_ > 0 && k > section_.image_count() / 10) break;
         std::vector<double> errors(starts.size()), radii(starts.size());
         tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
@@ -80,13 +74,13 @@ void CellMap::choose_neighbours(std::size_t asked) {
             errors[i] = map.usable ? map.value_sd : 1.0;
             radii[i] = near.radius;
         });
-        const double error = median(errors);
-        const double radius = median(radii);
+        const double error = upper_median(errors);
+        const double radius = upper_median(radii);
         if (neighbours_ > 0 && (!(error < worthwhile * best) || radius > largest_radius)) break;
         best = error;
         neighbours_ = k;
         edge_ = std::clamp(radius, smallest_edge, largest_edge);
-        if (asked > 0 || error < rounding) break;
+        if (asked > 0 || error < well_known) break;
     }
 }
 
@@ -119,7 +113,7 @@ CellMap::Cell CellMap::fitted(const double* x) const {
     const Neighbourhood near = gather_neighbourhood(section_, grid_, centre, neighbours_);
     const LocalMap map = fit_local_map(section_, near, order_, neighbours_, monomials_, workspace);
     Cell cell;
-    cell.usable = map.usable && map.left_out <= unexplained * map.image_spread && map.value_sd <= largest_error;
+    cell.usable = map.usable && map.left_out <= cell_unexplained * map.image_spread && map.value_sd <= largest_error;
     if (!cell.usable) return cell;
     cell.inverse_radius = 1.0 / map.radius;
     cell.numbers = std::make_unique<double[]>(static_cast<std::size_t>(2 * n + n * terms_));

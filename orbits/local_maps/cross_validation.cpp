@@ -5,21 +5,16 @@
 
 #include <Eigen/Cholesky>
 
+#include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/monomials.hpp"
 
 namespace orbid::orbits {
 
 namespace {
 
-// An image a quarter turn from the point's own has no unique representative (as in local_map.cpp).
-constexpr double torn = 0.25;
-
 // Directions without spread (thin neighbourhoods of clean data) are not extrapolated along: part of the mean diagonal
 // of the normal matrix added to it.
 constexpr double ridge = 1e-10;
-
-// Variance of rounding in scaled units: keeps every covariance positive definite.
-constexpr double rounding = 1e-28;
 
 // The weight function vanishes at this multiple of the farthest neighbour's squared distance.
 constexpr double margin = 1.1;
@@ -68,7 +63,7 @@ CrossValidation held_out_fit(const SectionPoints& points, const NeighbourIndex& 
             const double sign = member.mirrored ? points.signs()[d] : 1.0;
             offset[d] = points.difference(sign * x[d], centre[d], d) / radius;
             images(kept, d) = points.difference(sign * y[d], image[d], d);
-            if (points.angle()[static_cast<std::size_t>(d)] && !(std::abs(images(kept, d)) < torn)) whole = false;
+            if (points.angle()[static_cast<std::size_t>(d)] && !(std::abs(images(kept, d)) < torn_turns)) whole = false;
         }
         if (!whole) return fit;
         const double w = 1.0 - member.distance2 / radius2;
@@ -92,7 +87,7 @@ CrossValidation held_out_fit(const SectionPoints& points, const NeighbourIndex& 
     fit.residual = -solution.row(0).transpose();
     fit.gradient = solution.middleRows(1, n).transpose() / radius;
     fit.covariance = left.transpose() * w.asDiagonal() * left / (total * freedom);
-    fit.covariance.diagonal().array() += rounding;
+    fit.covariance.diagonal().array() += rounding_variance;
     fit.usable = fit.residual.allFinite() && fit.gradient.allFinite() && fit.covariance.allFinite();
     return fit;
 }

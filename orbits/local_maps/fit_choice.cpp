@@ -9,11 +9,11 @@ namespace orbid::orbits {
 namespace {
 
 // Neighbours per coefficient: the smallest fits, and the factor from one size to the next.
-constexpr std::size_t smallest_share = 2;
-constexpr std::size_t growth = 2;
+constexpr std::size_t smallest_fit_share = 2;
+constexpr std::size_t fit_growth = 2;
 
 // Fits of more neighbours cost more than they gain.
-constexpr std::size_t most_neighbours = 1500;
+constexpr std::size_t most_fit_neighbours = 1500;
 
 // A size that has not become better twice in a row ends an order's growth: a single step may be bad luck.
 constexpr int patience = 2;
@@ -22,14 +22,14 @@ constexpr int patience = 2;
 constexpr double hopeless = 2.0;
 
 // Values known to this (scaled units) are known to rounding: no size is better.
-constexpr double rounding = 1e-14;
+constexpr double known_to_rounding = 1e-14;
 
 }  // namespace
 
 FitChoice::FitChoice(const SectionPoints& section, const NeighbourIndex& grid, int order, std::size_t neighbours)
     : section_(section), grid_(grid), neighbours_(neighbours) {
     if (order > 0) lowest_ = highest_ = order;
-    most_ = std::clamp<std::size_t>(section.image_count() / 10, 1, most_neighbours);
+    most_ = std::clamp<std::size_t>(section.image_count() / 10, 1, most_fit_neighbours);
     monomials_ = std::make_shared<const Monomials>(section.dimension(), highest_ + 2);
 }
 
@@ -47,7 +47,8 @@ std::vector<FitSize> FitChoice::best(const Eigen::VectorXd& place) const {
         const auto coefficients = static_cast<std::size_t>(monomials_->count(order));
         double best = std::numeric_limits<double>::infinity();
         int worse = 0;
-        for (std::size_t k = std::max(smallest_share * coefficients, coefficients + 6); worse < patience; k *= growth) {
+        for (std::size_t k = std::max(smallest_fit_share * coefficients, coefficients + 6); worse < patience;
+             k *= fit_growth) {
             if (neighbours_ > 0) k = neighbours_;
             if (best < std::numeric_limits<double>::infinity() && k > most_) break;
             if (k > gathered) {
@@ -61,7 +62,7 @@ std::vector<FitSize> FitChoice::best(const Eigen::VectorXd& place) const {
                 tried.push_back({{order, k}, map.value_sd});
                 best = std::min(best, map.value_sd);
             }
-            if (neighbours_ > 0 || torn || best < rounding) break;
+            if (neighbours_ > 0 || torn || best < known_to_rounding) break;
         }
         // Orders beyond one that has become worse by far do not come back.
         if (best > hopeless * best_of_all) break;

@@ -3,17 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "orbits/local_maps/fit_limits.hpp"
+
 namespace orbid::orbits {
-
-namespace {
-
-// Images this far (in turns) from the nearest neighbour's image have no unique representative any more.
-constexpr double torn = 0.25;
-
-// The weight function vanishes at the radius: this much beyond the farthest neighbour, so that it still counts.
-constexpr double radius_margin = 1.05;
-
-}  // namespace
 
 Neighbourhood gather_neighbourhood(const SectionPoints& points, const NeighbourIndex& grid,
                                    const Eigen::VectorXd& centre, std::size_t k) {
@@ -34,7 +26,7 @@ Neighbourhood gather_neighbourhood(const SectionPoints& points, const NeighbourI
             if (kept == 0) result.reference[d] = sign * image[d];
             result.offsets(kept, d) = points.difference(sign * x[d], result.centre[d], d);
             result.images(kept, d) = points.difference(sign * image[d], result.reference[d], d);
-            if (points.angle()[static_cast<std::size_t>(d)] && !(std::abs(result.images(kept, d)) < torn))
+            if (points.angle()[static_cast<std::size_t>(d)] && !(std::abs(result.images(kept, d)) < torn_turns))
                 whole = false;
         }
         if (!whole) break;

@@ -2,19 +2,10 @@
 #include <cmath>
 #include <limits>
 
+#include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/local_map.hpp"
 
 namespace orbid::orbits {
-
-namespace {
-
-// Independent errors never fall below the rounding of scaled coordinates of order one, with room for the few digits
-// that simulation and reading lose.
-constexpr double rounding = 1e-14;
-
-constexpr double believed_correlation = 0.9;
-
-}  // namespace
 
 Eigen::MatrixXd local_map_covariance(const Neighbourhood& neighbourhood, const LocalMap& map) {
     const Eigen::Index k = neighbourhood.offsets.rows(), n = neighbourhood.offsets.cols();
@@ -37,7 +28,7 @@ Eigen::MatrixXd local_map_covariance(const Neighbourhood& neighbourhood, const L
     // The coordinates' errors are correlated, but the correlation of a few effective residuals is not believed fully,
     // or a combination would look too good.
     Eigen::MatrixXd errors = believed_correlation * fit.independent();
-    errors.diagonal() = fit.independent().diagonal().array() + rounding * rounding;
+    errors.diagonal() = fit.independent().diagonal().array() + scaled_rounding * scaled_rounding;
 
     Eigen::MatrixXd result(n * (n + 1), n * (n + 1));
     for (Eigen::Index a = 0; a <= n; ++a)

@@ -9,7 +9,7 @@ namespace orbid::orbits {
 namespace {
 
 // Ratio of diagonal entries of the triangular factor below which the points have fewer dimensions than the place.
-constexpr double lost_rank = 1e-9;
+constexpr double lost_dimension = 1e-9;
 
 }  // namespace
 
@@ -47,7 +47,7 @@ LocalPolynomial fit_local_polynomial(const Eigen::MatrixXd& offsets, const Eigen
     const Eigen::RowVectorXd mean = values.colwise().mean();
     const Eigen::MatrixXd right = weight.asDiagonal() * (values.rowwise() - mean);
     Eigen::ColPivHouseholderQR<Eigen::MatrixXd> solver(weight.asDiagonal() * design);
-    solver.setThreshold(lost_rank);
+    solver.setThreshold(lost_dimension);
     if (solver.rank() < coefficients) return result;
     const Eigen::MatrixXd solution = solver.solve(right);
     const Eigen::MatrixXd left = right - weight.asDiagonal() * (design * solution);

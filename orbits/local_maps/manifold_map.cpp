@@ -12,6 +12,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 
+#include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/local_polynomial.hpp"
 #include "orbits/local_maps/monomials.hpp"
 
@@ -29,17 +30,17 @@ constexpr double noise_only = 1.5;
 
 // Places looked at for the dimension of the sheet, and the share of them that must agree: on the curves of Lorenz and
 // Roessler at 1 % noise 91 to 97 % do, on Henon's set at 0.01, 0.1 and 0.5 % at most 63 %.
-constexpr std::size_t places = 200;
+constexpr std::size_t dimension_places = 200;
 constexpr double agreeing = 0.85;
-constexpr std::size_t part = 40;
+constexpr std::size_t places_at_once = 40;
 
 // Fewest and most neighbours tried; each size is half as large again as the one before. Readings of a dense record blur
 // a place over hundreds of points.
 constexpr std::size_t least_neighbours = 16;
-constexpr std::size_t most_neighbours = 8192;
+constexpr std::size_t most_manifold_neighbours = 8192;
 
 // An image this far (in turns or ranges) from the nearest neighbour's belongs to another piece of the map.
-constexpr double torn = 0.25;
+constexpr double other_piece = 0.25;
 
 // Fits of one order and growing neighbourhoods are used as long as the intervals of so many sds about their values have
 // a point in common (intersection of confidence intervals: Goldenshluger and Nemirovski 1997): truncation, which
@@ -48,9 +49,6 @@ constexpr double agreement = 2.0;
 
 // Reading errors (sds) within which a place is blurred.
 constexpr double blurred = 3.0;
-
-// The weights of a fit vanish a little beyond the farthest neighbour.
-constexpr double radius_margin = 1.05;
 
 }  // namespace
 
@@ -87,7 +85,7 @@ ManifoldMapFits::Support ManifoldMapFits::gather(const Eigen::VectorXd& place, s
             if (kept == 0) support.reference[d] = image;
             offset[d] = points.difference(sign * points.point(member.index)[d], support.centre[d], d);
             support.values(kept, d) = points.difference(image, support.reference[d], d);
-            whole = whole && std::abs(support.values(kept, d)) < torn;
+            whole = whole && std::abs(support.values(kept, d)) < other_piece;
         }
         if (whole) {  // the other piece may begin anywhere around, not only beyond the farthest
             if (points.timed()) support.values(kept, n) = points.return_time(member.index);
@@ -222,7 +220,7 @@ void ManifoldMapFits::read_backwards(ManifoldMap& map, const Eigen::MatrixXd& t,
 
 ManifoldMap ManifoldMapFits::best(const Eigen::VectorXd& place) const {
     const Eigen::Index n = points_->dimension();
-    const std::size_t most = std::min(most_neighbours, points_->image_count() / 4);
+    const std::size_t most = std::min(most_manifold_neighbours, points_->image_count() / 4);
     const Support support = gather(place, most);
     // Fits of as few dimensions as there are win: where the sheet is folded within the errors there are only others.
     const auto better = [n](const ManifoldMap& a, const ManifoldMap& b) {
@@ -265,7 +263,7 @@ ManifoldMap ManifoldMapFits::best(const Eigen::VectorXd& place) const {
 
 Eigen::Index ManifoldMapFits::sheet_dimension_at(const Eigen::VectorXd& place) const {
     const Eigen::Index n = points_->dimension();
-    const std::size_t most = std::min(most_neighbours, points_->image_count() / 4);
+    const std::size_t most = std::min(most_manifold_neighbours, points_->image_count() / 4);
     const Support support = gather(place, most);
     Eigen::Index least = n;
     for (const int order : {2, 3})
@@ -278,7 +276,7 @@ Eigen::Index ManifoldMapFits::sheet_dimension_at(const Eigen::VectorXd& place) c
 
 Eigen::Index ManifoldMapFits::sheet_dimension() const {
     const Eigen::Index n = points_->dimension();
-    const std::size_t stride = std::max<std::size_t>(1, points_->size() / places);
+    const std::size_t stride = std::max<std::size_t>(1, points_->size() / dimension_places);
     std::vector<std::size_t> looked;
     for (std::size_t i = 0; i < points_->size(); i += stride)
         if (points_->has_image(i)) looked.push_back(i);
@@ -286,8 +284,8 @@ Eigen::Index ManifoldMapFits::sheet_dimension() const {
     std::size_t without = 0;  // places without a sheet
     const auto most_without = static_cast<std::size_t>((1.0 - agreeing) * static_cast<double>(looked.size()));
     // In parts, each side by side: most sections are no sheets and show it soon.
-    for (std::size_t start = 0; start < looked.size(); start += part) {
-        std::vector<Eigen::Index> found(std::min(part, looked.size() - start), n);
+    for (std::size_t start = 0; start < looked.size(); start += places_at_once) {
+        std::vector<Eigen::Index> found(std::min(places_at_once, looked.size() - start), n);
         tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t i) {
             found[i] = sheet_dimension_at(Eigen::Map<const Eigen::VectorXd>(points_->point(looked[start + i]), n));
         });

@@ -15,7 +15,9 @@
 #include <Eigen/Eigenvalues>
 
 #include "orbits/local_maps/cross_validation.hpp"
+#include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/monomials.hpp"
+#include "orbits/records/upper_median.hpp"
 
 namespace orbid::orbits {
 
@@ -40,10 +42,7 @@ constexpr double equally_good = 1.05;
 
 // Sizes of neighbourhoods, in numbers of coefficients. Most neighbours: more average nothing that matters here.
 constexpr std::array<std::size_t, 7> sizes{3, 6, 12, 24, 48, 96, 192};
-constexpr std::size_t most_neighbours = 800;
-
-// Variance of rounding in scaled units: keeps every covariance positive definite.
-constexpr double rounding = 1e-28;
+constexpr std::size_t most_noise_neighbours = 800;
 
 // A residual beyond this many local sds is a torn neighbourhood or a wild reading.
 constexpr double gate = 5.0;
@@ -77,12 +76,6 @@ std::vector<CrossValidation> fits_at(const SectionPoints& points, const Neighbou
     return fits;
 }
 
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
 struct Trial {
     double square;  // median of the squared residuals
     int order;
@@ -99,12 +92,12 @@ std::optional<Trial> best_choice(const SectionPoints& points, const NeighbourInd
     for (const int order : {1, 2, 3})
         for (const std::size_t size : sizes) {
             const std::size_t k = size * static_cast<std::size_t>(coefficient_count(points.dimension(), order));
-            if (k > most_neighbours || 4 * k > points.image_count()) continue;
+            if (k > most_noise_neighbours || 4 * k > points.image_count()) continue;
             std::vector<double> squares;
             for (const CrossValidation& fit : fits_at(points, grid, some, order, k))
                 if (fit.usable) squares.push_back(fit.residual.squaredNorm());
             if (2 * squares.size() < some.size()) continue;
-            const double typical = median(std::move(squares));
+            const double typical = upper_median(std::move(squares));
             trials.push_back({typical, order, k});
         }
     if (trials.empty()) return std::nullopt;
@@ -170,7 +163,7 @@ Eigen::MatrixXd assembled(const Eigen::VectorXd& entries, const std::vector<Eige
 // Positive definite matrix near an estimate: a variance is at least its standard error, eigenvalues of the correlation
 // at least a small part of the largest, which the scatter of an estimate would not respect.
 Eigen::MatrixXd raised(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& standard_errors) {
-    const Eigen::VectorXd variances = matrix.diagonal().cwiseMax(standard_errors).cwiseMax(rounding);
+    const Eigen::VectorXd variances = matrix.diagonal().cwiseMax(standard_errors).cwiseMax(rounding_variance);
     const Eigen::VectorXd unit = variances.cwiseSqrt();
     Eigen::MatrixXd correlation = unit.cwiseInverse().asDiagonal() * matrix * unit.cwiseInverse().asDiagonal();
     correlation.diagonal().setOnes();
@@ -190,7 +183,7 @@ Eigen::VectorXd bounding_variances(const std::vector<CrossValidation>& fits) {
         std::vector<double> values;
         for (const CrossValidation& fit : fits)
             values.push_back(fit.covariance(d, d) / (1.0 + fit.gradient.row(d).squaredNorm()));
-        variances[d] = std::max(median(std::move(values)), rounding);
+        variances[d] = std::max(upper_median(std::move(values)), rounding_variance);
     }
     constexpr int rounds = 20;
     for (int round = 0; round < rounds; ++round) {
@@ -205,7 +198,7 @@ Eigen::VectorXd bounding_variances(const std::vector<CrossValidation>& fits) {
                 expected[d] += share.sum();
             }
         }
-        variances = variances.cwiseProduct(found.cwiseQuotient(expected)).cwiseMax(rounding);
+        variances = variances.cwiseProduct(found.cwiseQuotient(expected)).cwiseMax(rounding_variance);
     }
     return variances;
 }
@@ -225,7 +218,7 @@ double unexplained_share(const SectionPoints& points, const std::vector<std::siz
             differences.push_back(0.5 * difference * difference);
         }
         if (residuals.empty()) return 1.0;
-        sum += median(std::move(residuals)) / std::max(median(std::move(differences)), rounding);
+        sum += upper_median(std::move(residuals)) / std::max(upper_median(std::move(differences)), rounding_variance);
     }
     return sum / static_cast<double>(n);
 }
@@ -293,7 +286,7 @@ NoiseLevel noise_level(const SectionPoints& points, const NeighbourIndex& grid) 
     Eigen::VectorXd sds(n);
     for (Eigen::Index d = 0, i = 0; d < n; i += n - d, ++d)
         sds[d] = std::sqrt(scatter[i]);
-    level.resolved = (variances.array() > significant * sds.array()).any() && median(shares) > resolved_share;
+    level.resolved = (variances.array() > significant * sds.array()).any() && upper_median(shares) > resolved_share;
     Eigen::MatrixXd scaled;
     if (level.resolved) {
         scaled = raised(estimate, sds);

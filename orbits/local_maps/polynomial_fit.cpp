@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/orthogonal_columns.hpp"
 
 namespace orbid::orbits {
@@ -11,7 +12,7 @@ namespace {
 
 // What is left of a column of the design after the columns before it, relative to the column: below this the
 // direction is lost to rounding.
-constexpr double lost_rank = 1e-11;
+constexpr double lost_column = 1e-11;
 
 // A row that the fit reproduces whatever its value cannot be left out: its share of its own prediction is kept this
 // far from one.
@@ -20,10 +21,6 @@ constexpr double largest_share = 1.0 - 1e-6;
 // Coefficients of the second of the remainder's two orders over those of the first, in units of the radius, as in a
 // convergent series.
 constexpr double second_order_share = 0.5;
-
-// The columns' errors are correlated, but the correlation of a few effective residuals is not believed fully, or a
-// combination would look too good.
-constexpr double believed_correlation = 0.9;
 
 }  // namespace
 
@@ -63,7 +60,7 @@ bool PolynomialFit::fit(const Monomials& monomials, int order, const Eigen::Matr
             take_out(design_.data(), static_cast<std::size_t>(c), rows, column.data(), triangle_.col(c).data());
             left = column.norm();
         }
-        if (!(left > lost_rank * before)) return false;
+        if (!(left > lost_column * before)) return false;
         triangle_(c, c) = left;
         column /= left;
     }
@@ -131,7 +128,7 @@ void PolynomialFit::part_residuals(const Monomials& monomials) {
         const double before = column.norm();
         take_out(columns.data(), static_cast<std::size_t>(c), rows, column.data(), shares.data());
         const double norm = column.norm();
-        if (!(norm > lost_rank * before) || !(norm > 0.0)) return;
+        if (!(norm > lost_column * before) || !(norm > 0.0)) return;
         column /= norm;
         for (Eigen::Index d = 0; d < r; ++d)
             take_out(column.data(), 1, rows, rest_.col(d).data(), shares.data());

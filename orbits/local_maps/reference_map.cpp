@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
+
+#include "orbits/local_maps/fit_limits.hpp"
+#include "orbits/local_maps/floored_covariance.hpp"
 
 namespace orbid::orbits {
 
@@ -14,20 +16,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Images this far (in turns) from the reference's image have no unique representative any more.
-constexpr double torn = 0.25;
-
 // Ratio of diagonal entries of the triangular factor below which a direction of the neighbourhood is lost to rounding.
-constexpr double lost_rank = 1e-11;
-
-// Errors never fall below the rounding of scaled coordinates of order one, with room for the few digits that
-// simulation and reading lose.
-constexpr double rounding = 1e-14;
-
-// Smallest eigenvalues of a covariance, relative to its largest and absolute (scaled units squared): the ratio bounds
-// the condition number, so that factorisations work; the absolute value is the rounding of points of order one.
-constexpr double covariance_floor = 1e-9;
-constexpr double rounding_variance = 1e-28;
+constexpr double lost_direction = 1e-11;
 
 // The coordinates of every monomial of the orders 2 and 3 in n variables, ascending: {0, 0}, {0, 1}, ..., {0, 0, 0}.
 std::vector<std::vector<Index>> monomials(Index n) {
@@ -86,14 +76,6 @@ void tell_truncation(const MatrixXd& images, ReferenceMap& map) {
     map.truncation = affine > 0.0 ? std::clamp(1.0 - curved / affine, 0.0, 1.0) : 0.0;
 }
 
-MatrixXd floored(const MatrixXd& covariance) {
-    MatrixXd result = 0.5 * (covariance + covariance.transpose());
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(result, Eigen::EigenvaluesOnly);
-    const double largest = std::max(0.0, solver.eigenvalues().maxCoeff());
-    result.diagonal().array() += covariance_floor * largest + rounding_variance;
-    return result;
-}
-
 // Sigma that explains what curved maps with intercept leave over: every residual is e_{t+1} - A e_t of its
 // neighbour.
 MatrixXd estimated_reading_covariance(const std::vector<ReferenceMap>& maps) {
@@ -103,7 +85,7 @@ MatrixXd estimated_reading_covariance(const std::vector<ReferenceMap>& maps) {
         left += static_cast<double>(n) * map.curved_residual * map.curved_residual;
         gain += static_cast<double>(n) + map.jacobian.squaredNorm();
     }
-    return (left / gain + rounding * rounding) * MatrixXd::Identity(n, n);
+    return (left / gain + scaled_rounding * scaled_rounding) * MatrixXd::Identity(n, n);
 }
 
 // Covariance of the errors of a map at d from its reference, shape (n (1 + n), n (1 + n)): value, then the columns of
@@ -134,9 +116,10 @@ MatrixXd map_covariance(const ReferenceMap& map, const VectorXd& d) {
     MatrixXd products = map.residuals.transpose() * map.residuals;
     const VectorXd squares = products.diagonal();
     products *= 0.9;
-    products.diagonal() = squares.array() + rounding * rounding * static_cast<double>(k);
+    products.diagonal() = squares.array() + scaled_rounding * scaled_rounding * static_cast<double>(k);
     const double total = products.trace();
-    const double curved = (map.curved_residual * map.curved_residual + rounding * rounding) * static_cast<double>(n);
+    const double curved =
+        (map.curved_residual * map.curved_residual + scaled_rounding * scaled_rounding) * static_cast<double>(n);
     MatrixXd shape = reading * reading.transpose() * (curved / total);
     if (smooth_share > 0.0) shape += smooth * smooth.transpose() * (map.truncation / smooth_share);
     MatrixXd result(n * (n + 1), n * (n + 1));
@@ -168,7 +151,7 @@ ReferenceMap fit_reference_map(const SectionPoints& section, const NeighbourInde
             const double sign = neighbour.mirrored ? section.signs()[d] : 1.0;
             map.offsets(k, d) = section.difference(sign * section.point(neighbour.index)[d], x[d], d);
             images(k, d) = section.difference(sign * section.point(neighbour.index + 1)[d], image[d], d);
-            if (section.angle()[static_cast<std::size_t>(d)] && !(std::abs(images(k, d)) < torn)) whole = false;
+            if (section.angle()[static_cast<std::size_t>(d)] && !(std::abs(images(k, d)) < torn_turns)) whole = false;
         }
         if (!whole) break;
         if (section.timed()) times[k] = section.return_time(neighbour.index) - section.return_time(reference);
@@ -179,7 +162,7 @@ ReferenceMap fit_reference_map(const SectionPoints& section, const NeighbourInde
     if (k < n + 2) return map;
     const Eigen::ColPivHouseholderQR<MatrixXd> factor(map.offsets);
     const auto& triangle = factor.matrixQR();
-    if (!(std::abs(triangle(n - 1, n - 1)) > lost_rank * std::abs(triangle(0, 0)))) return map;
+    if (!(std::abs(triangle(n - 1, n - 1)) > lost_direction * std::abs(triangle(0, 0)))) return map;
     // Thin factors only: all points of a ball can be thousands.
     const MatrixXd basis = factor.householderQ() * MatrixXd::Identity(k, n);
     map.solver = factor.colsPermutation() *
@@ -244,8 +227,8 @@ ReferenceErrors reference_errors(const std::vector<ReferenceMap>& maps, const Ve
         }
         result.time_sd = std::sqrt(variance + slope.dot(result.covariance * slope));
     }
-    result.covariance = floored(result.covariance);
-    result.ln_multiplier_covariance = floored(result.ln_multiplier_covariance);
+    result.covariance = floored_covariance(result.covariance);
+    result.ln_multiplier_covariance = floored_covariance(result.ln_multiplier_covariance);
     return result;
 }
 

@@ -45,7 +45,7 @@ double factor_of(const std::string& unit, const std::string& wanted, const std::
     return *factor;
 }
 
-void validate(const TableLayout& layout) {
+void validate_layout(const TableLayout& layout) {
     if (layout.coordinates.empty()) throw std::invalid_argument("table layout: at least one coordinate is needed");
     std::set<std::string> names;
     for (const CoordinateColumn& column : layout.coordinates) {
@@ -69,7 +69,7 @@ void validate(const TableLayout& layout) {
     }
 }
 
-double value_of(const TextTable& table, std::string_view cell, const Reading& reading, const TableLayout& layout) {
+double cell_value(const TextTable& table, std::string_view cell, const Reading& reading, const TableLayout& layout) {
     constexpr double missing = std::numeric_limits<double>::quiet_NaN();
     if (layout.complete && cell.empty()) {
         throw DataError(table.place(table.line(), reading.column, "is empty; this column must be complete"));
@@ -150,7 +150,7 @@ void close_segment(Series& series, const std::string& label, Rows& rows) {
 }  // namespace
 
 Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
-    validate(layout);
+    validate_layout(layout);
     const bool sampled = layout.sampling == Series::Sampling::samples;
     std::vector<double> factors;
     for (const CoordinateColumn& column : layout.coordinates) {
@@ -201,7 +201,7 @@ Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
             }
         }
         for (const Reading& reading : readings) {
-            rows.values.push_back(value_of(table, cells[reading.column], reading, layout));
+            rows.values.push_back(cell_value(table, cells[reading.column], reading, layout));
             if (!with_sds) continue;
             const std::string_view sd = reading.sd ? cells[*reading.sd] : std::string_view();
             rows.deviations.push_back(deviation_of(table, sd, reading, rows.values.back()));

@@ -90,7 +90,7 @@ private:
     std::string file_;
 };
 
-void validate(const Series& series) {
+void validate_series(const Series& series) {
     if (series.coordinates.empty()) throw std::invalid_argument("series: at least one coordinate is needed");
     const bool timed = series.timed();
     for (const Segment& segment : series.segments) {
@@ -109,7 +109,7 @@ void validate(const Series& series) {
 }  // namespace
 
 void write_hdf5(const std::filesystem::path& file, const Series& series) {
-    validate(series);
+    validate_series(series);
     const Hdf5Silence silence;
     const Writer write(file.string());
     const bool sampled = series.sampling == Series::Sampling::samples;

@@ -31,7 +31,7 @@ std::uint64_t key_of(double value) {
     return (bits & sign) != 0 ? ~bits : bits | sign;
 }
 
-double value_of(std::uint64_t key) {
+double value_of_key(std::uint64_t key) {
     constexpr std::uint64_t sign = std::uint64_t{1} << 63;
     return std::bit_cast<double>((key & sign) != 0 ? key & ~sign : ~key);
 }
@@ -124,7 +124,7 @@ double quantile(const CoordinateValues& values, const Extent& extent, double sha
     const double position = share * static_cast<double>(extent.count - 1);
     const auto rank = static_cast<std::size_t>(std::floor(position));
     const std::uint64_t at = select(values, extent, rank);
-    if (rank + 1 == extent.count) return value_of(at);
+    if (rank + 1 == extent.count) return value_of_key(at);
     Extent above;  // and how many are not
     values.visit(
         Extent{},
@@ -135,8 +135,8 @@ double quantile(const CoordinateValues& values, const Extent& extent, double sha
                 ++part.count;
         },
         [&](const Extent& part) { above.join(part); });
-    const double next = value_of(above.count > rank + 1 ? at : above.lowest);
-    return value_of(at) + (position - static_cast<double>(rank)) * (next - value_of(at));
+    const double next = value_of_key(above.count > rank + 1 ? at : above.lowest);
+    return value_of_key(at) + (position - static_cast<double>(rank)) * (next - value_of_key(at));
 }
 
 }  // namespace

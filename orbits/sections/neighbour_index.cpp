@@ -21,7 +21,7 @@ constexpr double circle = 4294967296.0;  // 2^32 quanta, on which the tree's coo
 // less than half a circle from every point.
 constexpr double straight_share = 0.25;
 
-constexpr std::size_t block = 1 << 14;  // points that one task rounds
+constexpr std::size_t points_per_task = 1 << 14;  // points that one task rounds
 
 constexpr auto nearer = [](const Neighbour& a, const Neighbour& b) {
     if (a.distance2 != b.distance2) return a.distance2 < b.distance2;
@@ -37,8 +37,8 @@ void prefetch([[maybe_unused]] const double* address) {
 
 template <class Body>
 void each_block(std::size_t count, const Body& body) {
-    tbb::parallel_for(std::size_t{0}, (count + block - 1) / block,
-                      [&](std::size_t b) { body(b, b * block, std::min(count, (b + 1) * block)); });
+    tbb::parallel_for(std::size_t{0}, (count + points_per_task - 1) / points_per_task,
+                      [&](std::size_t b) { body(b, b * points_per_task, std::min(count, (b + 1) * points_per_task)); });
 }
 
 }  // namespace
@@ -47,7 +47,7 @@ NeighbourIndex::NeighbourIndex(const SectionPoints& points) : points_(&points) {
     if (points.size() >= std::numeric_limits<std::uint32_t>::max())
         throw std::invalid_argument("find_cycles: more than 2^32 - 2 points");
     const auto n = static_cast<std::size_t>(points.dimension());
-    const std::size_t blocks = (points.size() + block - 1) / block;
+    const std::size_t blocks = (points.size() + points_per_task - 1) / points_per_task;
     // Per block: points with an image, lowest and highest coordinates.
     std::vector<std::size_t> slot(blocks + 1, 0);
     std::vector<double> lowest(blocks * n, std::numeric_limits<double>::infinity());

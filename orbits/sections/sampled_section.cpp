@@ -9,11 +9,11 @@
 
 #include <fmt/format.h>
 
+#include "periodic/orbit/full_turn.hpp"
+
 namespace orbid::orbits {
 
 namespace {
-
-constexpr double turn = 2.0 * std::numbers::pi;
 
 // Sampling intervals may differ by this part of one: times in files have a few digits.
 constexpr double uneven = 1e-3;
@@ -79,8 +79,8 @@ std::vector<std::vector<Eigen::Index>> places_near(const std::vector<std::vector
 }
 
 double wrapped_angle(double angle) {
-    const double r = std::remainder(angle, turn);
-    return r > -std::numbers::pi ? r : r + turn;
+    const double r = std::remainder(angle, periodic::full_turn);
+    return r > -std::numbers::pi ? r : r + periodic::full_turn;
 }
 
 // Pieces of one segment without a break.
@@ -156,12 +156,12 @@ private:
     [[nodiscard]] double beyond(double reading) const {
         double distance = reading - crossing_.value;
         if (samples_.coordinates[static_cast<std::size_t>(crossing_.coordinate)].angle)
-            distance = std::remainder(distance, turn);
+            distance = std::remainder(distance, periodic::full_turn);
         return crossing_.direction * distance;
     }
     [[nodiscard]] bool far(double distance) const {
         return samples_.coordinates[static_cast<std::size_t>(crossing_.coordinate)].angle &&
-               !(std::abs(distance) < 0.25 * turn);
+               !(std::abs(distance) < 0.25 * periodic::full_turn);
     }
 
     // Intervals in which the readings as they are cross the plane.
@@ -327,7 +327,7 @@ SampledSection stroboscopic_section(const Series& samples, double period, double
             fmt::format("stroboscopic_section: the period must be at least two sampling intervals of {} s, got {} s",
                         step, period));
     if (!std::isfinite(phase)) throw std::invalid_argument("stroboscopic_section: the phase must be finite");
-    const double offset = period * (phase - samples.phase) / turn;
+    const double offset = period * (phase - samples.phase) / periodic::full_turn;
 
     struct Instant {
         Eigen::Index sample;

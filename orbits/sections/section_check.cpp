@@ -4,17 +4,16 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <numbers>
 #include <optional>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
+#include "periodic/orbit/full_turn.hpp"
+
 namespace orbid::orbits {
 
 namespace {
-
-constexpr double turn = 2.0 * std::numbers::pi;
 
 // Points looked at for steps, repetitions and jumps.
 constexpr std::size_t most_points = 100000;
@@ -233,7 +232,7 @@ void check_angles(const Series& series, const std::vector<Pair>& pairs, std::vec
                                 coordinate.name, span));
             continue;
         }
-        if (!degrees && !(std::abs(span / turn - 1.0) <= nearly)) continue;
+        if (!degrees && !(std::abs(span / periodic::full_turn - 1.0) <= nearly)) continue;
         const std::size_t torn = torn_neighbours(pairs, d, span);
         if (torn < seam_pairs) continue;
         throw std::invalid_argument(fmt::format(

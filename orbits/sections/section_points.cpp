@@ -29,7 +29,7 @@ double wrapped_turns(double turns) {
     return turns - winding_numbers(turns);
 }
 
-constexpr std::size_t block = 1 << 14;  // points that one task takes: whole words of bits
+constexpr std::size_t points_per_block = 1 << 14;  // points that one task takes: whole words of bits
 
 // The points of all segments as one list, by blocks that can be worked on side by side.
 class Blocks {
@@ -41,16 +41,16 @@ public:
         }
     }
     [[nodiscard]] std::size_t size() const { return size_; }
-    [[nodiscard]] std::size_t count() const { return (size_ + block - 1) / block; }
+    [[nodiscard]] std::size_t count() const { return (size_ + points_per_block - 1) / points_per_block; }
 
     // body(b, i, segment, column) for every point i of every block b.
     template <class Body>
     void each(const Body& body) const {
         tbb::parallel_for(std::size_t{0}, count(), [&](std::size_t b) {
-            const std::size_t last = std::min(size_, (b + 1) * block);
-            auto s = static_cast<std::size_t>(std::upper_bound(first_.begin(), first_.end(), b * block) -
+            const std::size_t last = std::min(size_, (b + 1) * points_per_block);
+            auto s = static_cast<std::size_t>(std::upper_bound(first_.begin(), first_.end(), b * points_per_block) -
                                               first_.begin() - 1);
-            for (std::size_t i = b * block; i < last; ++s) {
+            for (std::size_t i = b * points_per_block; i < last; ++s) {
                 const Segment& segment = series_->segments[s];
                 const std::size_t end = std::min(last, first_[s] + static_cast<std::size_t>(segment.values.cols()));
                 for (; i < end; ++i)

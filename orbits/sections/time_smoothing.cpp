@@ -4,15 +4,14 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include <Eigen/QR>
+
+#include "periodic/orbit/full_turn.hpp"
 
 namespace orbid::orbits {
 
 namespace {
-
-constexpr double turn = 2.0 * std::numbers::pi;
 
 // Orders of differences beyond ten gain nothing: the noise they leave is that of ever fewer independent stretches.
 constexpr int highest_difference = 10;
@@ -26,7 +25,7 @@ Eigen::VectorXd unwrapped(const Segment& segment, Eigen::Index coordinate, bool 
     double before = std::numeric_limits<double>::quiet_NaN();
     for (double& reading : readings) {
         if (!std::isfinite(reading)) continue;
-        if (std::isfinite(before)) reading = before + std::remainder(reading - before, turn);
+        if (std::isfinite(before)) reading = before + std::remainder(reading - before, periodic::full_turn);
         before = reading;
     }
     return readings;

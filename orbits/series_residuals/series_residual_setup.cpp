@@ -7,16 +7,13 @@
 #include <fmt/format.h>
 
 #include "orbits/series_residuals/series_residual.hpp"
+#include "orbits/series_residuals/series_residual_rule.hpp"
 
 namespace orbid::orbits {
 namespace {
 
 /// Sampling intervals of fitted segments may differ by this share, as times within one may: the group has one interval.
 constexpr double interval_tolerance = 0.05;
-
-void require(bool rule, const std::string& message) {
-    if (!rule) throw std::invalid_argument("series residual: " + message);
-}
 
 double median_interval(const Segment& segment) {
     std::vector<double> steps;
@@ -36,10 +33,11 @@ SeriesResidual::SeriesResidual(std::shared_ptr<const models::System> system, mod
       binding_(std::move(binding)),
       series_(std::move(series)),
       options_(std::move(options)) {
-    require(system_ != nullptr, "a system is needed");
-    require(series_.sampling == Series::Sampling::samples, "the series holds sections; samples in time are needed");
-    require(system_->kind() != models::Kind::map,
-            fmt::format("model {} is a map and predicts no samples in time", system_->name()));
+    require_series_rule(system_ != nullptr, "a system is needed");
+    require_series_rule(series_.sampling == Series::Sampling::samples,
+                        "the series holds sections; samples in time are needed");
+    require_series_rule(system_->kind() != models::Kind::map,
+                        fmt::format("model {} is a map and predicts no samples in time", system_->name()));
     check_binding();
     check_rules();
     choose_coordinates();
@@ -59,15 +57,15 @@ void SeriesResidual::choose_coordinates() {
         for (const SeriesCoordinate& coordinate : series_.coordinates)
             options_.observe.push_back(coordinate.name);
     }
-    require(!options_.observe.empty(), "at least one coordinate must be observed");
+    require_series_rule(!options_.observe.empty(), "at least one coordinate must be observed");
     for (const std::string& name : options_.observe) {
         const auto found = std::find_if(series_.coordinates.begin(), series_.coordinates.end(),
                                         [&](const SeriesCoordinate& c) { return c.name == name; });
-        require(found != series_.coordinates.end(), fmt::format("the series has no coordinate {}", name));
+        require_series_rule(found != series_.coordinates.end(), fmt::format("the series has no coordinate {}", name));
         const Eigen::Index index = system_->coordinate_index(name);
-        require(index >= 0, fmt::format("model {} has no coordinate {}", system_->name(), name));
-        require(std::find(observed_.begin(), observed_.end(), index) == observed_.end(),
-                fmt::format("coordinate {} is observed twice", name));
+        require_series_rule(index >= 0, fmt::format("model {} has no coordinate {}", system_->name(), name));
+        require_series_rule(std::find(observed_.begin(), observed_.end(), index) == observed_.end(),
+                            fmt::format("coordinate {} is observed twice", name));
         row_.push_back(found - series_.coordinates.begin());
         observed_.push_back(index);
     }
@@ -87,23 +85,25 @@ void SeriesResidual::choose_segments() {
         chosen.resize(series_.segments.size());
         std::iota(chosen.begin(), chosen.end(), std::size_t{0});
     }
-    require(!chosen.empty(), "the series has no segment");
+    require_series_rule(!chosen.empty(), "the series has no segment");
     for (auto s = chosen.begin(); s != chosen.end(); ++s) {
-        require(*s < series_.segments.size(),
-                fmt::format("segment {} does not exist; the series has {}", *s, series_.segments.size()));
-        require(std::find(chosen.begin(), s, *s) == s, fmt::format("segment {} is named twice", *s));
+        require_series_rule(*s < series_.segments.size(),
+                            fmt::format("segment {} does not exist; the series has {}", *s, series_.segments.size()));
+        require_series_rule(std::find(chosen.begin(), s, *s) == s, fmt::format("segment {} is named twice", *s));
         const Segment& segment = series_.segments[*s];
-        require(segment.values.rows() == series_.dimension() && segment.times.size() == segment.values.cols(),
-                fmt::format("segment {}: values and times do not fit the series", segment.label));
+        require_series_rule(
+            segment.values.rows() == series_.dimension() && segment.times.size() == segment.values.cols(),
+            fmt::format("segment {}: values and times do not fit the series", segment.label));
         const double interval = median_interval(segment);
         if (s == chosen.begin()) interval_ = interval;
-        require(std::abs(interval - interval_) <= interval_tolerance * interval_,
-                fmt::format("segment {} is sampled every {} s, the first one every {} s; one interval is needed",
-                            segment.label, interval, interval_));
+        require_series_rule(
+            std::abs(interval - interval_) <= interval_tolerance * interval_,
+            fmt::format("segment {} is sampled every {} s, the first one every {} s; one interval is needed",
+                        segment.label, interval, interval_));
     }
     for (const Eigen::Index i : given_) {
         const auto& parameters = options_.initial[static_cast<std::size_t>(i)].parameters;
-        require(
+        require_series_rule(
             parameters.size() == chosen.size(),
             fmt::format("initial {}: {} parameters for {} segments",
                         system_->coordinates()[static_cast<std::size_t>(i)].name, parameters.size(), chosen.size()));
@@ -111,8 +111,9 @@ void SeriesResidual::choose_segments() {
 }
 
 void SeriesResidual::make_groups() {
-    require(options_.errors.empty() || options_.errors.size() == observed_.size(),
-            fmt::format("{} error scales for {} observed coordinates", options_.errors.size(), observed_.size()));
+    require_series_rule(
+        options_.errors.empty() || options_.errors.size() == observed_.size(),
+        fmt::format("{} error scales for {} observed coordinates", options_.errors.size(), observed_.size()));
     for (std::size_t i = 0; i < observed_.size(); ++i) {
         const models::Coordinate& coordinate = system_->coordinates()[static_cast<std::size_t>(observed_[i])];
         estimator::Group group;
@@ -159,10 +160,11 @@ SeriesResidual::Block SeriesResidual::make_block(std::size_t segment) const {
             deviation.push_back(known_sd(data, i, k));
         }
     }
-    require(std::ssize(block.records) + std::ssize(priors_) >= std::max<std::ptrdiff_t>(std::ssize(free_), 1) &&
-                !block.records.empty(),
-            fmt::format("segment {} has {} samples, fewer than the {} coordinates of its initial state", data.label,
-                        block.records.size(), free_.size()));
+    require_series_rule(
+        std::ssize(block.records) + std::ssize(priors_) >= std::max<std::ptrdiff_t>(std::ssize(free_), 1) &&
+            !block.records.empty(),
+        fmt::format("segment {} has {} samples, fewer than the {} coordinates of its initial state", data.label,
+                    block.records.size(), free_.size()));
     for (std::size_t i = 0; i < priors_.size(); ++i) {
         block.records.push_back({priors_[i], -1});
         block.rows.push_back(-1);
@@ -182,14 +184,15 @@ double SeriesResidual::known_sd(const Segment& data, std::size_t observed, Eigen
     const double reading = data.values(row_[observed], k);
     const auto name = system_->coordinates()[static_cast<std::size_t>(observed_[observed])].name;
     if (std::holds_alternative<estimator::LogNormalErrors>(form.distribution)) {
-        require(reading > 0.0, fmt::format("segment {}: log-normal errors of {}: reading {} is {}, must be > 0",
-                                           data.label, name, k, reading));
+        require_series_rule(
+            reading > 0.0, fmt::format("segment {}: log-normal errors of {}: reading {} is {}, must be > 0", data.label,
+                                       name, k, reading));
     }
     if (!form.known_sds) return 1.0;
     const bool there = data.deviations.rows() == data.values.rows() && data.deviations.cols() == data.values.cols();
     const double sd = there ? data.deviations(row_[observed], k) : 0.0;
-    require(sd > 0.0 && std::isfinite(sd),
-            fmt::format("segment {}: reading {} of {} has no known sd > 0", data.label, k, name));
+    require_series_rule(sd > 0.0 && std::isfinite(sd),
+                        fmt::format("segment {}: reading {} of {} has no known sd > 0", data.label, k, name));
     return sd;
 }
 

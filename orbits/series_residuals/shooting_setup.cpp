@@ -18,7 +18,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-void require(bool rule, const std::string& message) {
+void require_shooting(bool rule, const std::string& message) {
     if (!rule) throw std::invalid_argument("shooting residual: " + message);
 }
 
@@ -44,17 +44,18 @@ VectorXd omega_slopes(const models::System& system, const models::ParameterBindi
 
 void check_binding(const models::System& system, const models::ParameterBinding& binding, const VectorXd& start) {
     const auto q = std::ssize(system.parameters());
-    require(binding.base.size() == q,
-            fmt::format("base has {} parameters, model {} has {}", binding.base.size(), system.name(), q));
-    require(binding.parameter.size() == binding.estimated.size(),
-            "binding: parameter and estimated must have equal lengths");
+    require_shooting(binding.base.size() == q,
+                     fmt::format("base has {} parameters, model {} has {}", binding.base.size(), system.name(), q));
+    require_shooting(binding.parameter.size() == binding.estimated.size(),
+                     "binding: parameter and estimated must have equal lengths");
     for (std::size_t i = 0; i < binding.parameter.size(); ++i) {
-        require(binding.parameter[i] >= 0 && binding.parameter[i] < q, "binding: no such parameter of the model");
-        require(binding.estimated[i] >= 0 && binding.estimated[i] < binding.estimated_count,
-                "binding: no such estimated parameter");
+        require_shooting(binding.parameter[i] >= 0 && binding.parameter[i] < q,
+                         "binding: no such parameter of the model");
+        require_shooting(binding.estimated[i] >= 0 && binding.estimated[i] < binding.estimated_count,
+                         "binding: no such estimated parameter");
     }
-    require(start.size() == 0 || start.size() == binding.estimated_count,
-            fmt::format("start has {} entries, must have {} or none", start.size(), binding.estimated_count));
+    require_shooting(start.size() == 0 || start.size() == binding.estimated_count,
+                     fmt::format("start has {} entries, must have {} or none", start.size(), binding.estimated_count));
 }
 
 void choose_segments(const Series& series, std::vector<std::size_t>& chosen) {
@@ -62,16 +63,17 @@ void choose_segments(const Series& series, std::vector<std::size_t>& chosen) {
         chosen.resize(series.segments.size());
         std::iota(chosen.begin(), chosen.end(), std::size_t{0});
     }
-    require(!chosen.empty(), "the series has no segment");
+    require_shooting(!chosen.empty(), "the series has no segment");
     for (auto s = chosen.begin(); s != chosen.end(); ++s) {
-        require(*s < series.segments.size(),
-                fmt::format("segment {} does not exist; the series has {}", *s, series.segments.size()));
-        require(std::find(chosen.begin(), s, *s) == s, fmt::format("segment {} is named twice", *s));
+        require_shooting(*s < series.segments.size(),
+                         fmt::format("segment {} does not exist; the series has {}", *s, series.segments.size()));
+        require_shooting(std::find(chosen.begin(), s, *s) == s, fmt::format("segment {} is named twice", *s));
         const Segment& segment = series.segments[*s];
-        require(segment.values.rows() == series.dimension() && segment.values.cols() > 0 &&
-                    (segment.times.size() == 0 || segment.times.size() == segment.values.cols()),
-                fmt::format("segment {}: values and times do not fit the series", segment.label));
-        require(segment.values.array().isFinite().any(), fmt::format("segment {} has no reading", segment.label));
+        require_shooting(segment.values.rows() == series.dimension() && segment.values.cols() > 0 &&
+                             (segment.times.size() == 0 || segment.times.size() == segment.values.cols()),
+                         fmt::format("segment {}: values and times do not fit the series", segment.label));
+        require_shooting(segment.values.array().isFinite().any(),
+                         fmt::format("segment {} has no reading", segment.label));
     }
 }
 
@@ -80,17 +82,17 @@ std::vector<ObservedCoordinate> choose_coordinates(const models::System& system,
     if (options.observe.empty())
         for (const SeriesCoordinate& coordinate : series.coordinates)
             options.observe.push_back(coordinate.name);
-    require(!options.observe.empty(), "at least one coordinate must be observed");
+    require_shooting(!options.observe.empty(), "at least one coordinate must be observed");
     std::vector<ObservedCoordinate> observed;
     for (const std::string& name : options.observe) {
         const auto found = std::find_if(series.coordinates.begin(), series.coordinates.end(),
                                         [&](const SeriesCoordinate& c) { return c.name == name; });
-        require(found != series.coordinates.end(), fmt::format("the series has no coordinate {}", name));
+        require_shooting(found != series.coordinates.end(), fmt::format("the series has no coordinate {}", name));
         const Index index = system.coordinate_index(name);
-        require(index >= 0, fmt::format("model {} has no coordinate {}", system.name(), name));
-        require(std::none_of(observed.begin(), observed.end(),
-                             [&](const ObservedCoordinate& o) { return o.coordinate == index; }),
-                fmt::format("coordinate {} is observed twice", name));
+        require_shooting(index >= 0, fmt::format("model {} has no coordinate {}", system.name(), name));
+        require_shooting(std::none_of(observed.begin(), observed.end(),
+                                      [&](const ObservedCoordinate& o) { return o.coordinate == index; }),
+                         fmt::format("coordinate {} is observed twice", name));
         observed.push_back({found - series.coordinates.begin(), index, 0, false});
     }
     const models::Sensor& sensor = options.sensor;
@@ -102,14 +104,14 @@ std::vector<ObservedCoordinate> choose_coordinates(const models::System& system,
         if (o.coordinate == static_cast<Index>(sensor.angle)) angle_group = groups;
         o.group = groups++;
     }
-    require(!difference || angle_group >= 0, "the angle of an angle_difference sensor must be observed");
+    require_shooting(!difference || angle_group >= 0, "the angle of an angle_difference sensor must be observed");
     for (ObservedCoordinate& o : observed)
         if (difference && o.coordinate == static_cast<Index>(sensor.rate)) o.group = angle_group;
     const std::size_t count = observed.size();
-    require(options.errors.empty() || options.errors.size() == count,
-            fmt::format("{} error scales for {} observed coordinates", options.errors.size(), count));
-    require(options.forms.empty() || options.forms.size() == count,
-            fmt::format("{} error distributions for {} observed coordinates", options.forms.size(), count));
+    require_shooting(options.errors.empty() || options.errors.size() == count,
+                     fmt::format("{} error scales for {} observed coordinates", options.errors.size(), count));
+    require_shooting(options.forms.empty() || options.forms.size() == count,
+                     fmt::format("{} error distributions for {} observed coordinates", options.forms.size(), count));
     return observed;
 }
 
@@ -120,17 +122,18 @@ void check_forms(const models::System& system, const ShootingOptions& options,
         const ErrorForm& form = options.forms[i];
         const auto index = static_cast<std::size_t>(observed[i].coordinate);
         const auto name = system.coordinates()[index].name;
-        require(
+        require_shooting(
             !is_sized(form.distribution) || !models::reads_angle(options.sensor, system.coordinates(), index),
             fmt::format("errors of {}: an angle has no size that log-normal or relative errors could refer to", name));
-        require(!is_sized(form.distribution) || !form.known_sds,
-                fmt::format("errors of {}: known sds go with normal, Student's t or Laplace errors", name));
-        require(!std::holds_alternative<estimator::AutoregressiveErrors>(form.distribution),
-                fmt::format("errors of {}: autoregressive errors would begin anew at every node; "
-                            "use one initial state per segment",
-                            name));
-        require(!form.known_sds || !difference,
-                fmt::format("errors of {}: readings of a difference sensor have one error, that of its angle", name));
+        require_shooting(!is_sized(form.distribution) || !form.known_sds,
+                         fmt::format("errors of {}: known sds go with normal, Student's t or Laplace errors", name));
+        require_shooting(!std::holds_alternative<estimator::AutoregressiveErrors>(form.distribution),
+                         fmt::format("errors of {}: autoregressive errors would begin anew at every node; "
+                                     "use one initial state per segment",
+                                     name));
+        require_shooting(
+            !form.known_sds || !difference,
+            fmt::format("errors of {}: readings of a difference sensor have one error, that of its angle", name));
         observed[i].known_sds = form.known_sds;
     }
 }
@@ -145,9 +148,9 @@ void check_known_sds(const Series& series, const ShootingOptions& options,
                 data.deviations.rows() == data.values.rows() && data.deviations.cols() == data.values.cols();
             for (Index k = 0; k < data.values.cols(); ++k) {
                 if (!std::isfinite(data.values(o.row, k))) continue;
-                require(there && data.deviations(o.row, k) > 0.0 && std::isfinite(data.deviations(o.row, k)),
-                        fmt::format("segment {}: reading {} of {} has no known sd > 0", data.label, k,
-                                    series.coordinates[static_cast<std::size_t>(o.row)].name));
+                require_shooting(there && data.deviations(o.row, k) > 0.0 && std::isfinite(data.deviations(o.row, k)),
+                                 fmt::format("segment {}: reading {} of {} has no known sd > 0", data.label, k,
+                                             series.coordinates[static_cast<std::size_t>(o.row)].name));
             }
         }
     }
@@ -157,29 +160,30 @@ void check_known_sds(const Series& series, const ShootingOptions& options,
 
 void ShootingResidual::check_matching() const {
     const Index n = data_->system().dimension();
-    require(matching_.sd.size() == 0 || matching_.sd.size() == n,
-            fmt::format("{} matching sds for {} coordinates", matching_.sd.size(), n));
+    require_shooting(matching_.sd.size() == 0 || matching_.sd.size() == n,
+                     fmt::format("{} matching sds for {} coordinates", matching_.sd.size(), n));
     for (const double sd : matching_.sd)
-        require(sd > 0.0 && std::isfinite(sd), fmt::format("a matching sd is {}, must be > 0", sd));
-    require(matching_.kind == Continuity::Kind::exact || matching_.estimate || matching_.sd.size() > 0,
-            "matching with an error of its own needs its sds, or to estimate them");
-    require(!matching_.estimate || matching_.kind != Continuity::Kind::exact,
-            "exact matching has no sd that could be estimated: choose normal or Student's t");
-    require(!matching_.constraints || matching_.kind == Continuity::Kind::exact,
-            "only exact matching can be done by constraints");
+        require_shooting(sd > 0.0 && std::isfinite(sd), fmt::format("a matching sd is {}, must be > 0", sd));
+    require_shooting(matching_.kind == Continuity::Kind::exact || matching_.estimate || matching_.sd.size() > 0,
+                     "matching with an error of its own needs its sds, or to estimate them");
+    require_shooting(!matching_.estimate || matching_.kind != Continuity::Kind::exact,
+                     "exact matching has no sd that could be estimated: choose normal or Student's t");
+    require_shooting(!matching_.constraints || matching_.kind == Continuity::Kind::exact,
+                     "only exact matching can be done by constraints");
 }
 
 std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<const models::System> system,
                                                                models::ParameterBinding binding, Series series,
                                                                ShootingOptions options) {
-    require(system != nullptr, "a system is needed");
+    require_shooting(system != nullptr, "a system is needed");
     check_binding(*system, binding, options.start);
     const bool sections = series.sampling == Series::Sampling::section;
-    require(sections || system->kind() != models::Kind::map,
-            fmt::format("model {} is a map and predicts no samples in time", system->name()));
-    require(!sections || system->kind() != models::Kind::autonomous || series.timed(),
-            fmt::format("crossings of the autonomous model {} need their times", system->name()));
-    require(options.interval >= 0, fmt::format("interval is {}, must be > 0, or 0 to be chosen", options.interval));
+    require_shooting(sections || system->kind() != models::Kind::map,
+                     fmt::format("model {} is a map and predicts no samples in time", system->name()));
+    require_shooting(!sections || system->kind() != models::Kind::autonomous || series.timed(),
+                     fmt::format("crossings of the autonomous model {} need their times", system->name()));
+    require_shooting(options.interval >= 0,
+                     fmt::format("interval is {}, must be > 0, or 0 to be chosen", options.interval));
     choose_segments(series, options.segments);
     auto data = std::make_shared<Data>();
     data->observed = choose_coordinates(*system, series, options);
@@ -188,11 +192,11 @@ std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<c
     data->instant_sensor = options.sensor;
     if (options.sensor.type == models::Sensor::Type::angle_difference)
         data->instant_sensor.type = models::Sensor::Type::state;
-    require(options.inputs.empty() || !system->inputs().empty(),
-            fmt::format("model {} reads no measured inputs", system->name()));
-    require(options.inputs.size() == (system->inputs().empty() ? 0 : series.segments.size()),
-            fmt::format("model {} reads measured inputs: {} signals for {} segments", system->name(),
-                        options.inputs.size(), series.segments.size()));
+    require_shooting(options.inputs.empty() || !system->inputs().empty(),
+                     fmt::format("model {} reads no measured inputs", system->name()));
+    require_shooting(options.inputs.size() == (system->inputs().empty() ? 0 : series.segments.size()),
+                     fmt::format("model {} reads measured inputs: {} signals for {} segments", system->name(),
+                                 options.inputs.size(), series.segments.size()));
     for (const auto& signal : options.inputs)
         data->systems.push_back(system->with_input(signal));
     if (options.inputs.empty()) data->systems.push_back(system);

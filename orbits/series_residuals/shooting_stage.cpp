@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "orbits/records/upper_median.hpp"
 #include "orbits/series_residuals/shooting_residual.hpp"
 #include "orbits/simulation/transition.hpp"
 
@@ -13,13 +14,6 @@ using estimator::BlockStatus;
 namespace {
 
 constexpr double normal_median = 1.4826;  // sd of a normal error over the median of its absolute value
-
-double median(std::vector<double>& values) {
-    if (values.empty()) return 0.0;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 }  // namespace
 
@@ -141,7 +135,7 @@ void ShootingResidual::read_scales(const VectorXd& theta, const std::vector<Vect
     }
     for (std::size_t g = 0; g < sizes.size(); ++g)
         if (groups_[g].scale.estimate && !sizes[g].empty())
-            groups_[g].scale.value = std::max(groups_[g].floor, normal_median * median(sizes[g]));
+            groups_[g].scale.value = std::max(groups_[g].floor, normal_median * upper_median(std::move(sizes[g])));
 }
 
 ShootingResidual::Defect ShootingResidual::defect(const VectorXd& theta, const std::vector<VectorXd>& latents,
@@ -164,7 +158,7 @@ ShootingResidual::Defect ShootingResidual::defect(const VectorXd& theta, const s
     }
     result.rms = (result.rms / static_cast<double>(std::max<std::size_t>(result.count, 1))).cwiseSqrt();
     for (Index i = 0; i < n; ++i)
-        result.typical[i] = normal_median * median(sizes[static_cast<std::size_t>(i)]);
+        result.typical[i] = normal_median * upper_median(std::move(sizes[static_cast<std::size_t>(i)]));
     return result;
 }
 

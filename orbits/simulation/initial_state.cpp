@@ -70,8 +70,9 @@ std::optional<Miss> miss(const models::System& system, const Eigen::VectorXd& th
 
 /// State whose reading is `wanted` in the coordinates that are read; the others are kept. The instruments of models are
 /// shifts, for which one step is exact; more steps serve formulas, which bend: there a step that leads away is halved.
-Eigen::VectorXd inverted(const models::System& system, const Eigen::VectorXd& theta, const SegmentReading& reading,
-                         const std::vector<Eigen::Index>& read, const Eigen::VectorXd& wanted, Eigen::VectorXd x) {
+Eigen::VectorXd state_with_reading(const models::System& system, const Eigen::VectorXd& theta,
+                                   const SegmentReading& reading, const std::vector<Eigen::Index>& read,
+                                   const Eigen::VectorXd& wanted, Eigen::VectorXd x) {
     const bool bends = reading.sensor.type == models::Sensor::Type::function;
     const int steps = bends ? 50 : 5;
     constexpr int halvings = 30;
@@ -198,7 +199,7 @@ Eigen::VectorXd initial_state(const models::System& system, const Eigen::VectorX
     const int rounds = reading.sensor.type == models::Sensor::Type::function && !unread.empty() ? 4 : 1;
     Eigen::VectorXd x = wanted;
     for (int round = 0; round < rounds; ++round) {
-        x = inverted(system, theta, reading, read, wanted, x);
+        x = state_with_reading(system, theta, reading, read, wanted, x);
         if (unread.empty()) break;
         const Eigen::VectorXd rates = Eigen::Map<const Eigen::VectorXd>(slopes.data(), std::ssize(slopes));
         solve_slopes(system, theta, reading, read, unread, rates, x);

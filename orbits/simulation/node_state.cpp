@@ -28,8 +28,8 @@ std::vector<Index> rows_of(const models::System& system, const Series& series) {
 }
 
 /// All coordinates are read: columns of readings to columns of states.
-MatrixXd inverted(const models::System& system, const VectorXd& theta, const models::Sensor& sensor,
-                  const std::vector<double>& phases, const MatrixXd& wanted) {
+MatrixXd states_with_readings(const models::System& system, const VectorXd& theta, const models::Sensor& sensor,
+                              const std::vector<double>& phases, const MatrixXd& wanted) {
     // The error of a difference quotient falls by delay times the damping rate in each round, 1e-3 and less.
     constexpr int rounds = 6;
     constexpr double enough = 1e-12;  // of the state: below the rounding of any instrument
@@ -85,7 +85,7 @@ MatrixXd node_states(const models::System& system, const VectorXd& theta, const 
             known[static_cast<std::size_t>(k)] = wanted.col(k).allFinite() ? 1 : 0;
             if (!wanted.col(k).allFinite()) readable.col(k).setZero();
         }
-        states = inverted(system, theta, sensor, phases, readable);
+        states = states_with_readings(system, theta, sensor, phases, readable);
     }
     // Times tell slopes, and with them what is not read at a sample.
     if (data.times.size() > 0) {

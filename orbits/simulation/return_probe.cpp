@@ -8,6 +8,8 @@
 #include <optional>
 #include <vector>
 
+#include "orbits/records/upper_median.hpp"
+
 namespace orbid::orbits {
 namespace {
 
@@ -17,12 +19,6 @@ constexpr int rounds = 6;
 constexpr double generous = 100.0;
 /// Steps of one return: a probe must not take longer than a simulation. A hundred times what a return needs.
 constexpr std::size_t step_budget = 10000;
-
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 /// Median time [s] in which a start changes by its own size, at least 1e-3 of a unit; empty where all stand still.
 std::optional<double> time_of_change(const models::System& system, const Eigen::VectorXd& theta,
@@ -35,7 +31,7 @@ std::optional<double> time_of_change(const models::System& system, const Eigen::
         if (rate > 0.0 && std::isfinite(rate)) times.push_back(1.0 / rate);
     }
     if (times.empty()) return std::nullopt;
-    return median(std::move(times));
+    return upper_median(std::move(times));
 }
 
 /// Largest absolute values on the way of a trajectory, sampled until `end`; 0 where it cannot be followed.
@@ -82,7 +78,7 @@ ReturnProbe probe_returns(const models::System& system, const Eigen::VectorXd& t
             continue;
         }
         if (complete == 0) break;
-        probe.longest_return = generous * median(std::move(times));
+        probe.longest_return = generous * upper_median(std::move(times));
         std::vector<Eigen::VectorXd> sizes(count, Eigen::VectorXd::Zero(starts.rows()));
         oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
             if (ends[i] > 0.0)

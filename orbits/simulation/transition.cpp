@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "models/definition/parameter.hpp"
+#include "orbits/records/upper_median.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/section_map.hpp"
 
@@ -18,13 +19,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-double median(std::vector<double>& values) {
-    if (values.empty()) return 0.0;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 }  // namespace
 
@@ -172,7 +166,7 @@ VectorXd prediction_noise(const std::vector<Prediction>& predictions, const Vect
             const double grown = p.by_x.row(i).transpose().cwiseProduct(sizes).norm() / sizes[i];
             values.push_back(std::abs(p.error[i]) / (sizes[i] * std::hypot(1.0, grown)));
         }
-        noise[i] = normal_median * median(values);
+        noise[i] = normal_median * upper_median(std::move(values));
     }
     return noise;
 }

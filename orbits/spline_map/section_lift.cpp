@@ -24,7 +24,7 @@ constexpr std::array<double, 5> crowds{4.0, 6.0, 9.0, 14.0, 21.0};
 constexpr int fit_rounds = 4;
 
 // Ridge of the fits relative to the spread of the neighbours: curve-like neighbourhoods have no slope across.
-constexpr double ridge = 1e-3;
+constexpr double slope_ridge = 1e-3;
 
 /// The plane through the displacements of an angle around a point: value + slope (x - point), in turns.
 struct Plane {
@@ -185,7 +185,7 @@ private:
         design.rightCols(n) = offsets;
         Eigen::MatrixXd normal = design.transpose() * design;
         const double spread = offsets.squaredNorm() / static_cast<double>(n);
-        normal.diagonal().tail(n).array() += ridge * spread + std::numeric_limits<double>::min();
+        normal.diagonal().tail(n).array() += slope_ridge * spread + std::numeric_limits<double>::min();
         const Eigen::VectorXd solution = normal.ldlt().solve(design.transpose() * values);
         Plane plane{solution[0], solution.tail(n), 0.0};
         const double freedom = static_cast<double>(std::max<Eigen::Index>(1, crowd - n - 1));

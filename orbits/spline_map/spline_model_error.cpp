@@ -10,7 +10,7 @@ namespace orbid::orbits {
 namespace {
 
 // Patches along an edge of a region.
-constexpr std::int64_t region_width = 4;
+constexpr std::int64_t error_region_width = 4;
 
 // Excess of the residuals over the reading errors that is believed, in standard errors.
 constexpr double significant = 2.0;
@@ -23,7 +23,7 @@ constexpr double largest_factor = 8.0;
 PatchModelError::PatchModelError(Eigen::VectorXd smallest) : smallest_(std::move(smallest)) {}
 
 const Eigen::VectorXd& PatchModelError::variance(const SplineBasis& basis, const double* place) const {
-    const auto found = variance_.find(basis.region(place, region_width));
+    const auto found = variance_.find(basis.region(place, error_region_width));
     return found == variance_.end() ? smallest_ : found->second;
 }
 
@@ -37,7 +37,7 @@ void PatchModelError::update(const SplineBasis& basis, const Eigen::MatrixXd& pl
     for (std::size_t t = 0; t < smoother.steps().size(); ++t) {
         if (!smoother.steps()[t].present) continue;
         const auto at = static_cast<Eigen::Index>(t);
-        Sums& sum = sums[basis.region(places.col(at).data(), region_width)];
+        Sums& sum = sums[basis.region(places.col(at).data(), error_region_width)];
         if (sum.found.size() == 0) sum.found = sum.expected = sum.square = Eigen::VectorXd::Zero(n);
         const Eigen::VectorXd precision = smoother.inverse_diagonal(t).diagonal();
         sum.found += weighted.col(at).cwiseAbs2();

@@ -11,7 +11,7 @@ namespace {
 
 // Patches along an edge of a region of common roughness: 2 gave normalised errors of cycles of 1.15 (pendulum, noise
 // 5e-3, one seed), 4 1.19, 8 1.32, one region for all 1.53 with three times the error of multipliers.
-constexpr std::int64_t region_width = 2;
+constexpr std::int64_t roughness_region_width = 2;
 
 // Differences that every region is thought to share with the whole section.
 constexpr double doubt = 1.0;
@@ -22,7 +22,7 @@ using Rows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
 SplineRoughness::SplineRoughness(const SplineBasis& basis, Eigen::Index d) {
     std::vector<std::int64_t> region;
-    rows_ = basis.third_differences(d, region_width, region);
+    rows_ = basis.third_differences(d, roughness_region_width, region);
     std::vector<std::int64_t> names = region;
     std::sort(names.begin(), names.end());
     names.erase(std::unique(names.begin(), names.end()), names.end());

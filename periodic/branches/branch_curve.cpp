@@ -25,7 +25,7 @@ using Eigen::VectorXd;
 constexpr double noise_level = 1e-7;
 
 /// Newton's steps that shrink by less than this are not about to converge: Newton's theorem asks for 1/2.
-constexpr double largest_contraction = 0.7;
+constexpr double curve_contraction = 0.7;
 
 /// Steps of this length move no multiplier in its first eleven digits.
 constexpr double rounding_step = 1e-12;
@@ -207,7 +207,7 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
             result.status = OrbitStatus::converged;
             return result;
         }
-        if (iteration > 0 && !(length <= largest_contraction * last)) return result;
+        if (iteration > 0 && !(length <= curve_contraction * last)) return result;
         last = length;
     }
     return result;

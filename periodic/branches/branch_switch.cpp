@@ -14,15 +14,15 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int newton_steps = 10;
+constexpr int switch_newton_steps = 10;
 
 /// A first orbit farther from its prediction than this share of the step is not believed. The direction of a doubled
 /// branch is known; a branch that crosses lies anywhere across the one that is known, in steep cases at this slope.
-constexpr double largest_distance = 0.5;
+constexpr double switch_distance = 0.5;
 constexpr double largest_slope = 4.0;
 
 /// Nor may a multiplier have moved by more than this: the next bifurcation may follow soon.
-constexpr double largest_move = 0.5;
+constexpr double switch_move = 0.5;
 
 /// The first orbit of a branch is looked for at this many times shorter and shorter steps.
 constexpr double shortening = 0.25;
@@ -32,10 +32,10 @@ std::optional<CurvePoint> first_orbit(const CurvePoint& origin, const VectorXd& 
                                       double smallest_step, double most_distant) {
     const OrbitCurve& curve = *origin.curve;
     for (double length = step; length >= smallest_step; length *= shortening) {
-        Correction correction =
-            curve.corrected(origin.y + length * direction, direction, curve.setting().solver.tolerance, newton_steps);
+        Correction correction = curve.corrected(origin.y + length * direction, direction,
+                                                curve.setting().solver.tolerance, switch_newton_steps);
         if (correction.status != OrbitStatus::converged || !(correction.distance <= most_distant * length)) continue;
-        if (largest_multiplier_move(origin, correction.point) > largest_move && length * shortening >= smallest_step)
+        if (largest_multiplier_move(origin, correction.point) > switch_move && length * shortening >= smallest_step)
             continue;
         return std::move(correction.point);
     }
@@ -95,7 +95,7 @@ std::optional<BranchSwitch> doubled(const CurvePoint& point, double step, double
     if (old.autonomous()) origin.columns.col(0) *= 0.5;
     for (auto& multiplier : origin.multipliers)
         multiplier *= multiplier;
-    auto first = first_orbit(result.origin, direction, step, smallest_step, largest_distance);
+    auto first = first_orbit(result.origin, direction, step, smallest_step, switch_distance);
     if (!first) return std::nullopt;
     result.first = std::move(*first);
     return result;

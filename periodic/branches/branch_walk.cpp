@@ -17,11 +17,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int newton_steps = 6;
+constexpr int walk_newton_steps = 6;
 
 /// Newton's second step shall be this share of the first: then the third one is at rounding level.
 constexpr double wanted_contraction = 0.02;
-constexpr double largest_contraction = 0.3;
+constexpr double walk_contraction = 0.3;
 
 /// Angle between the tangents of successive points [rad]: wanted, and accepted.
 constexpr double wanted_angle = 0.2;
@@ -30,14 +30,11 @@ constexpr double largest_angle = 0.5;
 /// Move of a multiplier from point to point, wanted and accepted. A branch that begins at a doubling with the
 /// multiplier 1 comes to the next doubling at -1: four or five points are in between.
 constexpr double wanted_move = 0.4;
-constexpr double largest_move = 0.8;
+constexpr double walk_move = 0.8;
 
 constexpr double largest_growth = 2.0;  // of the step
 /// A point farther from its prediction than this share of the step may lie on another branch.
-constexpr double largest_distance = 0.3;
-
-/// Two solutions that agree to this share of the scale are one. Located points are good to 1e-9 or better.
-constexpr double same_solution = 1e-6;
+constexpr double walk_distance = 0.3;
 
 /// Orbits of an autonomous flow smaller than this share of the scale end at an equilibrium.
 constexpr double smallest_orbit = 1e-3;
@@ -119,7 +116,7 @@ private:
         const auto last = guess.size() - 1;
         const double edge = edge_beyond(guess(last), result.edge);
         if (!result.edge) {
-            result.correction = here_.curve->corrected(guess, direction, tolerance, newton_steps);
+            result.correction = here_.curve->corrected(guess, direction, tolerance, walk_newton_steps);
             if (result.correction.status != OrbitStatus::converged) return result;
             const double reached = edge_beyond(result.correction.point.parameter(), result.edge);
             if (!result.edge) return result;
@@ -133,7 +130,7 @@ private:
             }
             guess(last) = edge;
             result.correction =
-                here_.curve->corrected(guess, here_.curve->parameter_direction(), tolerance, newton_steps);
+                here_.curve->corrected(guess, here_.curve->parameter_direction(), tolerance, walk_newton_steps);
         }
         CurvePoint& point = result.correction.point;
         if (result.correction.status != OrbitStatus::converged) return result;
@@ -161,8 +158,8 @@ private:
         const double angle = std::acos(std::clamp(curve.product(here_.tangent, there.tangent), -1.0, 1.0));
         const double move = largest_multiplier_move(here_, there);
         const bool last_chance = step_ < 2.0 * options_.smallest_step;
-        if (correction.contraction > largest_contraction || correction.distance > largest_distance * step_ ||
-            angle > largest_angle || (move > largest_move && !last_chance)) {
+        if (correction.contraction > walk_contraction || correction.distance > walk_distance * step_ ||
+            angle > largest_angle || (move > walk_move && !last_chance)) {
             shorten(0.5);
             return false;
         }

@@ -9,6 +9,9 @@
 
 namespace orbid::periodic {
 
+/// Two solutions that agree to this share of the scale are one. Located points are good to 1e-9 or better.
+inline constexpr double same_solution = 1e-6;
+
 /// Where the parameter may go, and what it means to be there.
 struct ParameterRange {
     double lower = 0.0;

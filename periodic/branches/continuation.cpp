@@ -27,9 +27,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Orbits of two branches that agree to this share of the scale are the same.
-constexpr double same_solution = 1e-6;
-
 void require(bool holds, const std::string& message) {
     if (!holds) throw std::invalid_argument("follow_branches: " + message);
 }

@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <numbers>
 #include <utility>
 
 #include <tbb/parallel_for.h>
+
+#include "periodic/orbit/full_turn.hpp"
 
 namespace orbid::periodic {
 
@@ -30,7 +31,6 @@ std::vector<MatrixXd> Discretisation::propagators(const std::vector<MatrixXd>& j
 
 ClosingError closing_error(const Discretisation& discretisation, const MatrixXd& nodes, double time,
                            const MatrixXd& turns, std::span<const Index> free) {
-    constexpr double full_turn = 2.0 * std::numbers::pi;
     const Index d = nodes.rows();
     const Index count = nodes.cols();
     const auto f = static_cast<Index>(free.size());

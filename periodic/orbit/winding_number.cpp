@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "periodic/orbit/full_turn.hpp"
 
 namespace orbid::periodic {
 
@@ -11,8 +12,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 namespace {
-
-constexpr double full_turn = 2.0 * std::numbers::pi;
 
 /// A coordinate smaller than this share of the others is a zero that was rounded: its size says nothing.
 constexpr double rounded_zero = 1e-12;

@@ -19,42 +19,43 @@ using Eigen::VectorXd;
 /// reach.
 constexpr std::size_t sample = 256;
 
-void require(bool holds, const std::string& message) {
+void require_search(bool holds, const std::string& message) {
     if (!holds) throw std::invalid_argument("search_orbits: " + message);
 }
 
 void validate(const models::System& system, const VectorXd& theta, const OrbitSearchOptions& options) {
     const auto text = [](auto value) { return std::to_string(value); };
-    require(theta.size() == static_cast<Index>(system.parameters().size()) && theta.allFinite(),
-            "theta needs one finite value for each of the " + text(system.parameters().size()) + " parameters");
-    require(!options.periods.empty(), "periods must not be empty");
+    require_search(theta.size() == static_cast<Index>(system.parameters().size()) && theta.allFinite(),
+                   "theta needs one finite value for each of the " + text(system.parameters().size()) + " parameters");
+    require_search(!options.periods.empty(), "periods must not be empty");
     for (const int period : options.periods) {
-        require(period >= 1, "periods must be >= 1, got " + text(period));
-        require(std::count(options.periods.begin(), options.periods.end(), period) == 1,
-                "periods must differ, " + text(period) + " stands twice");
+        require_search(period >= 1, "periods must be >= 1, got " + text(period));
+        require_search(std::count(options.periods.begin(), options.periods.end(), period) == 1,
+                       "periods must differ, " + text(period) + " stands twice");
     }
-    require(std::isfinite(options.phase), "phase must be finite");
-    require(options.points >= 100, "points must be >= 100, got " + text(options.points));
-    require(options.trajectories >= 1, "trajectories must be >= 1");
-    require(options.patience >= 1, "patience must be >= 1");
-    require(options.loops >= 1, "loops must be >= 1");
-    require(options.widest > 0.0 && options.widest <= 0.5, "widest must lie in (0, 0.5], got " + text(options.widest));
-    require(
+    require_search(std::isfinite(options.phase), "phase must be finite");
+    require_search(options.points >= 100, "points must be >= 100, got " + text(options.points));
+    require_search(options.trajectories >= 1, "trajectories must be >= 1");
+    require_search(options.patience >= 1, "patience must be >= 1");
+    require_search(options.loops >= 1, "loops must be >= 1");
+    require_search(options.widest > 0.0 && options.widest <= 0.5,
+                   "widest must lie in (0, 0.5], got " + text(options.widest));
+    require_search(
         options.initial.cols() == 0 || (options.initial.rows() == system.dimension() && options.initial.allFinite()),
         "initial needs one finite state of " + text(system.dimension()) + " coordinates per column");
     const bool autonomous = system.kind() == models::Kind::autonomous;
-    require(options.section.has_value() == autonomous,
-            autonomous ? "an autonomous model needs a section" : "a section plane belongs to autonomous models");
+    require_search(options.section.has_value() == autonomous,
+                   autonomous ? "an autonomous model needs a section" : "a section plane belongs to autonomous models");
     if (autonomous)
-        require(options.section->normal.size() == system.dimension() && options.section->normal.allFinite() &&
-                    options.section->normal.norm() > 0.0 && std::isfinite(options.section->offset),
-                "the section's normal needs " + text(system.dimension()) + " finite numbers that are not all 0");
+        require_search(options.section->normal.size() == system.dimension() && options.section->normal.allFinite() &&
+                           options.section->normal.norm() > 0.0 && std::isfinite(options.section->offset),
+                       "the section's normal needs " + text(system.dimension()) + " finite numbers that are not all 0");
     if (options.partition) validate(*options.partition, system.dimension());
-    require(options.codes.empty() || options.partition.has_value(), "codes need a partition");
+    require_search(options.codes.empty() || options.partition.has_value(), "codes need a partition");
     for (const std::string& code : options.codes) {
-        require(is_prime_word(code), "code \"" + code + "\" is empty or repeats a shorter word");
-        require(code.find_first_not_of(options.partition->symbols) == std::string::npos,
-                "code \"" + code + "\" has symbols that are not among \"" + options.partition->symbols + "\"");
+        require_search(is_prime_word(code), "code \"" + code + "\" is empty or repeats a shorter word");
+        require_search(code.find_first_not_of(options.partition->symbols) == std::string::npos,
+                       "code \"" + code + "\" has symbols that are not among \"" + options.partition->symbols + "\"");
     }
 }
 

@@ -13,7 +13,7 @@ using Eigen::Index;
 
 namespace {
 
-void require(bool holds, const std::string& message) {
+void require_partition(bool holds, const std::string& message) {
     if (!holds) throw std::invalid_argument("symbol partition: " + message);
 }
 
@@ -22,7 +22,7 @@ void require(bool holds, const std::string& message) {
 SymbolPartition quarter_turn_partition(Index angle, Index velocity, const std::vector<double>& bands) {
     constexpr double eighth = std::numbers::pi / 4.0;
     constexpr std::size_t first = '!';  // 94 printable characters follow
-    require(!bands.empty() && bands.size() <= 22, "one to 22 velocities part the bands of a pendulum");
+    require_partition(!bands.empty() && bands.size() <= 22, "one to 22 velocities part the bands of a pendulum");
     SymbolPartition partition;
     partition.cuts = {{angle, {-3.0 * eighth, -eighth, eighth, 3.0 * eighth}}, {velocity, bands}};
     const std::size_t width = bands.size() + 1;
@@ -32,22 +32,23 @@ SymbolPartition quarter_turn_partition(Index angle, Index velocity, const std::v
 }
 
 void validate(const SymbolPartition& partition, Index dimension) {
-    require(!partition.cuts.empty(), "cuts must not be empty");
+    require_partition(!partition.cuts.empty(), "cuts must not be empty");
     std::size_t parts = 1;
     std::set<Index> coordinates;
     for (const SymbolPartition::Cut& cut : partition.cuts) {
-        require(cut.coordinate >= 0 && cut.coordinate < dimension,
-                "coordinate " + std::to_string(cut.coordinate) + " is not in [0, " + std::to_string(dimension) + ")");
-        require(coordinates.insert(cut.coordinate).second,
-                "coordinate " + std::to_string(cut.coordinate) + " is cut twice");
-        require(!cut.boundaries.empty(), "a cut needs a boundary");
+        require_partition(
+            cut.coordinate >= 0 && cut.coordinate < dimension,
+            "coordinate " + std::to_string(cut.coordinate) + " is not in [0, " + std::to_string(dimension) + ")");
+        require_partition(coordinates.insert(cut.coordinate).second,
+                          "coordinate " + std::to_string(cut.coordinate) + " is cut twice");
+        require_partition(!cut.boundaries.empty(), "a cut needs a boundary");
         for (std::size_t i = 0; i < cut.boundaries.size(); ++i)
-            require(std::isfinite(cut.boundaries[i]) && (i == 0 || cut.boundaries[i - 1] < cut.boundaries[i]),
-                    "boundaries must be finite and ascending");
+            require_partition(std::isfinite(cut.boundaries[i]) && (i == 0 || cut.boundaries[i - 1] < cut.boundaries[i]),
+                              "boundaries must be finite and ascending");
         parts *= cut.boundaries.size() + 1;
     }
-    require(partition.symbols.size() == parts,
-            std::to_string(parts) + " parts need as many symbols, got " + std::to_string(partition.symbols.size()));
+    require_partition(partition.symbols.size() == parts, std::to_string(parts) + " parts need as many symbols, got " +
+                                                             std::to_string(partition.symbols.size()));
 }
 
 char symbol_of(const SymbolPartition& partition, Eigen::Ref<const Eigen::VectorXd> x) {

@@ -21,16 +21,16 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-void require(bool holds, const std::string& message) {
+void require_collocation(bool holds, const std::string& message) {
     if (!holds) throw std::invalid_argument("solve_collocation: " + message);
 }
 
 void check(const models::System& system, const CollocationOptions& options) {
-    require(system.kind() != models::Kind::map, "a map has no time derivative; use multiple shooting");
-    require(options.intervals >= 2, "intervals is " + std::to_string(options.intervals) + ", must be >= 2");
-    require(options.mesh_updates >= 0, "mesh_updates must be >= 0");
-    require(options.accuracy > 0.0, "accuracy must be > 0");
-    require(options.halvings >= 0, "halvings must be >= 0");
+    require_collocation(system.kind() != models::Kind::map, "a map has no time derivative; use multiple shooting");
+    require_collocation(options.intervals >= 2, "intervals is " + std::to_string(options.intervals) + ", must be >= 2");
+    require_collocation(options.mesh_updates >= 0, "mesh_updates must be >= 0");
+    require_collocation(options.accuracy > 0.0, "accuracy must be > 0");
+    require_collocation(options.halvings >= 0, "halvings must be >= 0");
 }
 
 /// A start that is solved on one mesh after the other.
@@ -45,10 +45,10 @@ public:
           field_(system, theta, start.phase, start.points.cols()),
           method_(gauss_method(options.stages)),
           rotation_(near.rotation),
-          time_(near.course.time) {
+          time_(near.mesh.time) {
         options_.solver.scale = scale;
         double share = 0.0;
-        for (const Segment& segment : near.course.segments) {
+        for (const Segment& segment : near.mesh.segments) {
             points_.push_back(share);
             share += segment.share;
         }
@@ -105,8 +105,8 @@ PeriodicOrbit solve_collocation(const models::System& system, const VectorXd& th
     check(system, options);
     validate(system, free, options.solver);
     const ShootingMesh course = mesh_from_guess(system, theta, start, options.solver.flow);
-    require(system.smooth(theta),
-            std::string(system.name()) + " is not smooth at these parameters; use multiple shooting");
+    require_collocation(system.smooth(theta),
+                        std::string(system.name()) + " is not smooth at these parameters; use multiple shooting");
     PeriodicOrbit orbit;
     orbit.status = OrbitStatus::not_simulated;
     orbit.period = static_cast<int>(start.points.cols());
@@ -119,7 +119,7 @@ PeriodicOrbit solve_collocation(const models::System& system, const VectorXd& th
     std::vector<double> mesh;
     for (Index j = 0; j < intervals; ++j)
         mesh.push_back(static_cast<double>(j) / static_cast<double>(intervals));
-    const SampledMesh guess = sampled(system, theta, near.course, mesh, options.solver.flow);
+    const SampledMesh guess = sampled(system, theta, near.mesh, mesh, options.solver.flow);
     if (!guess.simulated) return orbit;
     const bool single = options.mesh_updates == 0 && options.halvings == 0;
     orbit = refinement.solve(mesh, guess.states, single ? free : std::span<const Index>{});

@@ -4,11 +4,11 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <numbers>
 #include <utility>
 #include <vector>
 
 #include "periodic/discretisation/shooting_steps.hpp"
+#include "periodic/orbit/full_turn.hpp"
 #include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/guess_correction.hpp"
 #include "periodic/solution/newton.hpp"
@@ -58,7 +58,6 @@ VectorXd shares(const ShootingMesh& mesh) {
 
 FarStartSearch improve_guess(const models::System& system, const VectorXd& theta, const ShootingMesh& mesh,
                              const StartingSolution& start, const VectorXd& scale, const ShootingOptions& options) {
-    constexpr double full_turn = 2.0 * std::numbers::pi;
     FarStartSearch result{mesh, false, {}, 0};
     if (!mesh.simulated) return result;
     ShootingOptions coarse = options;

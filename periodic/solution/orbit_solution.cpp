@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numbers>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include "periodic/discretisation/closing_error.hpp"
+#include "periodic/orbit/full_turn.hpp"
 #include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/equilibrium.hpp"
 #include "periodic/solution/orbit_report.hpp"
@@ -43,7 +43,7 @@ MatrixXd states_of(const Discretisation& discretisation, const MatrixXd& nodes, 
     return states;
 }
 
-void require(bool holds, const std::string& message) {
+void require_orbit(bool holds, const std::string& message) {
     if (!holds) throw std::invalid_argument("periodic orbit: " + message);
 }
 
@@ -52,22 +52,21 @@ void require(bool holds, const std::string& message) {
 void validate(const models::System& system, std::span<const Index> free, const ShootingOptions& options) {
     const auto parameters = static_cast<Index>(system.parameters().size());
     for (const Index index : free)
-        require(index >= 0 && index < parameters,
-                "free parameter " + std::to_string(index) + " is not in [0, " + std::to_string(parameters) + ")");
-    require(options.tolerance > 0.0, "tolerance must be > 0");
-    require(options.maximum_iterations > 0, "maximum_iterations must be > 0");
-    require(options.minimum_damping > 0.0 && options.minimum_damping < 1.0, "minimum_damping must lie in (0, 1)");
-    require(options.maximum_distance > 0.0, "maximum_distance must be > 0");
-    require(options.segment_growth > 1.0, "segment_growth must be > 1");
-    require(options.scale.size() == 0 || (options.scale.size() == system.dimension() && options.scale.allFinite() &&
-                                          options.scale.minCoeff() > 0.0),
-            "scale must be empty or hold one finite value > 0 per coordinate");
+        require_orbit(index >= 0 && index < parameters,
+                      "free parameter " + std::to_string(index) + " is not in [0, " + std::to_string(parameters) + ")");
+    require_orbit(options.tolerance > 0.0, "tolerance must be > 0");
+    require_orbit(options.maximum_iterations > 0, "maximum_iterations must be > 0");
+    require_orbit(options.minimum_damping > 0.0 && options.minimum_damping < 1.0, "minimum_damping must lie in (0, 1)");
+    require_orbit(options.maximum_distance > 0.0, "maximum_distance must be > 0");
+    require_orbit(options.segment_growth > 1.0, "segment_growth must be > 1");
+    require_orbit(options.scale.size() == 0 || (options.scale.size() == system.dimension() &&
+                                                options.scale.allFinite() && options.scale.minCoeff() > 0.0),
+                  "scale must be empty or hold one finite value > 0 per coordinate");
 }
 
 DiscreteSolution solve_discrete(const models::System& system, const VectorXd& theta, const StartingSolution& start,
                                 const Discretisation& discretisation, const DiscreteStart& first,
                                 std::span<const Index> free, const ShootingOptions& options) {
-    constexpr double full_turn = 2.0 * std::numbers::pi;
     const Index n = system.dimension();
     const Index copies = discretisation.dimension() / n;
     const bool autonomous = discretisation.unknown_time();

@@ -2,10 +2,10 @@
 
 #include <cmath>
 #include <cstddef>
-#include <numbers>
 
 #include <Eigen/SparseCholesky>
 
+#include "periodic/orbit/full_turn.hpp"
 #include "periodic/solution/guess_correction.hpp"
 
 namespace orbid::periodic {
@@ -16,8 +16,6 @@ using Eigen::SparseMatrix;
 using Eigen::VectorXd;
 
 namespace {
-
-constexpr double full_turn = 2.0 * std::numbers::pi;
 
 /// A node that its neighbour's flow misses by less than this share of a turn has the right turn: the other one is at
 /// least nine times farther away.

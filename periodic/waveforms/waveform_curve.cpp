@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 #include <vector>
+
+#include "periodic/orbit/full_turn.hpp"
 
 namespace orbid::periodic {
 namespace {
@@ -15,8 +16,6 @@ using Eigen::MatrixXd;
 using Eigen::RowVectorXd;
 using Eigen::VectorXd;
 using Free = std::optional<std::span<const Index>>;
-
-constexpr double full_turn = 2.0 * std::numbers::pi;
 
 /// The shift of the first point to the plane of an origin, and its derivatives.
 struct Shift {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "models/definition/parameter.hpp"
+#include "periodic/orbit/full_turn.hpp"
 #include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
@@ -14,8 +14,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double full_turn = 2.0 * std::numbers::pi;
 
 constexpr Index places_per_period = 256;
 /// Samples of a record that are compared, evenly over it.

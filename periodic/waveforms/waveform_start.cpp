@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <optional>
 #include <utility>
 
 #include "models/definition/parameter.hpp"
+#include "periodic/orbit/full_turn.hpp"
 #include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/solve_orbit.hpp"
 
@@ -17,8 +17,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double full_turn = 2.0 * std::numbers::pi;
 
 /// Measured states, per period of the forcing, that are taken for the state at phase 0, and at most.
 constexpr Index launches_per_period = 8;

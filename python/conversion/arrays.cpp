@@ -19,7 +19,7 @@ std::string shape_of(const py::array& array) {
     return py::str(array.attr("shape"));
 }
 
-[[noreturn]] void wrong_type(const std::string& name, const std::string& what) {
+[[noreturn]] void refuse_numbers(const std::string& name, const std::string& what) {
     throw py::type_error(name + ": " + what + "; real numbers are needed");
 }
 
@@ -70,15 +70,15 @@ py::array_t<double> shown(const double* data, py::array::ShapeContainer shape, p
 }  // namespace
 
 Doubles doubles(py::handle argument, const char* name) {
-    if (!argument || argument.is_none()) wrong_type(name, "None");
+    if (!argument || argument.is_none()) refuse_numbers(name, "None");
     const py::object numpy = py::module_::import("numpy");
     const py::array given = numpy.attr("asarray")(argument);
     if (py::isinstance(argument, numpy.attr("ma").attr("MaskedArray")))
-        wrong_type(name, "a masked array, whose mask would be lost");
+        refuse_numbers(name, "a masked array, whose mask would be lost");
     const char kind = given.dtype().kind();
     const bool whole = kind == 'i' || kind == 'u';
     if (!whole && (kind != 'f' || given.itemsize() > width))
-        wrong_type(name, "numbers of type " + std::string(py::str(given.dtype())));
+        refuse_numbers(name, "numbers of type " + std::string(py::str(given.dtype())));
     if (whole) check_whole_numbers(given, name);
     return Doubles(given);
 }

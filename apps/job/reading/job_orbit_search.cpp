@@ -5,7 +5,7 @@ namespace orbid::apps {
 namespace {
 
 /// States from which the first trajectories begin.
-void read_initial(const ValueReader& value, const Job& job, periodic::OrbitSearchOptions& search) {
+void read_search_states(const ValueReader& value, const Job& job, periodic::OrbitSearchOptions& search) {
     std::vector<Eigen::VectorXd> states;
     for (const ValueReader& item : value.items())
         if (const auto state = read_state(item, job)) states.push_back(*state);
@@ -29,7 +29,7 @@ void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& pe
         search.points = static_cast<std::size_t>(points->whole().value_or(search.points));
     if (const auto trajectories = object.find("trajectories"))
         search.trajectories = static_cast<std::size_t>(trajectories->whole().value_or(search.trajectories));
-    if (const auto initial = object.find("initial")) read_initial(*initial, job, search);
+    if (const auto initial = object.find("initial")) read_search_states(*initial, job, search);
     if (const auto patience = object.find("patience"))
         search.patience = static_cast<std::size_t>(patience->whole().value_or(search.patience));
     if (const auto seed = object.find("seed")) search.seed = seed->whole().value_or(search.seed);

@@ -175,7 +175,7 @@ OrbitStart read_start(const ValueReader& value, const Job& job) {
 }
 
 /// Parameters by name; without the key all of them.
-std::vector<Eigen::Index> read_free(ObjectReader& object, const Job& job) {
+std::vector<Eigen::Index> read_free_indices(ObjectReader& object, const Job& job) {
     std::vector<Eigen::Index> indices;
     if (const auto value = object.find("free")) {
         for (const auto& [name, item] : read_names(*value)) {
@@ -200,7 +200,7 @@ void read_periodic(ObjectReader& root, Job& job) {
                                   job.model.name));
     }
     periodic.method = read_method(object, job);
-    periodic.free = read_free(object, job);
+    periodic.free = read_free_indices(object, job);
     if (const auto stability = object.find("stability")) {
         periodic.stability = stability->boolean().value_or(false);
         // Its derivatives hold along the model's own orbit, which the others only approximate.

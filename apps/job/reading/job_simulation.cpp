@@ -24,7 +24,7 @@ void read_samples(const ValueReader& value, SimulationJob& simulation) {
     samples.finish();
 }
 
-void read_initial(const ValueReader& value, const Job& job, bool trajectories_given, SimulationJob& simulation) {
+void read_initial_states(const ValueReader& value, const Job& job, bool trajectories_given, SimulationJob& simulation) {
     if (value.is(JsonValue::Kind::string)) {
         (void)value.choice({"random"});
         return;
@@ -98,7 +98,8 @@ SimulationJob read_simulation(const ValueReader& value, const Job& job) {
                              fmt::format("at least one per trajectory: {}", simulation.trajectories));
         simulation.sections = number ? static_cast<std::size_t>(*number) : simulation.trajectories;
     }
-    if (const auto initial = object.find("initial")) read_initial(*initial, job, trajectories.has_value(), simulation);
+    if (const auto initial = object.find("initial"))
+        read_initial_states(*initial, job, trajectories.has_value(), simulation);
     if (const auto transient = object.find("transient")) {
         simulation.transient = transient->whole().value_or(0);
     } else if (simulation.initial.empty() && simulation.sampling == Sampling::section) {

@@ -6,8 +6,8 @@ namespace orbid::apps::describe {
 namespace {
 
 // More points than any memory holds (2^40 points of two doubles are 16 TB): a typing error.
-constexpr double most_points = 1099511627776.0;
-constexpr double most_trajectories = 1e6;
+constexpr double most_simulated_points = 1099511627776.0;
+constexpr double most_simulated_trajectories = 1e6;
 
 ValueSchema column() {
     return named(
@@ -61,8 +61,9 @@ ValueSchema sensor() {
 }
 
 ValueSchema samples() {
-    return object({key("step", above(0.0), "Between two samples.").in("s").required_always(),
-                   key("count", whole(2, most_points), "Number of samples of a trajectory.").required_always()});
+    return object(
+        {key("step", above(0.0), "Between two samples.").in("s").required_always(),
+         key("count", whole(2, most_simulated_points), "Number of samples of a trajectory.").required_always()});
 }
 
 ValueSchema noise() {
@@ -75,11 +76,11 @@ ValueSchema noise() {
 
 ValueSchema simulate() {
     return object(
-        {key("sections", whole(1, most_points),
+        {key("sections", whole(1, most_simulated_points),
              "Points of the section of all trajectories together; iterates of a map."),
          key("samples", samples(), "Samples in time in the place of sections."),
-         key("trajectories", whole(1, most_trajectories), "One segment each.").by_default(1),
-         key("transient", whole(0, most_points),
+         key("trajectories", whole(1, most_simulated_trajectories), "One segment each.").by_default(1),
+         key("transient", whole(0, most_simulated_points),
              "Thrown away before the first point: periods, or steps of samples; 300 for sections from random states, "
              "else 0."),
          key("initial", choice({"random"}) | list(state(), 1), "States to begin at, one per trajectory.")

@@ -17,9 +17,9 @@ constexpr double most_iterations = 1e4;
 // Gauss points per interval that CollocationOptions allows, twice.
 constexpr double highest_order = 20;
 // 16 GB of doubles of a plane model; beyond that recurrences gain nothing that stabilised starts do not find.
-constexpr double most_points = 1e9;
+constexpr double most_search_points = 1e9;
 constexpr double fewest_points = 100;  // rule of OrbitSearchOptions::points
-constexpr double most_trajectories = 65536;
+constexpr double most_search_trajectories = 65536;
 constexpr double most_patience = 1e9;  // tries every start there is
 // Beyond any picture and any memory; the limits only keep numbers in their types.
 constexpr double most_branch_points = 1e6;
@@ -45,9 +45,9 @@ ValueSchema search() {
     return object(
         {key("periods", periods(), "In periods of the forcing, iterations, or crossings of the section.")
              .required_always(),
-         key("points", whole(fewest_points, most_points), "Of the section that are simulated.")
+         key("points", whole(fewest_points, most_search_points), "Of the section that are simulated.")
              .by_default(usual.points),
-         key("trajectories", whole(1, most_trajectories), "Simulated at a time, from random states.")
+         key("trajectories", whole(1, most_search_trajectories), "Simulated at a time, from random states.")
              .by_default(usual.trajectories),
          key("initial", list(state()), "States from which the first trajectories begin.").standard_text("[]"),
          key("patience", whole(1, most_patience), "Starts in a row that find nothing new before the rest is left.")

@@ -12,7 +12,6 @@ namespace orbid::apps::catalog {
 namespace {
 
 using Json = StoredRun::Json;
-constexpr std::string_view blue = "#0072b2";
 
 /// One estimated quantity in a row of its own.
 struct Row {

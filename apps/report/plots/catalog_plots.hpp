@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "apps/drawing/plot_style.hpp"
 #include "apps/stored_run/stored_run.hpp"
@@ -9,6 +10,9 @@
 /// read already and at which files there are), and the picture; the second may be called where the first says true, and
 /// throws orbits::DataError when a file cannot be read.
 namespace orbid::apps::catalog {
+
+/// Colour of what is estimated.
+inline constexpr std::string_view blue = "#0072b2";
 
 [[nodiscard]] bool has_section(const StoredRun& run);
 [[nodiscard]] std::string section(const StoredRun& run, const PlotStyle& style);

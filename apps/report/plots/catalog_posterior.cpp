@@ -16,7 +16,6 @@ namespace orbid::apps::catalog {
 namespace {
 
 using Json = StoredRun::Json;
-constexpr std::string_view blue = "#0072b2";
 constexpr Stroke normal_line{"#d55e00", 0.8, "2.4 1.6"};
 
 /// Places of `count` equal panels, as many beside each other as are wide enough.
