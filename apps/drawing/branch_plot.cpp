@@ -2,17 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <iterator>
-#include <limits>
+#include <numbers>
 #include <set>
-#include <stdexcept>
 #include <string_view>
 
-#include <fmt/format.h>
-
-#include "apps/drawing/plot_frame.hpp"
-#include "apps/drawing/plot_marker.hpp"
+#include "apps/drawing/figure.hpp"
 #include "apps/results/followed_branch.hpp"
 
 namespace orbid::apps {
@@ -22,202 +16,150 @@ namespace {
 using periodic::Bifurcation;
 using periodic::Branch;
 using periodic::BranchPoint;
-using Out = std::back_insert_iterator<fmt::memory_buffer>;
-
-/// A vertex nearer than this to the one before cannot be seen [px].
-constexpr double visible_px = 0.5;
 
 struct Mark {
     Bifurcation bifurcation;
     std::string_view name;
-    std::string_view outline;  ///< SVG path data relative to the centre
+    std::size_t shape;  ///< of series_marker
 };
+
+constexpr std::array<Mark, 4> marks{{{Bifurcation::period_doubling, "period doubling", 0},
+                                     {Bifurcation::fold, "fold", 1},
+                                     {Bifurcation::branch_point, "branch point (symmetry breaking)", 3},
+                                     {Bifurcation::neimark_sacker, "Neimark-Sacker", 2}}};
+constexpr std::string_view dashes = "2.2 1.6";
 
 /// Open shapes, so that the lines below stay visible.
-constexpr std::array<Mark, 4> marks{
-    {{Bifurcation::period_doubling, "period doubling", "m-5 0a5 5 0 1 0 10 0a5 5 0 1 0 -10 0z"},
-     {Bifurcation::fold, "fold", "m-4.5 -4.5h9v9h-9z"},
-     {Bifurcation::branch_point, "branch point (symmetry breaking)", "m0 -6l6 6l-6 6l-6 -6z"},
-     {Bifurcation::neimark_sacker, "Neimark-Sacker", "m0 -6l5.5 9.5h-11z"}}};
+PlotMarker open_mark(const Mark& mark, double radius) {
+    return {"#1d2430", series_marker(mark.shape, radius).outline};
+}
 
 /// What is drawn upwards: one value per point of the section, or T alone.
-class Values {
-public:
-    Values(const std::vector<orbits::SeriesCoordinate>& coordinates, const BranchPlotOptions& options)
-        : shown_(options.shown) {
-        if (!shown_) {
-            axis_ = {"T", "s", false};
-            return;
-        }
-        if (!(*shown_ >= 0 && *shown_ < static_cast<Eigen::Index>(coordinates.size())))
-            throw std::invalid_argument(
-                fmt::format("branch plot: coordinate {}, must be in [0, {})", *shown_, coordinates.size()));
-        axis_ = coordinates[static_cast<std::size_t>(*shown_)];
-    }
+struct Values {
+    std::optional<Eigen::Index> shown;
 
-    [[nodiscard]] Eigen::Index count(const BranchPoint& point) const { return shown_ ? point.orbit.points.cols() : 1; }
-    [[nodiscard]] Eigen::Index curves(const Branch& branch) const {
-        Eigen::Index most = 0;
-        for (const BranchPoint& point : branch.points)
-            most = std::max(most, count(point));
-        return most;
-    }
+    [[nodiscard]] Eigen::Index count(const BranchPoint& point) const { return shown ? point.orbit.points.cols() : 1; }
     [[nodiscard]] double at(const BranchPoint& point, Eigen::Index j) const {
         // The orbit that a doubled branch begins with has half as many points.
-        return shown_ ? point.orbit.points(*shown_, j % point.orbit.points.cols()) : point.orbit.time;
+        return shown ? point.orbit.points(*shown, j % point.orbit.points.cols()) : point.orbit.time;
     }
-    [[nodiscard]] const orbits::SeriesCoordinate& coordinate() const { return axis_; }
-
-private:
-    std::optional<Eigen::Index> shown_;
-    orbits::SeriesCoordinate axis_;
 };
-
-PlotFrame branch_frame(const std::vector<Branch>& branches, const models::Parameter& parameter, const Values& values) {
-    constexpr double infinity = std::numeric_limits<double>::infinity();
-    std::array<double, 2> x{infinity, -infinity};
-    std::array<double, 2> y{infinity, -infinity};
-    for (const Branch& branch : branches) {
-        for (const BranchPoint& point : branch.points) {
-            x = {std::min(x[0], point.parameter), std::max(x[1], point.parameter)};
-            for (Eigen::Index j = 0; j < values.count(point); ++j)
-                y = {std::min(y[0], values.at(point, j)), std::max(y[1], values.at(point, j))};
-        }
-    }
-    const std::string unit = parameter.unit == "1" ? std::string() : std::string(parameter.unit);
-    PlotFrame frame{plot_axis({std::string(parameter.name), unit, false}, x[0], x[1]),
-                    plot_axis(values.coordinate(), y[0], y[1])};
-    // Branches fill a small part of the circle: an angle that stays away from the cut has an axis of its own.
-    constexpr double half_circle = 1.5707963267948966;
-    if (values.coordinate().angle && y[0] > -half_circle && y[1] < half_circle) {
-        orbits::SeriesCoordinate plain = values.coordinate();
-        plain.angle = false;
-        frame.y_axis = plot_axis(plain, y[0], y[1]);
-    }
-    return frame;
-}
 
 /// The orbits between point k and the next one are stable. At a bifurcation a multiplier is on the unit circle, and
 /// rounding decides on which side: the ordinary neighbour says what lies between.
 bool stable_after(const std::vector<BranchPoint>& points, std::size_t k) {
-    const BranchPoint& said = points[k].bifurcation == Bifurcation::none ? points[k] : points[k + 1];
-    return said.unstable == 0;
+    return (points[k].bifurcation == Bifurcation::none ? points[k] : points[k + 1]).unstable == 0;
 }
 
 /// The curve that point j of the orbits draws, in stable and unstable pieces.
-void draw_curve(const Branch& branch, Eigen::Index j, const Values& values, const PlotFrame& frame, Out out) {
+void draw_curve(Panel& panel, const Branch& branch, const Values& values, Eigen::Index j, std::string_view colour) {
     const auto& points = branch.points;
-    const double half_turn = frame.y_axis.circle ? 3.141592653589793 : std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k + 1 < points.size();) {
         const bool stable = stable_after(points, k);
         std::size_t end = k + 1;
         while (end + 1 < points.size() && stable_after(points, end) == stable)
             ++end;
-        fmt::format_to(out, "<path{} d=\"", stable ? "" : " stroke-dasharray=\"5 4\"");
-        double last_x = 0.0;
-        double last_y = 0.0;
+        std::vector<double> x;
+        std::vector<double> y;
         for (std::size_t i = k; i <= end; ++i) {
-            const double x = frame.x(points[i].parameter);
-            const double y = frame.y(values.at(points[i], j));
-            const bool jump = i == k || std::abs(values.at(points[i], j) - values.at(points[i - 1], j)) > half_turn;
-            if (!jump && i != end && std::hypot(x - last_x, y - last_y) < visible_px) continue;
-            fmt::format_to(out, "{}{:.1f} {:.1f}", jump ? "M" : "L", x, y);
-            last_x = x;
-            last_y = y;
+            x.push_back(points[i].parameter);
+            y.push_back(values.at(points[i], j));
         }
-        fmt::format_to(out, "\"/>\n");
+        panel.curve(x, y, {colour, stable ? 1.0 : 0.7, stable ? std::string_view() : dashes});
         k = end;
     }
 }
 
-/// Long periods first, so that the few lines of short ones stay visible on top.
-void draw_branches(const std::vector<Branch>& branches, const std::set<int>& periods, const Values& values,
-                   const PlotFrame& frame, Out out) {
+void draw_branches(Panel& panel, const std::vector<Branch>& branches, const Values& values,
+                   const std::set<int>& periods) {
+    // Long periods first, so that the few lines of short ones stay visible on top.
     for (auto period = periods.rbegin(); period != periods.rend(); ++period) {
-        fmt::format_to(out, "<g fill=\"none\" stroke=\"{}\" stroke-width=\"1.6\" stroke-linejoin=\"round\">\n",
-                       plot_marker(*period).colour);
         for (const Branch& branch : branches) {
             if (branch_period(branch) != *period) continue;
-            for (Eigen::Index j = 0; j < values.curves(branch); ++j)
-                draw_curve(branch, j, values, frame, out);
+            Eigen::Index curves = 0;
+            for (const BranchPoint& point : branch.points)
+                curves = std::max(curves, values.count(point));
+            for (Eigen::Index j = 0; j < curves; ++j)
+                draw_curve(panel, branch, values, j, plot_marker(*period).colour);
         }
-        fmt::format_to(out, "</g>\n");
     }
 }
 
-/// @return which kinds of bifurcations there are.
-std::set<Bifurcation> draw_bifurcations(const std::vector<Branch>& branches, const Values& values,
-                                        const PlotFrame& frame, Out out) {
-    std::set<Bifurcation> kinds;
-    fmt::format_to(out, "<g fill=\"#ffffff\" fill-opacity=\".7\" stroke=\"#1d2430\" stroke-width=\"1.3\">\n");
-    for (const BranchPlace& place : located_bifurcations(branches)) {
-        const BranchPoint& point = branches[place.branch].points[place.point];
-        const auto mark =
-            std::find_if(marks.begin(), marks.end(), [&](const Mark& m) { return m.bifurcation == point.bifurcation; });
-        if (mark == marks.end()) continue;
-        kinds.insert(point.bifurcation);
-        for (Eigen::Index j = 0; j < values.count(point); ++j)
-            fmt::format_to(out, "<path d=\"M{:.1f} {:.1f}{}\"/>\n", frame.x(point.parameter),
-                           frame.y(values.at(point, j)), mark->outline);
+void draw_bifurcations(Panel& panel, const std::vector<const BranchPoint*>& located, const Values& values,
+                       double radius) {
+    for (const Mark& mark : marks) {
+        std::vector<double> x;
+        std::vector<double> y;
+        for (const BranchPoint* point : located) {
+            if (point->bifurcation != mark.bifurcation) continue;
+            for (Eigen::Index j = 0; j < values.count(*point); ++j) {
+                x.push_back(point->parameter);
+                y.push_back(values.at(*point, j));
+            }
+        }
+        panel.markers(x, y, open_mark(mark, radius), Panel::Filling::open);
     }
-    fmt::format_to(out, "</g>\n");
-    return kinds;
 }
 
-void draw_branch_legend(const std::set<int>& periods, const std::set<Bifurcation>& kinds, Out out) {
-    fmt::format_to(out, "<g font-size=\"14\" fill=\"#1d2430\">\n");
-    constexpr double baseline = 91.0;
-    constexpr double letter = 7.2;  // px of an average letter of 14 px
-    double x = PlotFrame::left + 8.0;
-    const auto line = [&](std::string_view text, std::string_view style) {
-        fmt::format_to(out, "<path fill=\"none\" stroke-width=\"2\" {} d=\"M{:.1f} {:.1f}h22\"/>\n", style, x,
-                       baseline - 5.0);
-        fmt::format_to(out, "<text x=\"{:.1f}\" y=\"{}\">{}</text>\n", x + 27.0, baseline, text);
-        x += 27.0 + letter * static_cast<double>(text.size()) + 14.0;
-    };
+std::vector<LegendEntry> legend_of(const std::set<int>& periods, const std::vector<const BranchPoint*>& located,
+                                   double radius) {
+    std::vector<LegendEntry> legend;
     for (const int period : periods) {
         // Periods from 8 on share one colour.
         const bool several = period >= 8 && period != *periods.rbegin();
-        line(several ? fmt::format("period {} ...", period) : fmt::format("period {}", period),
-             fmt::format("stroke=\"{}\"", plot_marker(period).colour));
+        legend.push_back({fmt::format("period {}{}", period, several ? " …" : ""),
+                          LegendEntry::Kind::line,
+                          {},
+                          {plot_marker(period).colour, 1.4}});
         if (several) break;
     }
-    line("unstable", "stroke=\"#39424f\" stroke-dasharray=\"5 4\"");
+    legend.push_back({"unstable", LegendEntry::Kind::line, {}, {"#39424f", 0.8, dashes}});
     for (const Mark& mark : marks) {
-        if (!kinds.contains(mark.bifurcation)) continue;
-        fmt::format_to(out, "<path fill=\"none\" stroke=\"#1d2430\" stroke-width=\"1.3\" d=\"M{:.1f} {:.1f}{}\"/>\n",
-                       x + 6.0, baseline - 5.0, mark.outline);
-        fmt::format_to(out, "<text x=\"{:.1f}\" y=\"{}\">{}</text>\n", x + 17.0, baseline, mark.name);
-        x += 17.0 + letter * static_cast<double>(mark.name.size()) + 12.0;
+        if (std::any_of(located.begin(), located.end(),
+                        [&](const auto* p) { return p->bifurcation == mark.bifurcation; }))
+            legend.push_back({std::string(mark.name), LegendEntry::Kind::marker, open_mark(mark, radius), {}, true});
     }
-    fmt::format_to(out, "</g>\n");
+    return legend;
 }
 
 }  // namespace
 
-std::string branches_svg(const std::vector<Branch>& branches, const models::Parameter& parameter,
-                         const std::vector<orbits::SeriesCoordinate>& coordinates, const BranchPlotOptions& options) {
-    const Values values(coordinates, options);
-    const PlotFrame frame = branch_frame(branches, parameter, values);
+std::string branches_svg(const std::vector<Branch>& branches, const BranchPicture& picture, const PlotStyle& style) {
+    const Values values{picture.shown};
+    PlotRange x_range, y_range;
     std::set<int> periods;
-    std::size_t points = 0;
+    std::size_t orbits = 0;
     for (const Branch& branch : branches) {
-        points += branch.points.size();
         periods.insert(branch_period(branch));
+        orbits += branch.points.size();
+        for (const BranchPoint& point : branch.points) {
+            x_range.include(point.parameter);
+            for (Eigen::Index j = 0; j < values.count(point); ++j)
+                y_range.include(values.at(point, j));
+        }
     }
-    const std::string title = options.title.empty() ? "Branches of periodic orbits" : options.title;
-    const std::string subtitle =
-        fmt::format("{} branch{}, {} orbits, {} bifurcations located", branches.size(),
-                    branches.size() == 1 ? "" : "es", points, located_bifurcations(branches).size());
-    fmt::memory_buffer buffer;
-    const Out out(buffer);
-    fmt::format_to(out, "{}{}", frame.head(title, subtitle), frame.grid());
-    fmt::format_to(out, "{}", frame.border());
-    draw_branches(branches, periods, values, frame, out);
-    const auto kinds = draw_bifurcations(branches, values, frame, out);
-    draw_branch_legend(periods, kinds, out);
-    fmt::format_to(out, "</svg>\n");
-    return fmt::to_string(buffer);
+    std::vector<const BranchPoint*> located;
+    for (const BranchPlace& place : located_bifurcations(branches))
+        located.push_back(&branches[place.branch].points[place.point]);
+    // Branches fill a small part of the circle: an angle that stays away from the cut has an axis of its own.
+    constexpr double quarter = 0.5 * std::numbers::pi;
+    orbits::SeriesCoordinate upwards = picture.coordinate;
+    upwards.angle = upwards.angle && !(y_range.lowest > -quarter && y_range.highest < quarter);
+
+    const std::string description =
+        fmt::format("{} branch{} over {}, {} orbits, {} bifurcations located", branches.size(),
+                    branches.size() == 1 ? "" : "es", picture.parameter.name, orbits, located.size());
+    Figure figure(style);
+    figure.title(picture.heading, description);
+    const double radius = 0.26 * figure.font() * style.marks;
+    figure.legend(legend_of(periods, located, radius));
+    Panel panel(figure, figure.row(0.7 * style.height * figure.width()),
+                plot_axis(picture.parameter, x_range, figure.wanted_ticks()), plot_axis(upwards, y_range, 6));
+    panel.open();
+    draw_branches(panel, branches, values, periods);
+    draw_bifurcations(panel, located, values, radius);
+    panel.frame();
+    return figure.svg(picture.title, description);
 }
 
 }  // namespace orbid::apps

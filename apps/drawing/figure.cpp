@@ -28,7 +28,11 @@ std::string stroke_attributes(const Stroke& stroke) {
 }  // namespace
 
 Figure::Figure(const PlotStyle& style)
-    : width_(style.width_mm * pt_per_mm), font_(style.font_pt), titled_(style.title), bottom_(0.35 * style.font_pt) {
+    : width_(style.width_mm * pt_per_mm),
+      font_(style.font_pt),
+      titled_(style.title),
+      described_(style.description),
+      bottom_(0.35 * style.font_pt) {
     if (!(style.width_mm > 40.0 && style.width_mm <= 1000.0))
         throw std::invalid_argument(fmt::format("plot: width {} mm, must be in (40, 1000]", style.width_mm));
     if (!(style.font_pt >= 4.0 && style.font_pt <= 24.0))
@@ -45,10 +49,15 @@ PageBox Figure::row(double height) {
     return box;
 }
 
-void Figure::title(std::string_view words) {
-    if (!titled_ || words.empty()) return;
-    const PageBox box = row(1.7 * font_);
-    text(0.5 * font_, box.top + 1.15 * font_, words, {"start", 1.1, "#1d2430", true, true});
+void Figure::title(std::string_view words, std::string_view description) {
+    if (titled_ && !words.empty()) {
+        const PageBox box = row(1.7 * font_);
+        text(0.5 * font_, box.top + 1.15 * font_, words, {"start", 1.1, "#1d2430", true, true});
+    }
+    if (described_ && !description.empty()) {
+        const PageBox box = row(1.6 * font_);
+        text(0.5 * font_, box.top + 1.0 * font_, description, {"start", 0.94, "#5b6675"});
+    }
 }
 
 void Figure::legend(const std::vector<LegendEntry>& entries) {

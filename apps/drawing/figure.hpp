@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <span>
@@ -60,13 +61,15 @@ public:
 
     [[nodiscard]] double width() const { return width_; }
     [[nodiscard]] double font() const { return font_; }
+    /// Ticks that an axis over the whole width has room for.
+    [[nodiscard]] int wanted_ticks() const { return std::max(4, static_cast<int>(width_ / (7.0 * font_))); }
     /// Width that a text takes, about: fonts differ, and none is at hand here.
     [[nodiscard]] double width_of(std::string_view text, double size = 1.0) const;
 
     /// The next free part of the page, as wide as it.
     PageBox row(double height);
-    /// A heading over the whole width; nothing when the style wants none or it is empty.
-    void title(std::string_view words);
+    /// A heading over the whole width, and what is shown below it: each where the style wants it and it is not empty.
+    void title(std::string_view words, std::string_view description = {});
     /// Entries side by side, in as many lines as they need.
     void legend(const std::vector<LegendEntry>& entries);
 
@@ -87,6 +90,7 @@ private:
     double width_;
     double font_;
     bool titled_;
+    bool described_;
     double bottom_;  ///< of what is on the page so far
     fmt::memory_buffer body_;
 };

@@ -155,38 +155,19 @@ PlotAxis logarithmic_axis(const std::string& label, const std::string& unit, dou
     return axis;
 }
 
-PlotAxis plot_axis(const orbits::SeriesCoordinate& coordinate, double lowest, double highest, int wanted) {
+PlotAxis plot_axis(const orbits::SeriesCoordinate& coordinate, const PlotRange& range, int wanted) {
     constexpr double pi = std::numbers::pi;
-    PlotAxis axis;
-    axis.label = coordinate.unit.empty() ? display_name(coordinate.name)
-                                         : fmt::format("{} [{}]", display_name(coordinate.name), coordinate.unit);
-    if (coordinate.angle) {
-        axis.circle = true;
-        axis.lower = -pi;
-        axis.upper = pi;
-        axis.ticks = {{-pi, "−π"}, {-pi / 2.0, "−π/2"}, {0.0, "0"}, {pi / 2.0, "π/2"}, {pi, "π"}};
-        return axis;
-    }
-    if (!std::isfinite(lowest) || !std::isfinite(highest)) {
-        lowest = highest = 0.0;
-    }
-    if (!(highest > lowest)) {
-        lowest -= 0.5;
-        highest += 0.5;
-    }
     constexpr double spare = 0.04;  // dots at the edge of the data keep clear of the frame
-    const double margin = spare * (highest - lowest);
-    axis.lower = lowest - margin;
-    axis.upper = highest + margin;
-    const double step = round_step((axis.upper - axis.lower) / std::max(1, wanted));
-    const int decimals = std::max(0, static_cast<int>(-std::floor(std::log10(step * (1.0 + 1e-9)))));
-    // Whole multiples of the step: adding it up would let rounding errors grow into the labels.
-    const double first = std::ceil(axis.lower / step);
-    const double last = std::floor(axis.upper / step);
-    for (double k = first; k <= last; k += 1.0) {
-        axis.ticks.push_back({k * step, tick_label(k * step, decimals)});
-    }
-    return axis;
+    const double margin = spare * (range.highest - range.lowest);
+    PlotAxis axis = linear_axis(display_name(coordinate.name), coordinate.unit, range.lowest - margin,
+                                range.highest + margin, wanted);
+    if (!coordinate.angle) return axis;
+    return {-pi,
+            pi,
+            {{-pi, "−π"}, {-pi / 2.0, "−π/2"}, {0.0, "0"}, {pi / 2.0, "π/2"}, {pi, "π"}},
+            labelled(display_name(coordinate.name), coordinate.unit),
+            true,
+            false};
 }
 
 }  // namespace orbid::apps

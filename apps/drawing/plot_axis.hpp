@@ -1,6 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -35,18 +38,33 @@ struct PlotAxis {
     }
 };
 
+/// What an axis must show: the finite ones of all values included.
+struct PlotRange {
+    double lowest = std::numeric_limits<double>::infinity();
+    double highest = -std::numeric_limits<double>::infinity();
+
+    void include(double value) {
+        if (!std::isfinite(value)) return;
+        lowest = std::min(lowest, value);
+        highest = std::max(highest, value);
+    }
+    void include(std::span<const double> values) {
+        for (const double value : values)
+            include(value);
+    }
+};
+
 /// Axis of a coordinate: angles show the whole circle (-pi, pi] with ticks at multiples of pi/2, others the range given
-/// with 4 % to spare and about `wanted` ticks at 1, 2 or 5 times a power of ten.
-///
-/// @param lowest,highest  range of the data, ignored for angles; equal or not finite: one unit around it, or around 0.
-[[nodiscard]] PlotAxis plot_axis(const orbits::SeriesCoordinate& coordinate, double lowest, double highest,
-                                 int wanted = 7);
+/// with 4 % to spare, as linear_axis().
+[[nodiscard]] PlotAxis plot_axis(const orbits::SeriesCoordinate& coordinate, const PlotRange& range, int wanted);
 
 /// Axis from one value to another, for plots on paper: numbers stay short. A power of ten common to all goes into the
 /// label ("l [10⁻³ m]"), and so does what is common to a range narrow beside its values ("l − 0.317 [10⁻⁹ m]").
 ///
 /// @param unit  empty or "1": none is shown.
-/// @param lowest,highest  range of the axis, without anything to spare; equal or not finite as plot_axis().
+/// @param lowest,highest  range of the axis, without anything to spare; equal: 5 % around it, one unit around 0; not
+/// finite: one unit
+///                        around 0.
 [[nodiscard]] PlotAxis linear_axis(const std::string& label, const std::string& unit, double lowest, double highest,
                                    int wanted = 5);
 

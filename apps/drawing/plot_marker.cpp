@@ -26,8 +26,8 @@ constexpr std::array<Style, 8> styles{{{"#d55e00", Shape::circle, 6.4},
                                        {"#8c510a", Shape::diamond, 2.6}}};
 
 /// Factors on the radius give the shapes about the area of the circle.
-std::string outline(Shape shape, double r, int decimals) {
-    const auto f = [decimals](double value) { return fmt::format("{:.{}f}", value, decimals); };
+std::string outline(Shape shape, double r) {
+    const auto f = [](double value) { return fmt::format("{:.2f}", value); };
     const auto joined = [&](double dx, double dy) { return f(dx) + " " + f(dy); };
     switch (shape) {
         case Shape::square:
@@ -47,23 +47,16 @@ std::string outline(Shape shape, double r, int decimals) {
     return "m" + f(-r) + " 0" + arc + f(2.0 * r) + " 0 " + f(r) + " " + f(r) + " 0 1 0 " + f(-2.0 * r) + " 0z";
 }
 
-const Style& style_of(int period) {
-    return styles[static_cast<std::size_t>(std::clamp(period, 1, static_cast<int>(styles.size()))) - 1];
-}
-
 }  // namespace
 
-PlotMarker plot_marker(int period) {
-    return {style_of(period).colour, outline(style_of(period).shape, style_of(period).radius, 1)};
-}
-
 PlotMarker plot_marker(int period, double scale) {
-    return {style_of(period).colour, outline(style_of(period).shape, scale * style_of(period).radius, 2)};
+    const Style& style = styles[static_cast<std::size_t>(std::clamp(period, 1, static_cast<int>(styles.size()))) - 1];
+    return {style.colour, outline(style.shape, scale * style.radius)};
 }
 
 PlotMarker series_marker(std::size_t index, double radius) {
     const Style& style = styles[index % styles.size()];
-    return {style.colour, outline(style.shape, radius, 2)};
+    return {style.colour, outline(style.shape, radius)};
 }
 
 }  // namespace orbid::apps

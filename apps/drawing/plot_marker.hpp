@@ -12,12 +12,9 @@ struct PlotMarker {
     std::string outline;      ///< SVG path data relative to the centre: follows an absolute move to it
 };
 
-/// Marker of a period (>= 1): periods from 8 on share one. Longer periods are
-/// smaller, because there are more of them.
-[[nodiscard]] PlotMarker plot_marker(int period);
-
-/// The same with radii times `scale`, written to a hundredth.
-[[nodiscard]] PlotMarker plot_marker(int period, double scale);
+/// Marker of a period (>= 1), its radius times `scale`: periods from 8 on share one. Longer periods are smaller,
+/// because there are more of them.
+[[nodiscard]] PlotMarker plot_marker(int period, double scale = 1.0);
 
 /// Marker number `index` (from 0, repeating after eight) at one radius for all: series of a plot that are no periods.
 [[nodiscard]] PlotMarker series_marker(std::size_t index, double radius);

@@ -1,229 +1,163 @@
 #include "apps/drawing/section_plot.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <iterator>
 #include <limits>
-#include <map>
 #include <stdexcept>
 #include <string_view>
 #include <tuple>
 
-#include <fmt/format.h>
-
-#include "apps/drawing/plot_frame.hpp"
-#include "apps/drawing/plot_marker.hpp"
+#include "apps/drawing/figure.hpp"
 
 namespace orbid::apps {
+
 namespace {
 
 /// Light to dark, sparse to dense.
-constexpr std::array<std::string_view, 6> shades{"#b4bcc8", "#99a4b4", "#7e8b9f", "#64738a", "#4c5b74", "#35435c"};
-/// Side of the squares in which the density is counted [px]: small enough to follow the folds, large enough to count.
-constexpr double density_cell = 4.0;
-
-using Out = std::back_insert_iterator<fmt::memory_buffer>;
+constexpr std::array<std::string_view, 5> shades{"#c3c9d2", "#a3adbb", "#8390a3", "#64738a", "#3f4d63"};
 
 /// 1048576 -> "1 048 576".
 std::string grouped(std::size_t value) {
     std::string digits = std::to_string(value);
-    for (auto at = static_cast<std::ptrdiff_t>(digits.size()) - 3; at > 0; at -= 3) {
+    for (auto at = static_cast<std::ptrdiff_t>(digits.size()) - 3; at > 0; at -= 3)
         digits.insert(static_cast<std::size_t>(at), 1, ' ');
-    }
     return digits;
 }
 
-PlotAxis axis_of(const orbits::Series& series, const std::vector<PlottedOrbit>& orbits, Eigen::Index coordinate) {
-    double lowest = std::numeric_limits<double>::infinity();
-    double highest = -std::numeric_limits<double>::infinity();
-    const auto add = [&](const Eigen::MatrixXd& values) {
-        for (Eigen::Index k = 0; k < values.cols(); ++k) {
-            if (std::isfinite(values(coordinate, k))) {
-                lowest = std::min(lowest, values(coordinate, k));
-                highest = std::max(highest, values(coordinate, k));
-            }
-        }
-    };
-    for (const auto& segment : series.segments) {
-        add(segment.values);
-    }
-    for (const auto& orbit : orbits) {
-        add(orbit.points);
-    }
-    return plot_axis(series.coordinates[static_cast<std::size_t>(coordinate)], lowest, highest);
-}
-
-/// Calls visit(x px, y px) for every point without a missing coordinate.
-template <class Visit>
-void for_each_point(const orbits::Series& series, const SectionPlotOptions& options, const PlotFrame& frame,
-                    Visit visit) {
-    for (const auto& segment : series.segments) {
-        for (Eigen::Index k = 0; k < segment.values.cols(); ++k) {
-            const double a = segment.values(options.x, k);
-            const double b = segment.values(options.y, k);
-            if (std::isfinite(a) && std::isfinite(b)) {
-                visit(frame.x(a), frame.y(b));
-            }
-        }
-    }
-}
-
-/// A point of the series in tenths of a pixel.
 struct Dot {
-    int x;
-    int y;
-    unsigned density;  ///< points of the whole series in its square
+    unsigned density;  ///< points of the whole section in its square
+    std::size_t point;
 };
 
-/// Every k-th point of the series, with the density there.
-std::vector<Dot> thinned(const orbits::Series& series, const SectionPlotOptions& options, const PlotFrame& frame) {
-    constexpr auto columns = static_cast<std::size_t>((PlotFrame::right - PlotFrame::left) / density_cell) + 2;
-    constexpr auto rows = static_cast<std::size_t>((PlotFrame::bottom - PlotFrame::top) / density_cell) + 2;
+/// Every k-th point, with the density there.
+std::vector<Dot> thinned(const Panel& panel, const SectionPoints& points, double font) {
+    // Squares of 0.35 mm on a column: small enough to follow the folds, large enough to count.
+    const double cell = 0.125 * font;
+    // Dots per square mm of the frame beyond which they only cover each other, and the most a page bears.
+    constexpr double dense = 4.0;
+    constexpr std::size_t most_of_all = 60000;
+    const PageBox& box = panel.box();
+    const auto columns = static_cast<std::size_t>(box.width() / cell) + 2;
+    const auto rows = static_cast<std::size_t>(box.height() / cell) + 2;
     std::vector<unsigned> counts(columns * rows, 0);
-    const auto cell = [](double x, double y) {
-        return static_cast<std::size_t>((y - PlotFrame::top) / density_cell) * columns +
-               static_cast<std::size_t>((x - PlotFrame::left) / density_cell);
+    const auto square = [&](std::size_t k) -> std::ptrdiff_t {
+        const double x = panel.x(points.x[k]) - box.left;
+        const double y = panel.y(points.y[k]) - box.top;
+        if (!(x >= 0.0 && x <= box.width() && y >= 0.0 && y <= box.height())) return -1;
+        return static_cast<std::ptrdiff_t>(static_cast<std::size_t>(y / cell) * columns +
+                                           static_cast<std::size_t>(x / cell));
     };
-    std::size_t points = 0;
-    for_each_point(series, options, frame, [&](double x, double y) {
-        ++counts[cell(x, y)];
-        ++points;
-    });
-    const std::size_t every = (points + options.maximum_dots - 1) / options.maximum_dots;
-    std::size_t seen = 0;
-    std::vector<Dot> dots;
-    for_each_point(series, options, frame, [&](double x, double y) {
-        if (seen++ % every == 0) {
-            dots.push_back(
-                {static_cast<int>(std::lround(10.0 * x)), static_cast<int>(std::lround(10.0 * y)), counts[cell(x, y)]});
-        }
-    });
-    return dots;
+    for (std::size_t k = 0; k < points.x.size(); ++k)
+        if (const auto at = square(k); at >= 0) ++counts[static_cast<std::size_t>(at)];
+    const double area_mm2 = box.width() * box.height() * (25.4 / 72.0) * (25.4 / 72.0);
+    const std::size_t most = std::clamp<std::size_t>(static_cast<std::size_t>(dense * area_mm2), 1, most_of_all);
+    const std::size_t every = std::max<std::size_t>((points.x.size() + most - 1) / most, 1);
+    std::vector<Dot> shown;
+    for (std::size_t k = 0; k < points.x.size(); k += every)
+        if (const auto at = square(k); at >= 0) shown.push_back({counts[static_cast<std::size_t>(at)], k});
+    return shown;
 }
 
-/// One path per shade: a dot is a line of length zero with round ends; short steps from dot to dot keep it small.
-void draw_dots(std::vector<Dot> dots, Out out) {
-    std::sort(dots.begin(), dots.end(),
-              [](const Dot& a, const Dot& b) { return std::tie(a.density, a.y, a.x) < std::tie(b.density, b.y, b.x); });
-    fmt::format_to(out, "<g transform=\"scale(.1)\" fill=\"none\" stroke-width=\"13\" stroke-linecap=\"round\">\n");
+/// Dots shaded by how many points of the whole record lie in their square.
+void draw_density(Panel& panel, const SectionPoints& points, double diameter) {
+    std::vector<Dot> shown = thinned(panel, points, panel.figure().font());
+    std::stable_sort(shown.begin(), shown.end(), [](const Dot& a, const Dot& b) { return a.density < b.density; });
     for (std::size_t shade = 0; shade < shades.size(); ++shade) {
         // Shades hold equal numbers of dots: the picture uses its whole range whatever the density's.
-        const auto begin = dots.begin() + static_cast<std::ptrdiff_t>(dots.size() * shade / shades.size());
-        const auto end = dots.begin() + static_cast<std::ptrdiff_t>(dots.size() * (shade + 1) / shades.size());
-        if (begin == end) {
-            continue;
-        }
-        constexpr int band = 40;  // rows of 4 px: neighbours in a row are then near in both directions
-        std::sort(begin, end, [](const Dot& a, const Dot& b) {
-            return std::make_tuple(a.y / band, a.x, a.y) < std::make_tuple(b.y / band, b.x, b.y);
+        const auto begin = shown.begin() + static_cast<std::ptrdiff_t>(shown.size() * shade / shades.size());
+        const auto end = shown.begin() + static_cast<std::ptrdiff_t>(shown.size() * (shade + 1) / shades.size());
+        // In bands of 2 pt from left to right: steps from dot to dot are short then, and so is the path.
+        constexpr double band = 2.0;
+        std::sort(begin, end, [&](const Dot& a, const Dot& b) {
+            const auto place = [&](const Dot& dot) {
+                return std::make_tuple(std::floor(panel.y(points.y[dot.point]) / band), panel.x(points.x[dot.point]),
+                                       dot.point);
+            };
+            return place(a) < place(b);
         });
-        fmt::format_to(out, "<path stroke=\"{}\" d=\"M{} {}h0", shades[shade], begin->x, begin->y);
-        for (auto dot = begin + 1; dot != end; ++dot) {
-            const int dx = dot->x - (dot - 1)->x;
-            const int dy = dot->y - (dot - 1)->y;
-            if (dx != 0 || dy != 0) {
-                fmt::format_to(out, "m{}{}{}h0", dx, dy < 0 ? "" : " ", dy);
-            }
+        std::vector<double> x;
+        std::vector<double> y;
+        for (auto dot = begin; dot != end; ++dot) {
+            x.push_back(points.x[dot->point]);
+            y.push_back(points.y[dot->point]);
         }
-        fmt::format_to(out, "\"/>\n");
+        panel.dots(x, y, shades[shade], diameter);
     }
-    fmt::format_to(out, "</g>\n");
 }
 
-using ByPeriod = std::map<int, std::vector<const PlottedOrbit*>>;
-
-/// Long periods first, so that the few short ones stay visible on top.
-void draw_orbits(const ByPeriod& periods, const SectionPlotOptions& options, const PlotFrame& frame, Out out) {
-    fmt::format_to(out, "<g stroke=\"#ffffff\" stroke-width=\"1\" stroke-linejoin=\"round\">\n");
-    for (auto entry = periods.rbegin(); entry != periods.rend(); ++entry) {
-        const PlotMarker marker = plot_marker(entry->first);
-        fmt::format_to(out, "<path fill=\"{}\" d=\"", marker.colour);
-        for (const PlottedOrbit* orbit : entry->second) {
-            for (Eigen::Index k = 0; k < orbit->points.cols(); ++k) {
-                fmt::format_to(out, "M{:.1f} {:.1f}{}", frame.x(orbit->points(options.x, k)),
-                               frame.y(orbit->points(options.y, k)), marker.outline);
-            }
-        }
-        fmt::format_to(out, "\"/>\n");
-    }
-    fmt::format_to(out, "</g>\n");
-}
-
-void draw_period_legend(const ByPeriod& periods, Out out) {
-    fmt::format_to(out, "<g font-size=\"14\" fill=\"#1d2430\">\n");
-    // As wide as "period 12: 1234 orbits" needs, narrower when all would not fit into one line.
-    const double step = std::min(
-        170.0, (PlotFrame::right - PlotFrame::left) / static_cast<double>(std::max<std::size_t>(1, periods.size())));
-    double x = PlotFrame::left + 8.0;
-    for (const auto& [period, orbits] : periods) {
-        const PlotMarker marker = plot_marker(period);
-        fmt::format_to(out, "<path fill=\"{}\" stroke=\"#ffffff\" d=\"M{:.1f} 86{}\"/>\n", marker.colour, x,
-                       marker.outline);
-        fmt::format_to(out, "<text x=\"{:.1f}\" y=\"91\">period {}: {} orbit{}</text>\n", x + 13.0, period,
-                       orbits.size(), orbits.size() == 1 ? "" : "s");
-        x += step;
-    }
-    fmt::format_to(out, "</g>\n");
-}
-
-void require_plottable(const orbits::Series& series, const std::vector<PlottedOrbit>& orbits,
-                       const SectionPlotOptions& options) {
-    if (series.sampling != orbits::Series::Sampling::section) {
-        throw std::invalid_argument("section plot: the series holds samples, must be a section");
-    }
-    for (const Eigen::Index coordinate : {options.x, options.y}) {
-        if (!(coordinate >= 0 && coordinate < series.dimension())) {
-            throw std::invalid_argument(
-                fmt::format("section plot: coordinate {}, must be in [0, {})", coordinate, series.dimension()));
-        }
-    }
-    if (options.maximum_dots == 0) {
-        throw std::invalid_argument("section plot: maximum_dots is 0, must be > 0");
-    }
-    for (const auto& orbit : orbits) {
-        if (orbit.points.rows() != series.dimension()) {
-            throw std::invalid_argument(
-                fmt::format("section plot: an orbit of period {} has {} coordinates, the series"
-                            " has {}",
-                            orbit.period, orbit.points.rows(), series.dimension()));
-        }
-    }
+std::string counted(const SectionPicture& picture) {
+    std::size_t orbits = 0;
+    for (const auto& [period, points] : picture.periods)
+        orbits += points.orbits;
+    std::string words =
+        fmt::format("{} points of the section, {} periodic orbits", grouped(picture.section.x.size()), orbits);
+    if (orbits > 0)
+        words += fmt::format(" of periods {} to {}", picture.periods.begin()->first, picture.periods.rbegin()->first);
+    return words;
 }
 
 }  // namespace
 
-std::vector<PlottedOrbit> plotted(const std::vector<orbits::Cycle>& cycles) {
-    std::vector<PlottedOrbit> out;
-    for (const auto& cycle : cycles) {
-        out.push_back({cycle.period, cycle.points});
+SectionPoints section_points(const orbits::Series& series, Eigen::Index x, Eigen::Index y) {
+    if (series.sampling != orbits::Series::Sampling::section)
+        throw std::invalid_argument("section plot: the series holds samples, must be a section");
+    SectionPoints points{
+        {series.coordinates.at(static_cast<std::size_t>(x)), series.coordinates.at(static_cast<std::size_t>(y))},
+        {},
+        {}};
+    for (const orbits::Segment& segment : series.segments) {
+        for (Eigen::Index k = 0; k < segment.values.cols(); ++k) {
+            if (!std::isfinite(segment.values(x, k)) || !std::isfinite(segment.values(y, k))) continue;
+            points.x.push_back(segment.values(x, k));
+            points.y.push_back(segment.values(y, k));
+        }
     }
-    return out;
+    return points;
 }
 
-std::string section_svg(const orbits::Series& series, const std::vector<PlottedOrbit>& orbits,
-                        const SectionPlotOptions& options) {
-    require_plottable(series, orbits, options);
-    const PlotFrame frame{axis_of(series, orbits, options.x), axis_of(series, orbits, options.y)};
-    ByPeriod periods;
-    for (const auto& orbit : orbits) {
-        periods[orbit.period].push_back(&orbit);
+void SectionPicture::add_orbit(int period, const Eigen::MatrixXd& points, Eigen::Index x, Eigen::Index y) {
+    PeriodPoints& all = periods[period];
+    ++all.orbits;
+    for (Eigen::Index k = 0; k < points.cols(); ++k) {
+        all.x.push_back(points(x, k));
+        all.y.push_back(points(y, k));
     }
-    const std::string title = options.title.empty() ? "Section and periodic points" : options.title;
-    const std::string subtitle = options.subtitle.empty()
-                                     ? fmt::format("{} points of the section, {} unstable periodic orbits",
-                                                   grouped(series.size()), orbits.size())
-                                     : options.subtitle;
+}
 
-    fmt::memory_buffer buffer;
-    const Out out(buffer);
-    fmt::format_to(out, "{}{}", frame.head(title, subtitle), frame.grid());
-    draw_dots(thinned(series, options, frame), out);
-    fmt::format_to(out, "{}", frame.border());
-    draw_orbits(periods, options, frame, out);
-    draw_period_legend(periods, out);
-    fmt::format_to(out, "</svg>\n");
-    return fmt::to_string(buffer);
+std::string section_svg(const SectionPicture& picture, const PlotStyle& style) {
+    PlotRange x_range, y_range;
+    x_range.include(picture.section.x);
+    y_range.include(picture.section.y);
+    for (const auto& [period, points] : picture.periods) {
+        x_range.include(points.x);
+        y_range.include(points.y);
+    }
+    const std::string description = picture.description.empty() ? counted(picture) : picture.description;
+    Figure figure(style);
+    figure.title(picture.heading, description);
+    const double scale = 0.045 * figure.font() * style.marks;
+    std::vector<LegendEntry> legend;
+    for (const auto& [period, points] : picture.periods) {
+        const std::string count = style.description
+                                      ? fmt::format(": {} orbit{}", points.orbits, points.orbits == 1 ? "" : "s")
+                                      : fmt::format(" ({})", points.orbits);
+        legend.push_back({fmt::format("period {}{}", period, count),
+                          LegendEntry::Kind::marker,
+                          plot_marker(period, std::max(scale, 0.3)),
+                          {}});
+    }
+    figure.legend(legend);
+    const double height = 0.72 * style.height * figure.width();
+    Panel panel(figure, figure.row(height), plot_axis(picture.section.coordinates[0], x_range, figure.wanted_ticks()),
+                plot_axis(picture.section.coordinates[1], y_range,
+                          std::max(6, static_cast<int>(height / (5.0 * figure.font())))));
+    panel.open();
+    draw_density(panel, picture.section, 0.07 * figure.font() * style.marks);
+    panel.frame();
+    // Long periods first, so that the few short ones stay visible on top; over the frame, where angles come round.
+    for (auto entry = picture.periods.rbegin(); entry != picture.periods.rend(); ++entry)
+        panel.markers(entry->second.x, entry->second.y, plot_marker(entry->first, scale));
+    return figure.svg(picture.title, description);
 }
 
 }  // namespace orbid::apps

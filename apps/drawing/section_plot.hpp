@@ -1,39 +1,54 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <map>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "orbits/cycles/cycle.hpp"
+#include "apps/drawing/plot_style.hpp"
 #include "orbits/records/series.hpp"
 
 namespace orbid::apps {
 
-/// One periodic orbit in a plot of the section.
-struct PlottedOrbit {
-    int period = 1;
-    Eigen::MatrixXd points;  ///< shape (n, p)
+/// Points of a section, for a plot of two of their coordinates.
+struct SectionPoints {
+    std::array<orbits::SeriesCoordinate, 2> coordinates;
+    std::vector<double> x;
+    std::vector<double> y;
 };
 
-[[nodiscard]] std::vector<PlottedOrbit> plotted(const std::vector<orbits::Cycle>& cycles);
+/// Two coordinates of a section series. Points where one of them is missing are left out.
+/// @throws std::invalid_argument when the series is not a section.
+/// @throws std::out_of_range when x or y is no coordinate.
+[[nodiscard]] SectionPoints section_points(const orbits::Series& series, Eigen::Index x = 0, Eigen::Index y = 1);
 
-struct SectionPlotOptions {
-    std::string title;                 ///< empty = "Section and periodic points"
-    std::string subtitle;              ///< empty = the counts
-    Eigen::Index x = 0;                ///< coordinate to the right
-    Eigen::Index y = 1;                ///< coordinate upwards
-    std::size_t maximum_dots = 60000;  ///< of the series; every k-th point is drawn. > 0
+/// The points of all periodic orbits of one period.
+struct PeriodPoints {
+    std::vector<double> x;
+    std::vector<double> y;
+    std::size_t orbits = 0;
 };
 
-/// Picture (SVG 1.1) of a section series with its periodic points: dots shaded by the density of the whole series, the
-/// orbits over it, coloured and shaped by period, legend, axes with units. Colours of Okabe and Ito, which people who
-/// confuse colours can tell apart. The same input gives the same bytes.
+/// What a picture of a section shows.
+struct SectionPicture {
+    SectionPoints section;
+    std::map<int, PeriodPoints> periods;
+    std::string heading;      ///< above the picture, where the style has a title
+    std::string title;        ///< for those who do not see it
+    std::string description;  ///< empty: how many points and orbits there are
+
+    /// Adds the points of an orbit, shape (n, p), in their coordinates x and y.
+    void add_orbit(int period, const Eigen::MatrixXd& points, Eigen::Index x = 0, Eigen::Index y = 1);
+};
+
+/// Picture (SVG 1.1) of a section with its periodic points: dots shaded by the density of all points, the orbits over
+/// it, coloured and shaped by period, legend, axes with units. The same input gives the same bytes.
 ///
-/// Points with a missing coordinate are left out. About 8 bytes per dot, 50 per periodic point.
-/// @throws std::invalid_argument when the series is not a section, x or y is no coordinate, or maximum_dots is 0.
-[[nodiscard]] std::string section_svg(const orbits::Series& series, const std::vector<PlottedOrbit>& orbits,
-                                      const SectionPlotOptions& options = {});
+/// At most 60 000 dots are drawn, and no more than the frame has room for. About 8 bytes per dot, 50 per periodic
+/// point.
+[[nodiscard]] std::string section_svg(const SectionPicture& picture, const PlotStyle& style);
 
 }  // namespace orbid::apps

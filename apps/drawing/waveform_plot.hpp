@@ -3,23 +3,29 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Core>
-
+#include "apps/drawing/plot_style.hpp"
 #include "orbits/records/series.hpp"
 
 namespace orbid::apps {
 
-/// Readings of one record over one turn of its orbit.
+/// Readings of one record over one turn of its orbit, in the order of their places.
 struct PlottedWaveform {
     std::string label;
-    Eigen::VectorXd measured_at;  ///< shape (m): share of the orbit in [0, 1)
-    Eigen::VectorXd measured;     ///< shape (m); nan = missing
-    Eigen::VectorXd computed;     ///< readings at equal shares from 0 to 1, both included
+    std::vector<double> measured_at;  ///< share of the orbit in [0, 1)
+    std::vector<double> measured;     ///< nan = missing
+    std::vector<double> computed_at;
+    std::vector<double> computed;
 };
 
-/// SVG of measured (dots) and computed (lines) waveforms of one coordinate, all records in one frame.
-/// @throws std::invalid_argument without waveforms, or where lengths differ.
-[[nodiscard]] std::string waveform_svg(const orbits::SeriesCoordinate& coordinate,
-                                       const std::vector<PlottedWaveform>& waveforms, const std::string& title);
+/// The records of one coordinate, in one frame.
+struct WaveformPanel {
+    orbits::SeriesCoordinate coordinate;
+    std::vector<PlottedWaveform> waveforms;
+};
+
+/// SVG of measured (markers) and computed (lines) waveforms, a frame for each coordinate. The legend is that of the
+/// first one. Of many readings every k-th is marked.
+[[nodiscard]] std::string waveform_svg(const std::vector<WaveformPanel>& panels, const std::string& heading,
+                                       const PlotStyle& style);
 
 }  // namespace orbid::apps

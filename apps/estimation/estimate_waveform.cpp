@@ -187,34 +187,38 @@ std::vector<std::pair<std::string, std::string>> waveform_plots(const Job& job, 
     constexpr std::size_t places = 401;
     const periodic::WaveformResidual& residual = *waveform.residual;
     const auto orbits = residual.solutions(theta);
-    std::vector<std::vector<PlottedWaveform>> plots(residual.channels().size());
+    std::vector<WaveformPanel> panels(residual.channels().size());
     for (std::size_t b = 0; b < orbits.size(); ++b) {
         if (orbits[b].status != periodic::OrbitStatus::converged) continue;
         const periodic::WaveformRecord& record = residual.records()[b];
         const double time = orbits[b].time;
         const double share = residual.alignment(b, latents[b]).phase / (2.0 * std::numbers::pi * record.period);
+        std::vector<double> shares(places);
         std::vector<double> times(places);
-        for (std::size_t k = 0; k < places; ++k)
-            times[k] = (static_cast<double>(k) / static_cast<double>(places - 1) - share) * time;
+        for (std::size_t k = 0; k < places; ++k) {
+            shares[k] = static_cast<double>(k) / static_cast<double>(places - 1);
+            times[k] = (shares[k] - share) * time;
+        }
         const Eigen::MatrixXd computed = residual.readings(b, theta, orbits[b], latents[b], times);
         if (computed.size() == 0) continue;
         Eigen::VectorXd at = record.times.array() / time + share;
         at = at.array() - at.array().floor();
-        for (std::size_t c = 0; c < plots.size(); ++c)
-            plots[c].push_back(
-                {record.label, at, record.values.row(static_cast<Index>(c)), computed.row(static_cast<Index>(c))});
+        const auto list = [](const auto& numbers) { return std::vector<double>(numbers.begin(), numbers.end()); };
+        for (std::size_t c = 0; c < panels.size(); ++c)
+            panels[c].waveforms.push_back({record.label, list(at), list(record.values.row(static_cast<Index>(c))),
+                                           shares, list(computed.row(static_cast<Index>(c)))});
     }
     std::vector<std::pair<std::string, std::string>> files;
-    for (std::size_t c = 0; c < plots.size(); ++c) {
-        if (plots[c].empty()) continue;
+    for (std::size_t c = 0; c < panels.size(); ++c) {
+        if (panels[c].waveforms.empty()) continue;
         const auto index = static_cast<std::size_t>(residual.channels()[c].coordinate);
         const auto& entry = job.model.system->coordinates()[index];
-        const orbits::SeriesCoordinate coordinate{
+        panels[c].coordinate = {
             std::string(entry.name), std::string(entry.unit),
             models::reads_angle(residual.records().front().sensor, job.model.system->coordinates(), index)};
         files.emplace_back(
-            plots.size() == 1 ? std::string("waveform.svg") : fmt::format("waveform_{}.svg", coordinate.name),
-            waveform_svg(coordinate, plots[c], job.title));
+            panels.size() == 1 ? std::string("waveform.svg") : fmt::format("waveform_{}.svg", entry.name),
+            waveform_svg({panels[c]}, job.title.empty() ? "Steady states" : job.title, run_picture_style));
     }
     return files;
 }

@@ -100,9 +100,11 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
         if (section && job.orbits->invariants && !work.interruption.asked())
             console.out << invariants_summary(compute_invariants(work, *section, search));
         if (section && section->series().dimension() >= 2) {
-            SectionPlotOptions plot;
-            plot.title = job.title;
-            work.folder.store("section.svg", section_svg(section->series(), plotted(search.cycles), plot));
+            SectionPicture picture{section_points(section->series()), {}, job.title, job.title, ""};
+            if (job.title.empty()) picture.heading = picture.title = "Section and periodic points";
+            for (const orbits::Cycle& cycle : search.cycles)
+                picture.add_orbit(cycle.period, cycle.points);
+            work.folder.store("section.svg", section_svg(picture, run_picture_style));
         }
     }
     if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {

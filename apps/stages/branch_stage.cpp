@@ -98,8 +98,12 @@ FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits
                       branches_text(head, parameter, continuation.options.lower, continuation.options.upper, followed));
     if (followed.branches.empty()) return followed;
     work.folder.store("branch.csv", branches_csv(head, parameter, followed));
-    work.folder.store("branch.svg",
-                      branches_svg(followed.branches, parameter, head.coordinates, {job.title, continuation.plotted}));
+    BranchPicture picture;
+    picture.parameter = {std::string(parameter.name), std::string(parameter.unit), false};
+    picture.shown = continuation.plotted;
+    if (picture.shown) picture.coordinate = head.coordinates.at(static_cast<std::size_t>(*picture.shown));
+    picture.heading = picture.title = job.title.empty() ? "Branches of periodic orbits" : job.title;
+    work.folder.store("branch.svg", branches_svg(followed.branches, picture, run_picture_style));
     return followed;
 }
 

@@ -50,17 +50,14 @@ std::optional<std::string> model_section_svg(const Job& job, const ComputedOrbit
     for (Eigen::Index i = 0; i < system.dimension(); ++i)
         if (!job.section_plane || i != job.section_plane->coordinate) shown.push_back(i);
     if (shown.size() < 2) return std::nullopt;
-    std::vector<PlottedOrbit> plotted;
+    SectionPicture picture;
     for (const ComputedOrbit& computed : orbits.list)
-        if (computed.converged()) plotted.push_back({computed.orbit.period, computed.orbit.points});
-    SectionPlotOptions plot;
-    plot.title = job.title;
-    plot.x = shown[0];
-    plot.y = shown[1];
-    const orbits::Series series = own_section(job);
-    plot.subtitle =
-        fmt::format("{} periodic orbits of the model, over {} points of its section", plotted.size(), series.size());
-    return section_svg(series, plotted, plot);
+        if (computed.converged()) picture.add_orbit(computed.orbit.period, computed.orbit.points, shown[0], shown[1]);
+    picture.section = section_points(own_section(job), shown[0], shown[1]);
+    picture.heading = picture.title = job.title.empty() ? "Section and periodic points" : job.title;
+    picture.description = fmt::format("{} periodic orbits of the model, over {} points of its section",
+                                      orbits.converged(), picture.section.x.size());
+    return section_svg(picture, run_picture_style);
 }
 
 }  // namespace orbid::apps

@@ -1,7 +1,5 @@
 #include "apps/stored_run/stored_section.hpp"
 
-#include <cmath>
-
 #include "apps/stages/searched_section.hpp"
 
 namespace orbid::apps {
@@ -16,16 +14,7 @@ std::optional<SectionPoints> section_points(const StoredRun& run) {
     if (job.orbits && !job.orbits->file) searched = searched_section(job, *record);
     const orbits::Series& series = searched ? searched->series() : *record;
     if (series.sampling != orbits::Series::Sampling::section || series.dimension() < 2) return std::nullopt;
-    SectionPoints points;
-    points.coordinates = {series.coordinates[0], series.coordinates[1]};
-    for (const orbits::Segment& segment : series.segments) {
-        for (Eigen::Index k = 0; k < segment.values.cols(); ++k) {
-            if (!std::isfinite(segment.values(0, k)) || !std::isfinite(segment.values(1, k))) continue;
-            points.x.push_back(segment.values(0, k));
-            points.y.push_back(segment.values(1, k));
-        }
-    }
-    return points;
+    return section_points(series);
 }
 
 }  // namespace orbid::apps

@@ -1,20 +1,11 @@
 #pragma once
 
-#include <array>
 #include <optional>
-#include <vector>
 
+#include "apps/drawing/section_plot.hpp"
 #include "apps/stored_run/stored_run.hpp"
-#include "orbits/records/series.hpp"
 
 namespace orbid::apps {
-
-/// Points of a section, for a plot of two of their coordinates.
-struct SectionPoints {
-    std::array<orbits::SeriesCoordinate, 2> coordinates;
-    std::vector<double> x;
-    std::vector<double> y;
-};
 
 /// The points of a stored run's section, its first two coordinates: the record that is searched for cycles, or the
 /// first one; samples are cut as the job says. Points with a missing coordinate are left out.

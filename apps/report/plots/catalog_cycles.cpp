@@ -3,9 +3,10 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <tuple>
+#include <utility>
 
 #include "apps/drawing/figure.hpp"
+#include "apps/drawing/section_plot.hpp"
 #include "apps/report/plots/catalog_plots.hpp"
 #include "apps/results/cycle_reader.hpp"
 #include "apps/stored_run/stored_section.hpp"
@@ -16,12 +17,6 @@ namespace orbid::apps::catalog {
 namespace {
 
 using Json = StoredRun::Json;
-
-struct PeriodPoints {
-    std::vector<double> x;
-    std::vector<double> y;
-    std::size_t orbits = 0;
-};
 
 const Json* cycle_list(const StoredRun& run) {
     if (run.cycles) return &*run.cycles;
@@ -53,113 +48,6 @@ std::map<int, PeriodPoints> points_by_period(const Json& list) {
         }
     }
     return periods;
-}
-
-void widen(std::array<double, 2>& range, const std::vector<double>& values) {
-    for (const double value : values) {
-        if (!std::isfinite(value)) continue;
-        range = {std::min(range[0], value), std::max(range[1], value)};
-    }
-}
-
-/// Light to dark, sparse to dense.
-constexpr std::array<std::string_view, 5> shades{"#c3c9d2", "#a3adbb", "#8390a3", "#64738a", "#3f4d63"};
-
-/// Dots shaded by how many points of the whole record lie in their square.
-void draw_density(Panel& panel, const SectionPoints& points) {
-    // Squares of 0.35 mm: small enough to follow the folds, large enough to count.
-    constexpr double cell = 1.0;
-    // Dots per square mm of the frame beyond which they only cover each other.
-    constexpr double dense = 4.0;
-    const PageBox& box = panel.box();
-    const auto columns = static_cast<std::size_t>(box.width() / cell) + 2;
-    const auto rows = static_cast<std::size_t>(box.height() / cell) + 2;
-    std::vector<unsigned> counts(columns * rows, 0);
-    const auto square = [&](std::size_t k) -> std::ptrdiff_t {
-        const double x = panel.x(points.x[k]) - box.left;
-        const double y = panel.y(points.y[k]) - box.top;
-        if (!(x >= 0.0 && x <= box.width() && y >= 0.0 && y <= box.height())) return -1;
-        return static_cast<std::ptrdiff_t>(static_cast<std::size_t>(y / cell) * columns +
-                                           static_cast<std::size_t>(x / cell));
-    };
-    for (std::size_t k = 0; k < points.x.size(); ++k) {
-        if (const auto at = square(k); at >= 0) ++counts[static_cast<std::size_t>(at)];
-    }
-    const double area_mm2 = box.width() * box.height() * (25.4 / 72.0) * (25.4 / 72.0);
-    const auto most = static_cast<std::size_t>(dense * area_mm2);
-    const std::size_t every = (points.x.size() + most - 1) / std::max<std::size_t>(most, 1);
-    struct Dot {
-        unsigned density;
-        std::size_t point;
-    };
-    std::vector<Dot> shown;
-    for (std::size_t k = 0; k < points.x.size(); k += std::max<std::size_t>(every, 1)) {
-        if (const auto at = square(k); at >= 0) shown.push_back({counts[static_cast<std::size_t>(at)], k});
-    }
-    std::stable_sort(shown.begin(), shown.end(), [](const Dot& a, const Dot& b) { return a.density < b.density; });
-    for (std::size_t shade = 0; shade < shades.size(); ++shade) {
-        // Shades hold equal numbers of dots: the picture uses its whole range whatever the density's.
-        const auto begin = shown.begin() + static_cast<std::ptrdiff_t>(shown.size() * shade / shades.size());
-        const auto end = shown.begin() + static_cast<std::ptrdiff_t>(shown.size() * (shade + 1) / shades.size());
-        // In bands of 2 pt from left to right: steps from dot to dot are short then, and so is the path.
-        constexpr double band = 2.0;
-        std::sort(begin, end, [&](const Dot& a, const Dot& b) {
-            const auto place = [&](const Dot& dot) {
-                return std::make_tuple(std::floor(panel.y(points.y[dot.point]) / band), points.x[dot.point], dot.point);
-            };
-            return place(a) < place(b);
-        });
-        std::vector<double> x;
-        std::vector<double> y;
-        for (auto dot = begin; dot != end; ++dot) {
-            x.push_back(points.x[dot->point]);
-            y.push_back(points.y[dot->point]);
-        }
-        panel.dots(x, y, shades[shade], 0.55);
-    }
-}
-
-std::string section_picture(const StoredRun& run, const PlotStyle& style,
-                            const std::array<orbits::SeriesCoordinate, 2>& coordinates, const SectionPoints* series,
-                            const std::map<int, PeriodPoints>& periods, std::string_view title) {
-    constexpr double infinity = std::numeric_limits<double>::infinity();
-    std::array<double, 2> x_range{infinity, -infinity};
-    std::array<double, 2> y_range{infinity, -infinity};
-    if (series != nullptr) {
-        widen(x_range, series->x);
-        widen(y_range, series->y);
-    }
-    for (const auto& [period, points] : periods) {
-        widen(x_range, points.x);
-        widen(y_range, points.y);
-    }
-    Figure figure(style);
-    figure.title(run.title());
-    // The markers of the page of 960 px, at the size that the font has here.
-    const double scale = 0.045 * figure.font();
-    std::vector<LegendEntry> legend;
-    std::size_t orbits = 0;
-    for (const auto& [period, points] : periods) {
-        legend.push_back({fmt::format("period {} ({})", period, points.orbits),
-                          LegendEntry::Kind::marker,
-                          plot_marker(period, std::max(scale, 0.3)),
-                          {}});
-        orbits += points.orbits;
-    }
-    figure.legend(legend);
-    const int wanted = std::max(4, static_cast<int>(figure.width() / (7.0 * figure.font())));
-    Panel panel(figure, figure.row(0.72 * figure.width()), plot_axis(coordinates[0], x_range[0], x_range[1], wanted),
-                plot_axis(coordinates[1], y_range[0], y_range[1], 6));
-    panel.open();
-    if (series != nullptr) draw_density(panel, *series);
-    // Long periods first, so that the few short ones stay visible on top.
-    for (auto entry = periods.rbegin(); entry != periods.rend(); ++entry)
-        panel.markers(entry->second.x, entry->second.y, plot_marker(entry->first, scale));
-    panel.frame();
-    return figure.svg(title, fmt::format("{} points of the section, {} periodic orbits of periods {} to {}",
-                                         series != nullptr ? series->x.size() : 0, orbits,
-                                         periods.empty() ? 0 : periods.begin()->first,
-                                         periods.empty() ? 0 : periods.rbegin()->first));
 }
 
 /// Sum of the squared distances between the points of two orbits of one period, point by point.
@@ -328,8 +216,8 @@ bool has_cycles(const StoredRun& run) {
 std::string cycles(const StoredRun& run, const PlotStyle& style) {
     const Json& list = *cycle_list(run);
     const auto coordinates = coordinates_of(run, list);
-    return section_picture(run, style, {coordinates.at(0), coordinates.at(1)}, nullptr, points_by_period(list),
-                           "Periodic points");
+    const SectionPoints none{{coordinates.at(0), coordinates.at(1)}, {}, {}};
+    return section_svg({none, points_by_period(list), run.title(), "Periodic points", ""}, style);
 }
 
 bool has_section(const StoredRun& run) {
@@ -356,14 +244,14 @@ bool has_section(const StoredRun& run) {
 }
 
 std::string section(const StoredRun& run, const PlotStyle& style) {
-    const auto points = section_points(run);
+    auto points = section_points(run);
     if (!points) {
         throw orbits::DataError(
             fmt::format("{}: the record has no section of two coordinates to plot", run.folder.string()));
     }
     std::map<int, PeriodPoints> periods;
     if (run.cycles && run.cycles->at("coordinates").size() >= 2) periods = points_by_period(*run.cycles);
-    return section_picture(run, style, points->coordinates, &*points, periods, "Section");
+    return section_svg({std::move(*points), std::move(periods), run.title(), "Section", ""}, style);
 }
 
 }  // namespace orbid::apps::catalog

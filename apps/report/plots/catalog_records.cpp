@@ -1,9 +1,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+#include <map>
 
 #include "apps/drawing/figure.hpp"
+#include "apps/drawing/waveform_plot.hpp"
 #include "apps/report/plots/catalog_plots.hpp"
 #include "apps/stored_run/stored_record.hpp"
 #include "orbits/records/data_error.hpp"
@@ -69,14 +70,10 @@ std::string prediction(const StoredRun& run, const PlotStyle& style) {
     double room = 0.0;
     for (std::size_t p = 0; p < count; ++p) {
         const Piece& piece = pieces[p];
-        std::array<double, 2> x{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
-        std::array<double, 2> y = x;
-        for (std::size_t k = 0; k < piece.at.size(); ++k) {
-            x = {std::min(x[0], piece.at[k]), std::max(x[1], piece.at[k])};
-            for (const double value : {piece.observed[k], piece.predicted[k]}) {
-                if (std::isfinite(value)) y = {std::min(y[0], value), std::max(y[1], value)};
-            }
-        }
+        PlotRange x, y;
+        x.include(piece.at);
+        y.include(piece.observed);
+        y.include(piece.predicted);
         orbits::SeriesCoordinate coordinate = coordinate_of(model, piece.coordinate);
         coordinate.angle = false;  // records of angles go on beyond a turn
         const bool timed = is_sampled(run, piece.experiment);
@@ -84,8 +81,8 @@ std::string prediction(const StoredRun& run, const PlotStyle& style) {
         axes.push_back({linear_axis(!last   ? ""
                                     : timed ? "t"
                                             : "section",
-                                    last && timed ? time_unit(model) : "", x[0], x[1]),
-                        plot_axis(coordinate, y[0], y[1], 4)});
+                                    last && timed ? time_unit(model) : "", x.lowest, x.highest),
+                        plot_axis(coordinate, y, 4)});
         room = std::max(room, room_for(figure, axes.back()[1]));
     }
     for (std::size_t p = 0; p < count; ++p) {
@@ -120,69 +117,47 @@ bool has_waveform(const StoredRun& run) {
 std::string waveform(const StoredRun& run, const PlotStyle& style) {
     const auto rows = rows_of(run);
     const ModelJob model = stored_model(run);
-    struct Wave {
-        std::string name;
-        std::vector<std::array<double, 3>> points;  ///< share of the orbit, measured, computed
+    struct Point {
+        double share;
+        double observed;
+        double predicted;
     };
     // By coordinate, the records in the order of the result.
-    std::vector<std::pair<std::string, std::vector<Wave>>> coordinates;
+    std::vector<WaveformPanel> panels;
     for (const Json& state : (*run.result)["steady_states"]) {
         const double time = number(state, "time");
         const auto experiment = state.value("experiment", std::string());
         const auto segment = state.value("segment", std::string());
         if (!(time > 0.0)) continue;
+        std::map<std::string, std::vector<Point>> read;
+        std::vector<std::string> order;
         for (const ResidualRow& row : rows) {
             if (row.experiment != experiment || row.block != segment) continue;
-            auto found = std::find_if(coordinates.begin(), coordinates.end(),
-                                      [&](const auto& entry) { return entry.first == row.coordinate; });
-            if (found == coordinates.end())
-                found = coordinates.insert(coordinates.end(), {row.coordinate, std::vector<Wave>{}});
-            const std::string name = experiment == segment ? experiment : experiment + " " + segment;
-            if (found->second.empty() || found->second.back().name != name) found->second.push_back({name, {}});
+            if (!read.contains(row.coordinate)) order.push_back(row.coordinate);
             const double turns = row.at / time;
-            found->second.back().points.push_back({turns - std::floor(turns), row.observed, row.predicted});
+            read[row.coordinate].push_back({turns - std::floor(turns), row.observed, row.predicted});
+        }
+        for (const std::string& name : order) {
+            auto panel = std::find_if(panels.begin(), panels.end(),
+                                      [&](const WaveformPanel& one) { return one.coordinate.name == name; });
+            if (panel == panels.end()) {
+                panel = panels.insert(panels.end(), {coordinate_of(model, name), {}});
+                panel->coordinate.angle = false;
+            }
+            std::sort(read[name].begin(), read[name].end(),
+                      [](const Point& a, const Point& b) { return a.share < b.share; });
+            PlottedWaveform& wave = panel->waveforms.emplace_back();
+            wave.label = experiment == segment ? experiment : experiment + " " + segment;
+            for (const Point& point : read[name]) {
+                wave.measured_at.push_back(point.share);
+                wave.measured.push_back(point.observed);
+                wave.computed.push_back(point.predicted);
+            }
+            wave.computed_at = wave.measured_at;
         }
     }
-    if (coordinates.empty()) throw orbits::DataError(run.folder.string() + ": no steady state was used");
-    Figure figure(style);
-    figure.title(run.title());
-    std::vector<LegendEntry> legend;
-    const auto marker = [&](std::size_t w) { return series_marker(w, 0.2 * figure.font()); };
-    for (std::size_t w = 0; w < coordinates.front().second.size(); ++w)
-        legend.push_back({coordinates.front().second[w].name, LegendEntry::Kind::marker, marker(w), {}});
-    figure.legend(legend);
-    for (auto& [name, waves] : coordinates) {
-        std::array<double, 2> y{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
-        for (Wave& wave : waves) {
-            std::sort(wave.points.begin(), wave.points.end());
-            for (const auto& point : wave.points) {
-                for (const double value : {point[1], point[2]}) {
-                    if (std::isfinite(value)) y = {std::min(y[0], value), std::max(y[1], value)};
-                }
-            }
-        }
-        orbits::SeriesCoordinate coordinate = coordinate_of(model, name);
-        coordinate.angle = false;
-        Panel panel(figure, figure.row(0.6 * figure.width()), linear_axis("share of the orbit", "", 0.0, 1.0),
-                    plot_axis(coordinate, y[0], y[1], 5));
-        panel.open();
-        for (std::size_t w = 0; w < waves.size(); ++w) {
-            std::array<std::vector<double>, 3> columns;
-            std::array<std::vector<double>, 2> shown;
-            const std::size_t every = stride(waves[w].points.size(), 60);
-            for (std::size_t k = 0; k < waves[w].points.size(); ++k) {
-                for (std::size_t c = 0; c < 3; ++c)
-                    columns[c].push_back(waves[w].points[k][c]);
-                if (k % every != 0) continue;
-                shown[0].push_back(waves[w].points[k][0]);
-                shown[1].push_back(waves[w].points[k][1]);
-            }
-            panel.curve(columns[0], columns[2], {marker(w).colour, 0.9});
-            panel.markers(shown[0], shown[1], series_marker(w, 0.16 * figure.font()), Panel::Filling::open);
-        }
-        panel.frame();
-    }
-    return figure.svg("Steady states", "measured (markers) and computed (lines) over one turn of the orbit");
+    if (panels.empty()) throw orbits::DataError(run.folder.string() + ": no steady state was used");
+    return waveform_svg(panels, run.title(), style);
 }
 
 }  // namespace orbid::apps::catalog

@@ -29,14 +29,19 @@ orbits::Series henon(Eigen::Index points) {
     return series;
 }
 
-std::vector<apps::PlottedOrbit> fixed_points() {
-    // x = (-0.7 +- sqrt(0.7^2 + 4 * 1.4)) / 2.8 of x = 1 - 1.4 x^2 + 0.3 x; two more periods only to be drawn.
+apps::SectionPicture picture_of(const orbits::Series& series) {
+    return {apps::section_points(series), {}, "Henon <a & b>", "Section", ""};
+}
+
+/// The same with orbits of periods 1 to 9.
+apps::SectionPicture with_orbits(const orbits::Series& series) {
+    apps::SectionPicture picture = picture_of(series);
+    // x = (-0.7 +- sqrt(0.7^2 + 4 * 1.4)) / 2.8 of x = 1 - 1.4 x^2 + 0.3 x; the other periods only to be drawn.
     const double x = (-0.7 + std::sqrt(0.49 + 5.6)) / 2.8;
-    std::vector<apps::PlottedOrbit> orbits{{1, Eigen::Vector2d(x, 0.3 * x)}};
-    for (int period = 2; period <= 9; ++period) {
-        orbits.push_back({period, Eigen::MatrixXd::Constant(2, period, 0.01 * period)});
-    }
-    return orbits;
+    picture.add_orbit(1, Eigen::Vector2d(x, 0.3 * x));
+    for (int period = 2; period <= 9; ++period)
+        picture.add_orbit(period, Eigen::MatrixXd::Constant(2, period, 0.01 * period));
+    return picture;
 }
 
 std::size_t count(const std::string& text, const std::string& what) {
@@ -72,71 +77,83 @@ bool well_formed(const std::string& xml) {
     return open.empty();
 }
 
+std::string drawn(const apps::SectionPicture& picture) {
+    return apps::section_svg(picture, apps::run_picture_style);
+}
+
 TEST_CASE("the picture is well-formed, deterministic and holds legend, axes and title", "[apps]") {
     const auto series = henon(5000);
-    const std::string svg = apps::section_svg(series, fixed_points(), {"Henon <a & b>", "", 0, 1, 1000});
-    CHECK(svg == apps::section_svg(series, fixed_points(), {"Henon <a & b>", "", 0, 1, 1000}));
+    const std::string svg = drawn(with_orbits(series));
+    CHECK(svg == drawn(with_orbits(series)));
     CHECK(well_formed(svg));
     CHECK_FALSE(well_formed("<svg><g></svg>"));  // the check itself can fail
     CHECK_THAT(svg, ContainsSubstring("Henon &lt;a &amp; b&gt;") && ContainsSubstring("dx/dt [m/s]"));
     CHECK_THAT(svg, ContainsSubstring("period 1: 1 orbit<") && ContainsSubstring("period 9: 1 orbit<"));
+    CHECK_THAT(svg, ContainsSubstring("5 000 points of the section, 9 periodic orbits of periods 1 to 9"));
     CHECK_THAT(svg, !ContainsSubstring("nan") && !ContainsSubstring("inf"));
+    // On paper the caption says what is shown.
+    const std::string plot = apps::section_svg(with_orbits(series), apps::PlotStyle{});
+    CHECK_THAT(plot, ContainsSubstring(">period 9 (1)<") && !ContainsSubstring("Henon"));
 }
 
 TEST_CASE("dots are thinned, and every periodic point is drawn", "[apps]") {
-    const std::string svg = apps::section_svg(henon(5000), {{3, Eigen::MatrixXd::Zero(2, 3)}}, {"", "", 0, 1, 1000});
-    // Every fifth point of 5000 is drawn; dots at the same tenth of a pixel are drawn once.
-    CHECK(count(svg, "h0") <= 1000);
-    CHECK(count(svg, "h0") > 950);
-    // Three triangles and the one of the legend begin with the same steps.
-    CHECK(count(svg, "m0 -6.0l") == 4);
-    // 60 000 dots, the default, stay below a third of the 1.5 MB a page bears.
-    CHECK(apps::section_svg(henon(200000), {}).size() < 700000);
+    apps::SectionPicture picture = picture_of(henon(180000));
+    picture.add_orbit(3, Eigen::MatrixXd::Zero(2, 3));
+    const std::string svg = drawn(picture);
+    // Every third point is drawn; of dots at the same twentieth of a pt one is.
+    CHECK(count(svg, "h0") <= 60000);
+    CHECK(count(svg, "h0") > 45000);
+    // Three triangles and the one of the legend begin with the same steps: 1.2 * 5 * 0.045 * 10.5 * 1.5.
+    CHECK(count(svg, "m0 -4.25l") == 3 + 1);
+    // Well below the 1.5 MB a page bears.
+    CHECK(svg.size() < 700000);
 }
 
 TEST_CASE("points with missing coordinates are left out, an empty series is a picture too", "[apps]") {
     auto series = henon(100);
     series.segments[0].values(0, 7) = std::numeric_limits<double>::quiet_NaN();
-    CHECK(count(apps::section_svg(series, {}), "h0") == 99);
+    CHECK(count(drawn(picture_of(series)), "h0") == 99);
     series.segments.clear();
-    const std::string svg = apps::section_svg(series, {});
+    const std::string svg = drawn(picture_of(series));
     CHECK(well_formed(svg));
     CHECK(count(svg, "h0") == 0);
+    CHECK_THAT(svg, ContainsSubstring("0 points of the section, 0 periodic orbits<"));
 }
 
 TEST_CASE("angles show the whole circle", "[apps]") {
     orbits::Series series;
     series.coordinates = {{"phi", "rad", true}, {"phi_dot", "rad/s", false}};
     series.segments.push_back({"0", (Eigen::MatrixXd(2, 2) << 0.1, 0.2, 1.0, 2.0).finished(), {}});
-    const std::string svg = apps::section_svg(series, {});
+    const std::string svg = drawn(picture_of(series));
     CHECK_THAT(svg, ContainsSubstring(">−π<") && ContainsSubstring(">π/2<") && ContainsSubstring("φ [rad]") &&
                         ContainsSubstring("dφ/dt [rad/s]"));
     // A reading outside (-pi, pi] lands on the same dot.
     series.segments[0].values(0, 0) += 2.0 * std::acos(-1.0);
-    CHECK(apps::section_svg(series, {}) == svg);
+    CHECK(drawn(picture_of(series)) == svg);
 }
 
 TEST_CASE("ticks are round numbers", "[apps]") {
-    const auto labels = [](double lowest, double highest) {
+    const auto axis = [](double lowest, double highest) {
+        return apps::plot_axis({"v", "m/s", false}, {lowest, highest}, 7);
+    };
+    const auto labels = [&](double lowest, double highest) {
         std::string out;
-        for (const auto& tick : apps::plot_axis({"v", "m/s", false}, lowest, highest).ticks) {
+        for (const auto& tick : axis(lowest, highest).ticks)
             out += tick.label + " ";
-        }
         return out;
     };
     CHECK(labels(-14.6, 14.6) == "−15 −10 −5 0 5 10 15 ");
     CHECK(labels(0.0, 1.0) == "0.0 0.2 0.4 0.6 0.8 1.0 ");
-    CHECK(labels(3.0, 3.0) == "2.6 2.8 3.0 3.2 3.4 ");
-    CHECK(labels(1.0e-4, 3.0e-4).find("0.00010 0.00015") == 0);
+    CHECK(labels(3.0, 3.0) == "2.85 2.90 2.95 3.00 3.05 3.10 3.15 ");
+    CHECK(labels(1.0e-4, 3.0e-4) == "100 150 200 250 300 ");
+    CHECK(axis(1.0e-4, 3.0e-4).label == "v [10⁻⁶ m/s]");
 }
 
 TEST_CASE("what cannot be plotted is refused", "[apps]") {
     auto series = henon(10);
-    CHECK_THROWS_WITH(apps::section_svg(series, {}, {"", "", 0, 2, 10}), ContainsSubstring("coordinate 2"));
-    CHECK_THROWS_WITH(apps::section_svg(series, {}, {"", "", 0, 1, 0}), ContainsSubstring("maximum_dots"));
-    CHECK_THROWS_WITH(apps::section_svg(series, {{1, Eigen::VectorXd::Zero(3)}}), ContainsSubstring("3 coordinates"));
+    CHECK_THROWS_AS(apps::section_points(series, 0, 2), std::out_of_range);
     series.sampling = orbits::Series::Sampling::samples;
-    CHECK_THROWS_WITH(apps::section_svg(series, {}), ContainsSubstring("must be a section"));
+    CHECK_THROWS_WITH(apps::section_points(series), ContainsSubstring("must be a section"));
 }
 
 }  // namespace

@@ -139,20 +139,25 @@ TEST_CASE("a bifurcation picture shows stable and unstable pieces, marks and uni
             ++found;
         return found;
     };
-    const std::string velocity = apps::branches_svg(branches, omega, coordinates, {"A & B", 1});
+    apps::BranchPicture picture;
+    picture.parameter = {std::string(omega.name), std::string(omega.unit), false};
+    picture.heading = picture.title = "A & B";
+    // Without a section the time is shown, one curve per branch.
+    CHECK_THAT(apps::branches_svg(branches, picture, apps::run_picture_style), ContainsSubstring(">T [s]<"));
+    picture.shown = 1;
+    picture.coordinate = coordinates[1];
+    const std::string velocity = apps::branches_svg(branches, picture, apps::run_picture_style);
     CHECK_THAT(velocity, ContainsSubstring("A &amp; B") && ContainsSubstring("ω [rad/s]") &&
                              ContainsSubstring("dφ/dt [rad/s]") && ContainsSubstring("period 4") &&
-                             ContainsSubstring(">fold<") && ContainsSubstring("3 branches, 14 orbits, 4 bifurcations"));
+                             ContainsSubstring(">fold<") &&
+                             ContainsSubstring("3 branches over omega, 14 orbits, 4 bifurcations located"));
     // Unstable: one piece of the first branch, two of the second, four of the third; and the legend's line.
     CHECK(count(velocity, "stroke-dasharray") == 1 + 2 + 4 + 1);
     // One circle per point of the doubling orbits, of periods 1, 2 and 4, one square; each once more in the legend.
-    CHECK(count(velocity, "a5 5 0 1 0 10 0") == 1 + 2 + 4 + 1);
-    CHECK(count(velocity, "h9v9h-9z") == 1 + 1);
-    // Without a section the time is shown, one curve per branch.
-    CHECK_THAT(apps::branches_svg(branches, omega, coordinates, {"", {}}), ContainsSubstring(">T [s]<"));
-    CHECK_THROWS_AS(apps::branches_svg(branches, omega, coordinates, {"", 2}), std::invalid_argument);
+    CHECK(count(velocity, "m-4.09 0a4.09 4.09 0 1 0") == 1 + 2 + 4 + 1);
+    CHECK(count(velocity, "m-3.60 -3.60h7.21v7.21") == 1 + 1);
     // The same input gives the same bytes.
-    CHECK(velocity == apps::branches_svg(branches, omega, coordinates, {"A & B", 1}));
+    CHECK(velocity == apps::branches_svg(branches, picture, apps::run_picture_style));
 }
 
 }  // namespace
