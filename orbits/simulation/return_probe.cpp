@@ -14,8 +14,9 @@ namespace orbid::orbits {
 namespace {
 
 constexpr std::size_t returns = 64;
-constexpr std::size_t looks = 512;  // instants at which the size of the states is looked at, eight per return
-constexpr int rounds = 6;
+constexpr std::size_t instants_looked_at =
+    512;  // instants at which the size of the states is looked at, eight per return
+constexpr int probe_rounds = 6;
 constexpr double generous = 100.0;
 /// Steps of one return: a probe must not take longer than a simulation. A hundred times what a return needs.
 constexpr std::size_t step_budget = 10000;
@@ -37,9 +38,9 @@ std::optional<double> time_of_change(const models::System& system, const Eigen::
 /// Largest absolute values on the way of a trajectory, sampled until `end`; 0 where it cannot be followed.
 Eigen::VectorXd size_of(const models::System& system, const Eigen::VectorXd& theta, const Eigen::VectorXd& start,
                         double end, const models::FlowOptions& flow) {
-    std::vector<double> durations(looks);
-    for (std::size_t k = 0; k < looks; ++k)
-        durations[k] = end * static_cast<double>(k) / (looks - 1);
+    std::vector<double> durations(instants_looked_at);
+    for (std::size_t k = 0; k < instants_looked_at; ++k)
+        durations[k] = end * static_cast<double>(k) / (instants_looked_at - 1);
     models::FlowOptions whole = flow;
     whole.maximum_steps *= returns;
     const auto run = system.flow(start, 0.0, durations, theta, models::Clock::time, whole);
@@ -58,7 +59,7 @@ ReturnProbe probe_returns(const models::System& system, const Eigen::VectorXd& t
     probe.longest_return = 10.0 * change.value_or(1.0);
     probe.range = starts.cwiseAbs().rowwise().maxCoeff();
     const auto count = static_cast<std::size_t>(starts.cols());
-    for (int round = 0; round < rounds; ++round) {
+    for (int round = 0; round < probe_rounds; ++round) {
         const auto run = system.crossing_ensemble(starts, section, returns, probe.longest_return, theta, limited);
         std::vector<double> times;
         std::vector<double> ends(count, 0.0);
@@ -73,7 +74,7 @@ ReturnProbe probe_returns(const models::System& system, const Eigen::VectorXd& t
                 times.push_back(at[k] - at[k - 1]);
         }
         const bool enough = 4 * complete >= count && complete > 0;
-        if (!enough && round + 1 < rounds) {
+        if (!enough && round + 1 < probe_rounds) {
             probe.longest_return *= 10.0;
             continue;
         }

@@ -14,7 +14,7 @@ namespace {
 
 /// [s] Without a crossing for so long a start has missed the plane. Returns of the usual examples take about one unit
 /// of their fast time; a flow that settles on an equilibrium would never end.
-constexpr double longest_return = 1000.0;
+constexpr double longest_wait = 1000.0;
 
 MatrixXd wrapped(std::span<const models::Coordinate> coordinates, MatrixXd difference) {
     for (Index i = 0; i < difference.rows(); ++i)
@@ -80,7 +80,7 @@ std::optional<SectionImage> SectionMap::crossing(const VectorXd& x, const Vector
     std::optional<std::span<const Index>> directions_of;
     if (derivatives) directions_of = free;
     const models::CrossingResult found =
-        system_->crossings(states(x), *place_.plane, 1, longest_return, theta, directions_of, flow_);
+        system_->crossings(states(x), *place_.plane, 1, longest_wait, theta, directions_of, flow_);
     if (found.status != models::FlowStatus::ok || found.states.cols() != 1 || !found.states.allFinite() ||
         !found.sensitivities.allFinite())
         return std::nullopt;
