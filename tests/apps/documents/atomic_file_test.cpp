@@ -11,7 +11,7 @@
 #include "tests/apps/program/temporary_folder.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::atomic_file_test {
 namespace {
 
 using tests::ContainsSubstring;
@@ -90,4 +90,4 @@ TEST_CASE("temporaries of processes that are no more, and old ones, are tidied a
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::atomic_file_test

@@ -7,7 +7,7 @@
 #include "tests/apps/program/temporary_folder.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::fingerprint_test {
 namespace {
 
 using tests::ContainsSubstring;
@@ -86,4 +86,4 @@ TEST_CASE("a key given twice is refused", "[apps]") {
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::fingerprint_test

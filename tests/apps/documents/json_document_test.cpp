@@ -4,6 +4,8 @@
 
 #include "tests/catch.hpp"
 
+namespace json_document_test {
+
 using namespace orbid::apps;
 using orbid::tests::ContainsSubstring;
 
@@ -53,3 +55,5 @@ TEST_CASE("text that is no JSON is refused with its place", "[apps][json]") {
 TEST_CASE("pointers escape as RFC 6901 says", "[apps][json]") {
     CHECK(child_pointer("/a", "b/c~d") == "/a/b~1c~0d");
 }
+
+}  // namespace json_document_test

@@ -8,7 +8,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::json_text_test {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -64,4 +64,4 @@ TEST_CASE("text that is not UTF-8 does not stop a result from being written", "[
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::json_text_test

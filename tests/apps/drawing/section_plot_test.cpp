@@ -10,7 +10,7 @@
 #include "apps/drawing/plot_axis.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::section_plot_test {
 namespace {
 
 using tests::ContainsSubstring;
@@ -157,4 +157,4 @@ TEST_CASE("what cannot be plotted is refused", "[apps]") {
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::section_plot_test

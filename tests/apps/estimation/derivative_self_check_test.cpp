@@ -9,6 +9,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace derivative_self_check_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using tests::ContainsSubstring;
@@ -67,3 +69,5 @@ TEST_CASE("the log of a run says how derivatives agree", "[apps][run]") {
     CHECK_THAT(read_whole_file(out / "log.txt"),
                ContainsSubstring("model duffing: derivatives agree with differences; worst: d "));
 }
+
+}  // namespace derivative_self_check_test

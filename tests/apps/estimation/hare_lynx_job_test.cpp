@@ -9,6 +9,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace hare_lynx_job_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -77,3 +79,5 @@ TEST_CASE("the posterior of hare and lynx is that of the reference draws", "[app
         ++rows;
     CHECK(rows == draws);
 }
+
+}  // namespace hare_lynx_job_test

@@ -7,6 +7,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace henon_job_test {
+
 using namespace orbid::tests;
 
 TEST_CASE("the cycles of the Henon map are found and give its parameters", "[apps][run]") {
@@ -70,3 +72,5 @@ TEST_CASE("periodic orbits of a map are computed from starts in a job", "[apps][
     CHECK(orbits["section"].empty());
     CHECK(orbits["cycles"][0]["time"].is_null());
 }
+
+}  // namespace henon_job_test

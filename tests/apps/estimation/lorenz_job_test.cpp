@@ -5,6 +5,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace lorenz_job_test {
+
 using namespace orbid::tests;
 
 TEST_CASE("the parameters of the Lorenz equations are found from samples", "[apps][run]") {
@@ -103,3 +105,5 @@ TEST_CASE("a section is cut from samples and searched, its invariants told", "[a
     CHECK(invariants["correlation"]["dimension"].get<double>() < 1.2);
     CHECK(second.out.find("Lyapunov exponents [1/s]") != std::string::npos);
 }
+
+}  // namespace lorenz_job_test

@@ -13,6 +13,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace model_size_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using tests::check_only;
@@ -120,3 +122,5 @@ TEST_CASE("the forcing of a small ring is estimated from its series", "[apps][ru
     REQUIRE(tests::orbid_with({"run", (out / "job.json").string(), "--out", again.string(), "--quiet"}).code == 0);
     CHECK(apps::read_whole_file(out / "result.json") == apps::read_whole_file(again / "result.json"));
 }
+
+}  // namespace model_size_test

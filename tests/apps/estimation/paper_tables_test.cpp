@@ -10,6 +10,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace paper_tables_test {
+
 using namespace orbid;
 using namespace orbid::tests;
 
@@ -92,3 +94,5 @@ TEST_CASE("the paper's own analysis comes within the deviations that it prints",
     CHECK(result["errors"]["cycles.phi"]["unit"] == "rad");
     CHECK(result["errors"]["cycles.phi_dot"]["unit"] == "rad/s");
 }
+
+}  // namespace paper_tables_test

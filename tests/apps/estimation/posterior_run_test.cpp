@@ -13,6 +13,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace posterior_run_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -261,3 +263,5 @@ TEST_CASE("an interrupted sample leaves the estimate and its draws", "[apps][run
     CHECK(done.result["posterior"]["status"] == "interrupted");
     CHECK(std::filesystem::exists(out / "posterior.csv"));
 }
+
+}  // namespace posterior_run_test

@@ -9,6 +9,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace real_pendulum_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -85,3 +87,5 @@ TEST_CASE("larger swings of a real pendulum are predicted from smaller ones", "[
     CHECK_THAT(theirs, WithinAbs(28.5e-3, 1e-4));  // by the independent program
     CHECK(predicted_rms(ours) < 0.26 * theirs);    // measured 0.13, twice that
 }
+
+}  // namespace real_pendulum_test

@@ -6,6 +6,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace series_run_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -125,3 +127,5 @@ TEST_CASE("several experiments share parameters and keep some for themselves", "
     CHECK(orbid::apps::read_whole_file(out / "result.json") ==
           orbid::apps::read_whole_file(folder.path() / "again" / "result.json"));
 }
+
+}  // namespace series_run_test

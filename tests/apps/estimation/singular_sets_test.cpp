@@ -7,6 +7,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace singular_sets_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -108,3 +110,5 @@ TEST_CASE("a combination that the data determine is met although its parts are n
     // 10 % of m are no uncertainty of the ratio.
     CHECK(ratio["sd"].get<double>() < 1e-3 * ratio["value"].get<double>());
 }
+
+}  // namespace singular_sets_test

@@ -11,6 +11,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace strategy_run_test {
+
 using namespace orbid;
 using namespace orbid::tests;
 
@@ -206,3 +208,5 @@ TEST_CASE("Bayes factors in words", "[apps]") {
     CHECK(apps::in_words(-4.0) == "strongly supported: this one");
     CHECK(apps::in_words(5.0) == "very strongly supported: the job's model");
 }
+
+}  // namespace strategy_run_test

@@ -7,6 +7,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace waveform_run_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -257,3 +259,5 @@ TEST_CASE("waveform residuals are refused where they cannot be meant", "[apps][w
     // The period of the limit cycle at mu = 1.
     CHECK_THAT(result["steady_states"][0]["time"].get<double>(), WithinRel(6.6632868593, 1e-3));
 }
+
+}  // namespace waveform_run_test

@@ -8,6 +8,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace bad_data_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -198,3 +200,5 @@ TEST_CASE("a place where nothing can be stored is refused before computing", "[a
     CHECK_THAT(run.error, ContainsSubstring((taken / "below").string()));
     CHECK(orbid::apps::read_whole_file(taken) == "mine");
 }
+
+}  // namespace bad_data_test

@@ -16,6 +16,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace job_corpus_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using tests::Path;
@@ -197,3 +199,5 @@ TEST_CASE("schema and reference are what is described, and those in docs are cur
     CHECK(tests::orbid_with({"schema"}).out == schema);
     CHECK(tests::orbid_with({"schema", "--markdown"}).out == job_reference_text());
 }
+
+}  // namespace job_corpus_test

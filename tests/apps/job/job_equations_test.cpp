@@ -7,6 +7,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace job_equations_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using tests::check_only;
@@ -146,3 +148,5 @@ TEST_CASE("the example with equations in the job finds its parameters", "[apps][
     // 404 readings: the sd of their errors is known to 1 / sqrt(808) = 3.5 %; four of that.
     CHECK_THAT(result["errors"]["series.x"]["sd"].get<double>(), tests::WithinRel(0.005, 0.14));
 }
+
+}  // namespace job_equations_test

@@ -10,6 +10,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace job_errors_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using tests::check_only;
@@ -276,3 +278,5 @@ TEST_CASE("an initial value with more than a normal prior becomes a parameter", 
     refused(R"({ "scale": "log", "bounds": [-1, 4] })", "/bounds: lower bound -1 must be >= 0 on a log scale");
     refused(R"({ "start": 3, "prior": { "uniform": { "lower": 4, "upper": 5 } } })", "/start: start 3 has no density");
 }
+
+}  // namespace job_errors_test

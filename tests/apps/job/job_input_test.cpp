@@ -12,6 +12,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace job_input_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using tests::ContainsSubstring;
@@ -213,3 +215,5 @@ TEST_CASE("damping is estimated from a record with its ground in the same table"
     CHECK_THAT(early.error,
                ContainsSubstring("roll: series residual: segment 0: the measured inputs cover [0, 1.2] s"));
 }
+
+}  // namespace job_input_test

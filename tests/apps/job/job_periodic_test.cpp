@@ -6,6 +6,8 @@
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/catch.hpp"
 
+namespace job_periodic_test {
+
 using namespace orbid;
 using namespace orbid::tests;
 
@@ -287,3 +289,5 @@ TEST_CASE("what is wrong with searches and continuations is said where it stands
     check_only(with(R"({ "continuation": { "parameter": "omega", "to": 8 } })"),
                "/periodic: a branch needs the orbit that it starts at");
 }
+
+}  // namespace job_periodic_test

@@ -8,6 +8,8 @@
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/catch.hpp"
 
+namespace job_prior_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using estimator::Scale;
@@ -234,3 +236,5 @@ TEST_CASE("joint priors are read, written back and checked", "[apps][job][prior]
     const std::string one = R"({ "normal": { "names": ["l"], "mean": [1], "covariance": [[1]] } })";
     check_at(with("[" + one + ", " + one + "]"), at + "/1/normal/names/0: \"l\" stands in a joint prior already");
 }
+
+}  // namespace job_prior_test

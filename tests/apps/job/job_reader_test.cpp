@@ -11,6 +11,8 @@
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/catch.hpp"
 
+namespace job_reader_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using tests::ContainsSubstring;
@@ -226,3 +228,5 @@ TEST_CASE("every model has starting jobs that pass the check", "[apps][job]") {
         }
     }
 }
+
+}  // namespace job_reader_test

@@ -11,6 +11,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace job_section_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using tests::check_only;
@@ -139,3 +141,5 @@ TEST_CASE("crossings of a section are simulated, stored with their times, and fo
         CHECK((read_whole_file(file) == read_whole_file(work.path() / "again" / file.filename())));
     }
 }
+
+}  // namespace job_section_test

@@ -10,6 +10,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace job_sensor_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using tests::check_only;
@@ -145,3 +147,5 @@ TEST_CASE("an encoder and a formula are simulated, fitted and predicted", "[apps
         CHECK(read_whole_file(out / "result.json") == read_whole_file(work.path() / "again" / "result.json"));
     }
 }
+
+}  // namespace job_sensor_test

@@ -9,6 +9,8 @@
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/catch.hpp"
 
+namespace job_strategy_test {
+
 using namespace orbid;
 using namespace orbid::apps;
 using tests::check_only;
@@ -252,3 +254,5 @@ TEST_CASE("criticism names models and parameters that exist", "[apps][job]") {
     check_only(samples_job("", R"("criticism": { "variants": ["other"] })"),
                "/estimate/criticism/variants: the model lorenz has no other variants");
 }
+
+}  // namespace job_strategy_test

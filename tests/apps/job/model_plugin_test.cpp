@@ -18,6 +18,8 @@
 #include "tests/apps/program/temporary_folder.hpp"
 #include "tests/catch.hpp"
 
+namespace model_plugin_test {
+
 using namespace orbid;
 using tests::ContainsSubstring;
 namespace fs = std::filesystem;
@@ -182,3 +184,5 @@ TEST_CASE("a run says that its equations were compiled", "[apps][plugin]") {
     const auto after = tests::orbid_with({"check", job});
     CHECK_THAT(after.out, ContainsSubstring("equations  compiled, in the cache"));
 }
+
+}  // namespace model_plugin_test

@@ -12,6 +12,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace colour_test {
+
 using namespace orbid;
 using namespace orbid::tests;
 
@@ -87,3 +89,5 @@ TEST_CASE("only statuses at the beginning of a line are coloured", "[apps][comma
     CHECK(apps::error_text("job.json:1:2: wrong", true) == "\033[31mjob.json:1:2:\033[0m wrong");
     CHECK(apps::error_text("nothing to mark", true) == "nothing to mark");
 }
+
+}  // namespace colour_test

@@ -11,6 +11,8 @@
 #include "apps/program/command_table.hpp"
 #include "tests/catch.hpp"
 
+namespace command_line_test {
+
 using namespace orbid::apps;
 using orbid::tests::ContainsSubstring;
 
@@ -113,3 +115,5 @@ TEST_CASE("the page of a model lists what its variants have besides", "[apps]") 
     // Variants with the same parameters have nothing to list.
     CHECK(outcome({"models", "parametric_pendulum"}).out.find("besides") == std::string::npos);
 }
+
+}  // namespace command_line_test

@@ -14,6 +14,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace completion_test {
+
 using namespace orbid;
 using namespace orbid::tests;
 
@@ -136,3 +138,5 @@ TEST_CASE("the manual page is set without warnings and names everything", "[apps
     }
     CHECK_THAT(text, ContainsSubstring("130") && ContainsSubstring("NO_COLOR"));
 }
+
+}  // namespace completion_test

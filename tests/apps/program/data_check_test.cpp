@@ -8,6 +8,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace data_check_test {
+
 using namespace orbid;
 using namespace orbid::tests;
 
@@ -105,3 +107,5 @@ TEST_CASE("every example job is checked with its data", "[apps][command]") {
     }
     CHECK(jobs >= 18);
 }
+
+}  // namespace data_check_test

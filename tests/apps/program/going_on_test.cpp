@@ -10,6 +10,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace going_on_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -225,3 +227,5 @@ TEST_CASE("a checkpoint of another job or a damaged one is not taken up", "[apps
     CHECK(run.end() == 0);
     CHECK(run.text().find("reused") == std::string::npos);
 }
+
+}  // namespace going_on_test

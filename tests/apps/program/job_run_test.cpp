@@ -7,7 +7,7 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::job_run_test {
 namespace {
 
 using tests::Path;
@@ -185,4 +185,4 @@ TEST_CASE("commands write to the streams of their caller", "[apps]") {
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::job_run_test

@@ -10,6 +10,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace periodic_run_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -303,3 +305,5 @@ TEST_CASE("what a check says of periodic orbits", "[apps][command]") {
             ContainsSubstring("search     periods 1, 2, 3, 4 of the model: 16384 points of the section") &&
             ContainsSubstring("branches   rho from 24 to 32 1/s, orbits up to period 2; at most 32 branches of"));
 }
+
+}  // namespace periodic_run_test

@@ -5,6 +5,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace run_reuse_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -145,3 +147,5 @@ TEST_CASE("cycles are taken from the file of an earlier run", "[apps][run]") {
     CHECK_THAT(changed.error, ContainsSubstring("cycles.json") && ContainsSubstring("SHA-256"));
     CHECK_FALSE(std::filesystem::exists(folder.path() / "third"));
 }
+
+}  // namespace run_reuse_test

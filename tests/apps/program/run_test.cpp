@@ -10,6 +10,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace run_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -253,3 +255,5 @@ TEST_CASE("an interrupted run stores a valid result", "[apps][run]") {
     CHECK(read_json(out / "timing.json")["stages"][0]["reused"] == true);
     CHECK(read_json(out / "result.json")["status"] == "converged");
 }
+
+}  // namespace run_test

@@ -7,6 +7,8 @@
 #include "tests/apps/stored_run/stored_folder.hpp"
 #include "tests/catch.hpp"
 
+namespace picture_file_test {
+
 using namespace orbid::apps;
 using namespace orbid::tests;
 
@@ -110,3 +112,5 @@ TEST_CASE("orbid plot lists and writes plots", "[apps][plot][command]") {
     CHECK(orbid_with({"plot", run, "cycles", "--out", folder.path() / "a.pdf"}).code == 0);
     CHECK(read_whole_file(folder.path() / "a.pdf").substr(0, 5) == "%PDF-");
 }
+
+}  // namespace picture_file_test

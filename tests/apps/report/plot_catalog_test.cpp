@@ -9,6 +9,8 @@
 #include "tests/apps/stored_run/stored_folder.hpp"
 #include "tests/catch.hpp"
 
+namespace plot_catalog_test {
+
 using namespace orbid::apps;
 using namespace orbid::tests;
 
@@ -167,3 +169,5 @@ TEST_CASE("a figure cuts off at frames and breaks lines where nothing is known",
     CHECK(count(found[1], "M") == 2);
     CHECK(count(found[1], "L") == 2);
 }
+
+}  // namespace plot_catalog_test

@@ -10,6 +10,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace report_test {
+
 using namespace orbid::apps;
 using namespace orbid::tests;
 
@@ -257,3 +259,5 @@ TEST_CASE("a report is refused where there is no run, and says which file is bro
     CHECK(contains(broken.error, "result.json"));
     CHECK_FALSE(std::filesystem::exists(folder.path() / "report.html"));
 }
+
+}  // namespace report_test

@@ -6,6 +6,8 @@
 #include "tests/apps/stored_run/stored_folder.hpp"
 #include "tests/catch.hpp"
 
+namespace run_comparison_test {
+
 using namespace orbid::apps;
 using namespace orbid::tests;
 
@@ -92,3 +94,5 @@ TEST_CASE("what is not comparable is refused with what there is", "[apps][compar
     CHECK(orbid_with({"compare", first, folder.path() / "none"}).code == 2);
     CHECK(orbid_with({"compare", first}).code == 2);
 }
+
+}  // namespace run_comparison_test

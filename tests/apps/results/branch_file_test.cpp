@@ -8,7 +8,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::branch_file_test {
 namespace {
 
 using periodic::Bifurcation;
@@ -161,4 +161,4 @@ TEST_CASE("a bifurcation picture shows stable and unstable pieces, marks and uni
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::branch_file_test

@@ -15,7 +15,7 @@
 #include "tests/apps/program/temporary_folder.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::cycle_file_test {
 namespace {
 
 using tests::ContainsSubstring;
@@ -222,4 +222,4 @@ TEST_CASE("cycles of a wrong shape are not written", "[apps]") {
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::cycle_file_test

@@ -9,7 +9,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::orbit_file_test {
 namespace {
 
 using tests::ContainsSubstring;
@@ -176,4 +176,4 @@ TEST_CASE("found orbits are counted by period", "[apps]") {
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::orbit_file_test

@@ -6,7 +6,7 @@
 #include "tests/apps/program/temporary_folder.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::output_folder_test {
 namespace {
 
 using apps::FolderContent;
@@ -66,4 +66,4 @@ TEST_CASE("a file where the folder should be is an error, with force too", "[app
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::output_folder_test

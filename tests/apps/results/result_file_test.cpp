@@ -9,7 +9,7 @@
 #include "tests/apps/results/made_up_estimate.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::result_file_test {
 namespace {
 
 using tests::WithinRel;
@@ -136,4 +136,4 @@ TEST_CASE("residuals.csv reads back to the bit, undefined cells are empty", "[ap
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::result_file_test

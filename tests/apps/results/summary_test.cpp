@@ -9,7 +9,7 @@
 #include "tests/apps/results/made_up_estimate.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::summary_test {
 namespace {
 
 using tests::ContainsSubstring;
@@ -83,4 +83,4 @@ TEST_CASE("cycles are summarised by period, missing ones named", "[apps]") {
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::summary_test

@@ -11,7 +11,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid {
+namespace orbid::progress_test {
 namespace {
 
 using tests::ContainsSubstring;
@@ -115,4 +115,4 @@ TEST_CASE("timing.json lists stages, threads and versions", "[apps]") {
 }
 
 }  // namespace
-}  // namespace orbid
+}  // namespace orbid::progress_test

@@ -5,6 +5,8 @@
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
+namespace prediction_run_test {
+
 using namespace orbid::tests;
 
 namespace {
@@ -152,3 +154,5 @@ TEST_CASE("predictions that cannot be made are refused", "[apps][predict]") {
     // Nothing is left behind.
     CHECK_FALSE(std::filesystem::exists(runs.run / "predict_bad"));
 }
+
+}  // namespace prediction_run_test

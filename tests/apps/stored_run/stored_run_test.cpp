@@ -6,6 +6,8 @@
 #include "tests/apps/stored_run/stored_folder.hpp"
 #include "tests/catch.hpp"
 
+namespace stored_run_test {
+
 using namespace orbid::apps;
 using namespace orbid::tests;
 using orbid::orbits::DataError;
@@ -115,3 +117,5 @@ TEST_CASE("a stored record is found in the folder or where it was read from", "[
     CHECK_THROWS_AS(stored_series(run, 0), DataError);
     CHECK(stored_model(run).system->dimension() == 2);
 }
+
+}  // namespace stored_run_test

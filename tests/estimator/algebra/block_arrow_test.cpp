@@ -12,6 +12,8 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/problem/stacked_problem.hpp"
 
+namespace block_arrow_test {
+
 using namespace orbid::estimator;
 using orbid::estimator::test::Numbers;
 using orbid::estimator::test::Solution;
@@ -284,3 +286,5 @@ TEST_CASE("links that do not fit are refused", "[estimator]") {
     wrong[0].next = 2;  // as block 1 does
     CHECK_THROWS_AS(factorise(wrong, 1), std::invalid_argument);
 }
+
+}  // namespace block_arrow_test

@@ -10,7 +10,7 @@
 
 #include "tests/estimator/estimate/reference_case.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::kmenta_test {
 
 namespace {
 
@@ -251,4 +251,4 @@ TEST_CASE("an inverse-Wishart prior moves the covariance to (Psi + M) / (n + nu 
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::kmenta_test

@@ -18,7 +18,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/group_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::noise_model_change_test {
 
 namespace {
 
@@ -208,4 +208,4 @@ TEST_CASE("error laws: their rows lead Gauss-Newton steps to the minimum", "[est
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::noise_model_change_test

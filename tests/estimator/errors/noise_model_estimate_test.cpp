@@ -19,7 +19,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::noise_model_estimate_test {
 
 namespace {
 
@@ -438,4 +438,4 @@ TEST_CASE("intervals cover: autoregressive and relative errors", "[estimator]") 
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::noise_model_estimate_test

@@ -14,7 +14,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/group_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::noise_model_setup_test {
 
 namespace {
 
@@ -281,4 +281,4 @@ TEST_CASE("error laws: refusals of full covariances", "[estimator]") {
     CHECK(refusal(normal, {covariance_of({0, 1}, 1.5, unit)}).empty());
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::noise_model_setup_test

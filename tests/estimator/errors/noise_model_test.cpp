@@ -21,7 +21,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/group_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::noise_model_test {
 
 namespace {
 
@@ -294,4 +294,4 @@ TEST_CASE("error laws: autoregressive and joint errors against their dense covar
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::noise_model_test

@@ -8,7 +8,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::linear_test {
 
 namespace {
 
@@ -218,4 +218,4 @@ TEST_CASE("independent latent blocks: variance within a one-way layout", "[estim
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::linear_test

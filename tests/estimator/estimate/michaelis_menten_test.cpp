@@ -7,7 +7,7 @@
 #include "estimator/sampling/posterior_sample.hpp"
 #include "tests/estimator/estimate/reference_case.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::michaelis_menten_test {
 
 TEST_CASE("Michaelis-Menten: the heavy tail of K_m is noticed and its interval found", "[estimator][reference]") {
     const nlohmann::json reference = reference_json("michaelis_menten/reference_posterior.json")["posterior"];
@@ -58,4 +58,4 @@ TEST_CASE("Michaelis-Menten: the heavy tail of K_m is noticed and its interval f
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::michaelis_menten_test

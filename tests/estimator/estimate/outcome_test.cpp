@@ -5,7 +5,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::outcome_test {
 
 namespace {
 
@@ -168,4 +168,4 @@ TEST_CASE("autocorrelated residuals: effective count and sandwich intervals agai
     CHECK(naive < 100);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::outcome_test

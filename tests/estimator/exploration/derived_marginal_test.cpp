@@ -9,7 +9,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::derived_marginal_test {
 
 namespace {
 
@@ -101,4 +101,4 @@ TEST_CASE("a derived quantity that cannot be computed everywhere, or without mar
     CHECK_THAT(failed.message, ContainsSubstring("cannot be computed"));
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::derived_marginal_test

@@ -11,7 +11,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::evidence_test {
 
 namespace {
 
@@ -265,4 +265,4 @@ TEST_CASE("held-out scores say which fold cannot be had, and refuse a single blo
     CHECK_THROWS_AS(estimator::predictive_score(parameters, {&single}, {}, one), std::invalid_argument);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::evidence_test

@@ -9,7 +9,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::log_density_spline_test {
 
 namespace {
 
@@ -81,4 +81,4 @@ TEST_CASE("log densities refuse points that make no sense", "[estimator]") {
     CHECK_THROWS_AS(log_gamma(9).quantile(std::nan("")), std::invalid_argument);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::log_density_spline_test

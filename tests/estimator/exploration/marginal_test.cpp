@@ -13,7 +13,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::marginal_test {
 
 namespace {
 
@@ -420,4 +420,4 @@ TEST_CASE("marginals refuse what makes no sense, and say when they are interrupt
     CHECK(name(stopped[0].lower_end) == "interrupted");
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::marginal_test

@@ -10,7 +10,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::multi_start_test {
 
 namespace {
 
@@ -274,4 +274,4 @@ TEST_CASE("multi-start refuses what makes no sense", "[estimator]") {
     CHECK_THROWS_AS(multi_start({parameters[0], parameters[0]}, residuals), std::invalid_argument);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::multi_start_test

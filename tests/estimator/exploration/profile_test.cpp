@@ -11,7 +11,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::profile_test {
 
 namespace {
 
@@ -229,4 +229,4 @@ TEST_CASE("profiles refuse what makes no sense, and say when they are interrupte
     CHECK(stopped[0].upper_end == ProfileEnd::interrupted);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::profile_test

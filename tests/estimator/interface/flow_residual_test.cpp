@@ -5,7 +5,7 @@
 
 #include "tests/estimator/estimate/reference_case.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::flow_residual_test {
 
 namespace {
 
@@ -96,4 +96,4 @@ TEST_CASE("parameters outside their domain cannot be simulated, and are no wrong
     CHECK(residual.evaluate(dynamic, residual.initial_latents(), false)[0].status == estimator::BlockStatus::failed);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::flow_residual_test

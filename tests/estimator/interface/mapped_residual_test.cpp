@@ -7,7 +7,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::mapped_residual_test {
 
 namespace {
 
@@ -224,4 +224,4 @@ TEST_CASE("refresh and suspend go through, or stop at a frozen adapter", "[estim
     CHECK(frozen.layout()[0].active);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::mapped_residual_test

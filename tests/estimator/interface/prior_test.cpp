@@ -15,7 +15,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::prior_test {
 
 namespace {
 
@@ -245,4 +245,4 @@ TEST_CASE("wrong joint priors are refused", "[estimator][prior]") {
     refused([](P& p) { p.covariance(0, 1) = p.covariance(1, 0) = -2.0; }, "positive definite");
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::prior_test

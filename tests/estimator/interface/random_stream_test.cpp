@@ -6,6 +6,8 @@
 
 #include "tests/catch.hpp"
 
+namespace random_stream_test {
+
 using namespace orbid;
 using estimator::RandomPurpose;
 using estimator::RandomStream;
@@ -105,3 +107,5 @@ TEST_CASE("normal numbers have the normal distribution", "[estimator]") {
     }
     CHECK(distance * std::sqrt(static_cast<double>(count)) < 2.2);
 }
+
+}  // namespace random_stream_test

@@ -9,7 +9,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::refusal_test {
 
 namespace {
 
@@ -503,4 +503,4 @@ TEST_CASE("values of the wrong shape are refused with their block", "[estimator]
     CHECK_THAT(result.message, ContainsSubstring("\"node 0\""));
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::refusal_test

@@ -5,7 +5,7 @@
 
 #include "tests/estimator/estimate/reference_case.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::bock_test {
 
 namespace {
 
@@ -111,4 +111,4 @@ TEST_CASE("Bock's problem: maximum likelihood integrates the free initial state 
     CHECK_THAT(result.scales[0].value, WithinRel(std::sqrt(sum_of_squares / 20.0), 1e-8));
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::bock_test

@@ -7,7 +7,7 @@
 #include "tests/estimator/interface/function_residual.hpp"
 #include "tests/estimator/interface/map_chain_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::intermediate_stage_test {
 
 namespace {
 
@@ -96,4 +96,4 @@ TEST_CASE("a residual that stays provisional is given up", "[estimator][provisio
     CHECK_THAT(found.scales[0].value, WithinRel(0.5, 1e-14));
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::intermediate_stage_test

@@ -9,7 +9,7 @@
 #include "tests/estimator/interface/exact_walk.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::latent_chain_test {
 
 namespace {
 
@@ -132,4 +132,4 @@ TEST_CASE("maximised jointly with the scales the states of a walk would collapse
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::latent_chain_test

@@ -12,7 +12,7 @@
 #include "tests/estimator/interface/map_chain_residual.hpp"
 #include "tests/estimator/problem/stacked_problem.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::linked_chain_test {
 
 namespace {
 
@@ -333,4 +333,4 @@ TEST_CASE("linked records whose next block takes no part are left out", "[estima
     CHECK(result.latent_sds[0][102][0] > 1.05 * result.latent_sds[0][103][0]);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::linked_chain_test

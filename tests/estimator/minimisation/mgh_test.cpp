@@ -10,7 +10,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/minimisation/mgh_problems.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::mgh_test {
 
 namespace {
 
@@ -132,4 +132,4 @@ TEST_CASE("More-Garbow-Hillstrom problems from near and far", "[estimator][refer
     CHECK(found >= 55);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::mgh_test

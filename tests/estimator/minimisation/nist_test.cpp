@@ -7,7 +7,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/minimisation/nist_problems.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::nist_test {
 
 namespace {
 
@@ -76,4 +76,4 @@ TEST_CASE("NIST regression problems from both starts", "[estimator][reference]")
     CHECK(digits / runs >= 10.3);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::nist_test

@@ -9,7 +9,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::coordinate_test {
 
 namespace {
 
@@ -311,4 +311,4 @@ TEST_CASE("joint normal prior in coordinates", "[estimator][coordinate]") {
         }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::coordinate_test

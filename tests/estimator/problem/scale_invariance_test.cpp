@@ -9,7 +9,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::scale_invariance_test {
 
 namespace {
 
@@ -97,4 +97,4 @@ TEST_CASE("a posterior does not depend on the scale of its parameters", "[estima
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::scale_invariance_test

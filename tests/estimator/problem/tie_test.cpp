@@ -8,7 +8,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::tie_test {
 
 namespace {
 
@@ -155,4 +155,4 @@ TEST_CASE("wrong ties are refused by name", "[estimator][tie]") {
     CHECK_THROWS_WITH(resolve_ties({a, follower("b", "a")}, {nullptr}), ContainsSubstring("residuals[0] is null"));
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::tie_test

@@ -11,7 +11,7 @@
 #include "estimator/interface/random_stream.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::chain_diagnostic_test {
 
 namespace {
 
@@ -139,4 +139,4 @@ TEST_CASE("useless chains have no diagnostics", "[estimator]") {
     CHECK(std::isfinite(estimator::rank_normalised_rhat(normal_chains(12, 4, 1, 0.0))));
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::chain_diagnostic_test

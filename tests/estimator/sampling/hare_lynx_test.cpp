@@ -7,7 +7,7 @@
 #include "estimator/sampling/posterior_sample.hpp"
 #include "tests/estimator/estimate/reference_case.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::hare_lynx_test {
 
 namespace {
 
@@ -57,4 +57,4 @@ TEST_CASE("hare and lynx: nested Laplace and the sampler meet the reference post
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::hare_lynx_test

@@ -16,7 +16,7 @@
 #include "estimator/sampling/unbounded_coordinate.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::nuts_test {
 
 namespace {
 
@@ -499,4 +499,4 @@ TEST_CASE("wrong calls of the sampler are refused", "[estimator]") {
                       ContainsSubstring("cannot be evaluated"));
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::nuts_test

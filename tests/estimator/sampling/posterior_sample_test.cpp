@@ -20,7 +20,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::posterior_sample_test {
 
 namespace {
 
@@ -514,4 +514,4 @@ TEST_CASE("improper posteriors and wrong calls are refused by name", "[estimator
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::posterior_sample_test

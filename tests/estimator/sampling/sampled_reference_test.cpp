@@ -8,7 +8,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/estimate/reference_case.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::sampled_reference_test {
 
 namespace {
 
@@ -82,4 +82,4 @@ TEST_CASE("Michaelis and Menten: the sampler meets the published quantiles, heav
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::sampled_reference_test

@@ -12,7 +12,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::cluster_test {
 
 namespace {
 
@@ -148,4 +148,4 @@ TEST_CASE("with effects of clusters the sandwich covers and Laplace does not", "
     CHECK(naive < 178);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::cluster_test

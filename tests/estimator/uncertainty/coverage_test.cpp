@@ -6,7 +6,7 @@
 
 #include "tests/estimator/estimate/reference_case.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::coverage_test {
 
 TEST_CASE("95 % intervals of Bock's problem cover, and are as wide as the estimates scatter",
           "[estimator][reference]") {
@@ -64,4 +64,4 @@ TEST_CASE("95 % intervals of Bock's problem cover, and are as wide as the estima
     }
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::coverage_test

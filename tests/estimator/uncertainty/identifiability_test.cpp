@@ -10,7 +10,7 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::identifiability_test {
 
 namespace {
 
@@ -260,4 +260,4 @@ TEST_CASE("a sloppy direction beside a null direction", "[estimator]") {
     CHECK_THAT(result.sloppy_directions[0].sd, WithinRel(std::sqrt(2.0) / 0.25, 1e-9));
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::identifiability_test

@@ -8,7 +8,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::residual_diagnostic_test {
 
 namespace {
 
@@ -184,4 +184,4 @@ TEST_CASE("residual diagnostics refuse what makes no sense", "[estimator]") {
     CHECK(std::isnan(estimator::diagnose(sample).studentised[0]));
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::residual_diagnostic_test

@@ -6,7 +6,7 @@
 #include "tests/estimator/interface/function_residual.hpp"
 #include "tests/estimator/minimisation/nist_problems.hpp"
 
-namespace orbid::tests {
+namespace orbid::tests::verdict_test {
 
 TEST_CASE("NIST's Thurber is nonlinear but near enough to normal", "[estimator][reference]") {
     const NistProblem problem = read_nist_problem(std::string(ORBID_SOURCE_DIR) + "/tests/reference/nist", "Thurber");
@@ -22,4 +22,4 @@ TEST_CASE("NIST's Thurber is nonlinear but near enough to normal", "[estimator][
     CHECK(result.trust_normal);
 }
 
-}  // namespace orbid::tests
+}  // namespace orbid::tests::verdict_test

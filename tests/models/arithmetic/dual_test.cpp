@@ -7,7 +7,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::dual_test {
 
 using tests::WithinAbs;
 
@@ -142,4 +142,4 @@ TEST_CASE("comparisons look at the value", "[models][fast]") {
     CHECK(value_of(4.0) == 4.0);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::dual_test

@@ -9,7 +9,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::pack_test {
 
 namespace {
 
@@ -172,4 +172,4 @@ TEST_CASE("packs compute and compare lane by lane", "[models][pack]") {
     CHECK(c.lanes()[0] == 13.0);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::pack_test

@@ -13,7 +13,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/real_arms.hpp"
 
-namespace orbid::models {
+namespace orbid::models::double_pendulum_friction_test {
 
 static_assert(InstrumentModel<JointsWithDryFriction> && ReducedModel<JointsWithDryFriction> &&
               SurfaceModel<JointsWithDryFriction>);
@@ -199,4 +199,4 @@ TEST_CASE("a real double pendulum moves as dry joints, air and eccentric encoder
     }
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::double_pendulum_friction_test

@@ -14,7 +14,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/real_arms.hpp"
 
-namespace orbid::models {
+namespace orbid::models::double_pendulum_test {
 
 static_assert(InstrumentModel<ViscousJoints> && ReducedModel<ViscousJoints> && SymmetricModel<ViscousJoints>);
 
@@ -132,4 +132,4 @@ TEST_CASE("a real double pendulum moves as its published parameters say", "[mode
     }
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::double_pendulum_test

@@ -11,7 +11,7 @@
 #include "models/ensembles/pack_steps.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::driven_pendulum_test {
 
 static_assert(TabulatedModel<DrivenPendulum> && SymmetricModel<DrivenPendulum>);
 
@@ -111,4 +111,4 @@ TEST_CASE("a driven pendulum without torque and damping keeps its energy", "[mod
     CHECK_THAT(energy(flow.states.col(0)), WithinAbs(energy(x0), 1e-10));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::driven_pendulum_test

@@ -8,7 +8,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/lyapunov.hpp"
 
-namespace orbid::models {
+namespace orbid::models::duffing_test {
 
 static_assert(TabulatedModel<Duffing> && SymmetricModel<Duffing>);
 
@@ -89,4 +89,4 @@ TEST_CASE("Ueda's oscillator has its Lyapunov exponent", "[models][reference]") 
     CHECK_THAT(exponent.mean, WithinAbs(0.0999, 4.0 * exponent.standard_error));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::duffing_test

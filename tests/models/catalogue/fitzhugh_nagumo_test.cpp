@@ -10,7 +10,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/closed_orbit.hpp"
 
-namespace orbid::models {
+namespace orbid::models::fitzhugh_nagumo_test {
 
 using tests::WithinAbs;
 using tests::WithinRel;
@@ -77,4 +77,4 @@ TEST_CASE("a nerve cell under current fires with its known period", "[models][re
     CHECK_THAT(cycle.start[1], WithinAbs(w, 2e-12));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::fitzhugh_nagumo_test

@@ -6,7 +6,7 @@
 #include "models/system/derivative_check.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::free_pendulum_test {
 
 using tests::WithinAbs;
 
@@ -138,4 +138,4 @@ TEST_CASE("an eccentric encoder of the free pendulum errs by the first harmonic"
     CHECK_THAT(read(0.9)[1], WithinAbs((read(0.9 + 2e-5)[0] - read(0.9 - 2e-5)[0]) / 2e-5, 1e-9));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::free_pendulum_test

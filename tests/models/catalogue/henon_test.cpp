@@ -11,7 +11,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/lyapunov.hpp"
 
-namespace orbid::models {
+namespace orbid::models::henon_test {
 
 static_assert(MapModel<Henon>);
 
@@ -78,4 +78,4 @@ TEST_CASE("the Henon map has its Lyapunov exponent", "[models][reference]") {
     CHECK_THAT(exponent.mean, WithinAbs(0.41922, 4.0 * exponent.standard_error));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::henon_test

@@ -8,7 +8,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::ikeda_test {
 
 static_assert(MapModel<Ikeda>);
 
@@ -43,4 +43,4 @@ TEST_CASE("the Ikeda map is that of a complex number and shrinks areas by B^2", 
     CHECK_THAT(flow.sensitivity(1, 2).determinant(), WithinAbs(std::pow(0.49, 3), 1e-14));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::ikeda_test

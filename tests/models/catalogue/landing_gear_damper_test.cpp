@@ -7,7 +7,7 @@
 #include "models/ensembles/pack_steps.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::landing_gear_damper_test {
 
 static_assert(TabulatedModel<StrutOnHarmonicBase> && SwitchingModel<StrutOnHarmonicBase>);
 
@@ -245,4 +245,4 @@ TEST_CASE("a strut over measured ground is held and let go by its seals", "[mode
     CHECK(flow.stickings >= 2);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::landing_gear_damper_test

@@ -7,7 +7,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/lyapunov.hpp"
 
-namespace orbid::models {
+namespace orbid::models::logistic_test {
 
 static_assert(MapModel<Logistic>);
 
@@ -70,4 +70,4 @@ TEST_CASE("the logistic map with r = 4 has the exponent ln 2", "[models][referen
     CHECK_THAT(exponent.mean, WithinAbs(std::numbers::ln2, 4.0 * exponent.standard_error));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::logistic_test

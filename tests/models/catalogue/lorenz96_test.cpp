@@ -8,7 +8,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::lorenz96_test {
 
 using tests::WithinAbs;
 using tests::WithinRel;
@@ -189,4 +189,4 @@ TEST_CASE("Lorenz 96 with 40 places is chaotic as published", "[models][fast]") 
           FlowStatus::not_finite);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::lorenz96_test

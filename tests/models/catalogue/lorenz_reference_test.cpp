@@ -4,7 +4,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::lorenz_reference_test {
 
 namespace {
 
@@ -51,4 +51,4 @@ TEST_CASE("the orbit AB of Lorenz closes, with its derivatives to 12 digits", "[
     }
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::lorenz_reference_test

@@ -12,7 +12,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/lyapunov.hpp"
 
-namespace orbid::models {
+namespace orbid::models::lorenz_test {
 
 static_assert(SymmetricModel<Lorenz>);
 
@@ -98,4 +98,4 @@ TEST_CASE("the Lorenz equations have their Lyapunov exponent", "[models][referen
     CHECK_THAT(exponent.mean, WithinAbs(0.9056, 4.0 * exponent.standard_error));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::lorenz_test

@@ -7,7 +7,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::lotka_volterra_test {
 
 using tests::WithinAbs;
 
@@ -54,4 +54,4 @@ TEST_CASE("prey and predators return after their period", "[models][reference]")
     CHECK((small.sensitivity(1, 2) - Eigen::Matrix2d::Identity()).norm() < 1e-10);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::lotka_volterra_test

@@ -4,7 +4,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::parametric_pendulum_test {
 
 namespace {
 using Crank = PendulumOn<Support::crank>;
@@ -38,4 +38,4 @@ TEST_CASE("the support of the pendulum accelerates as the crank height does", "[
     CHECK_THAT(PendulumOn<Support::harmonic>::stiffness(0.0, c), tests::WithinAbs((g - A * w * w) / l, 1e-12));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::parametric_pendulum_test

@@ -9,7 +9,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::pendulum_friction_test {
 
 namespace {
 
@@ -216,4 +216,4 @@ TEST_CASE("second derivatives across crossings agree with 28 digits", "[models][
     }
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::pendulum_friction_test

@@ -7,7 +7,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/orbit_table.hpp"
 
-namespace orbid::models {
+namespace orbid::models::reference_orbits_test {
 
 using tests::WithinAbs;
 using tests::WithinRel;
@@ -200,4 +200,4 @@ TEST_CASE("phase volume shrinks by damping and by dry friction", "[models][refer
     CHECK(hanging.states.isZero(0.0));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::reference_orbits_test

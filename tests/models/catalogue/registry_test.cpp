@@ -4,7 +4,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::registry_test {
 
 using tests::ContainsSubstring;
 using tests::WithinAbs;
@@ -95,4 +95,4 @@ TEST_CASE("parameters, angles and bindings", "[models][fast]") {
     CHECK_THROWS_AS(binding.spread(Eigen::MatrixXd::Zero(1, 3)), std::invalid_argument);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::registry_test

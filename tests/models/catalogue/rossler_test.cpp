@@ -8,7 +8,7 @@
 #include "tests/models/catalogue/closed_orbit.hpp"
 #include "tests/models/catalogue/lyapunov.hpp"
 
-namespace orbid::models {
+namespace orbid::models::rossler_test {
 
 using tests::WithinAbs;
 using tests::WithinRel;
@@ -78,4 +78,4 @@ TEST_CASE("the Roessler equations have their Lyapunov exponent", "[models][refer
     CHECK_THAT(exponent.mean, WithinAbs(0.0714, 4.0 * exponent.standard_error));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::rossler_test

@@ -10,7 +10,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/closed_orbit.hpp"
 
-namespace orbid::models {
+namespace orbid::models::van_der_pol_test {
 
 static_assert(SymmetricModel<VanDerPol>);
 
@@ -67,4 +67,4 @@ TEST_CASE("without excitation van der Pol's oscillator is harmonic", "[models][f
     CHECK_THAT(flow.states(1, 0), WithinAbs(-1.5 * std::sin(1.0) - 0.4 * std::cos(1.0), 1e-11));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::van_der_pol_test

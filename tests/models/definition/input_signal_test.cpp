@@ -6,7 +6,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::input_signal_test {
 namespace {
 
 using tests::ContainsSubstring;
@@ -141,4 +141,4 @@ TEST_CASE("signals that are refused", "[models][fast]") {
     refused({0.0, 1.0}, {1.0, 2.0, 3.0, nan}, 2, "value 1 of input 1 is nan");
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::input_signal_test

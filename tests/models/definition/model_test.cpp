@@ -12,7 +12,7 @@
 #include "models/definition/model_check.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::model_test {
 namespace {
 
 // The least that a model is: tables and equations.
@@ -187,4 +187,4 @@ static_assert(is_complete<ParametricPendulum>() && is_complete<Henon>() && is_co
 
 }  // namespace
 
-}  // namespace orbid::models
+}  // namespace orbid::models::model_test

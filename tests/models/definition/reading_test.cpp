@@ -6,7 +6,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::reading_test {
 
 using tests::WithinAbs;
 
@@ -182,4 +182,4 @@ TEST_CASE("an ensemble says which trajectories could not be continued", "[models
     CHECK_THROWS_AS(system->ensemble(Eigen::MatrixXd::Zero(3, 1), 0.0, 5, theta), std::invalid_argument);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::reading_test

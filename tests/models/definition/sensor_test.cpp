@@ -10,7 +10,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::sensor_test {
 
 using tests::ContainsSubstring;
 using tests::WithinAbs;
@@ -145,4 +145,4 @@ TEST_CASE("sensors of formulas and encoders that cannot be are refused", "[model
         system->readings(encoder, Eigen::MatrixXd::Zero(2, 1), std::array{0.0}, system->default_parameters()));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::sensor_test

@@ -16,7 +16,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/trajectories/extended_flow.hpp"
 
-namespace orbid::models {
+namespace orbid::models::fixed_step_test {
 
 namespace {
 
@@ -331,4 +331,4 @@ TEST_CASE("maps are iterated in packs as in double", "[models][ensemble]") {
     CHECK(simulate(ikeda, turns, iterations, 7).sections == light.sections);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::fixed_step_test

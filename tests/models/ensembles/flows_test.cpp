@@ -14,7 +14,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/trajectories/dry_oscillator.hpp"
 
-namespace orbid::models {
+namespace orbid::models::flows_test {
 
 using tests::DryOscillator;
 using tests::WithinAbs;
@@ -328,4 +328,4 @@ TEST_CASE("wrong calls of flows are refused", "[models][flows]") {
                     std::invalid_argument);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::flows_test

@@ -8,6 +8,8 @@
 #include "models/equations/staged_equations.hpp"
 #include "tests/catch.hpp"
 
+namespace equations_test {
+
 using namespace orbid;
 using models::EquationProblem;
 using models::Equations;
@@ -242,3 +244,5 @@ TEST_CASE("the source of a model holds nothing of its text but numbers", "[model
     text.coordinates[1].text = "0.1 + b * cos(angle_of_it) - k * displacement_of_it - c * sign(v)";
     CHECK(models::equation_source(*read(text), why)->find("0x1.999999999999ap-4") != std::string::npos);
 }
+
+}  // namespace equations_test

@@ -10,6 +10,8 @@
 #include "models/system/kernel_system.hpp"
 #include "tests/catch.hpp"
 
+namespace interpreted_kernel_test {
+
 using namespace orbid;
 using models::EquationProblem;
 using models::Equations;
@@ -324,3 +326,5 @@ TEST_CASE("models with fewer coordinates than a shape, and with many", "[models]
     CHECK(difference(c.states.topRows(2), d.states) < 1e-11);
     CHECK(difference(c.sensitivities.topRows(2)(Eigen::all, std::vector<int>{0, 1, 3, 4}), d.sensitivities) < 1e-9);
 }
+
+}  // namespace interpreted_kernel_test

@@ -9,6 +9,8 @@
 #include "models/arithmetic/dual.hpp"
 #include "tests/catch.hpp"
 
+namespace expression_test {
+
 using namespace orbid;
 using models::Expression;
 using models::ExpressionError;
@@ -157,3 +159,5 @@ TEST_CASE("refuses what is no formula, with the place", "[models][expression]") 
     CHECK_THAT(refusal(std::string(1000, '(')).message, ContainsSubstring("nested too deeply"));
     CHECK_THAT(refusal(std::string(1000, '-') + "1").message, ContainsSubstring("nested too deeply"));
 }
+
+}  // namespace expression_test

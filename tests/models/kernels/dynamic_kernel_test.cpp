@@ -7,7 +7,7 @@
 #include "models/system/kernel_system.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::dynamic_kernel_test {
 
 using tests::ContainsSubstring;
 using tests::WithinAbs;
@@ -231,4 +231,4 @@ TEST_CASE("what a model of any size cannot do is said", "[models][fast]") {
     CHECK(make_system("lorenz96", "", 40) == make_system("lorenz96"));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::dynamic_kernel_test

@@ -10,7 +10,7 @@
 #include "models/kernels/model_system.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::derivative_check_test {
 
 using tests::ContainsSubstring;
 using tests::WithinAbs;
@@ -285,4 +285,4 @@ TEST_CASE("the check of derivatives refuses a tolerance that is not positive", "
     CHECK_THROWS_AS(check_of<Kink>(Eigen::VectorXd::Ones(2), {1.0}), std::invalid_argument);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::derivative_check_test

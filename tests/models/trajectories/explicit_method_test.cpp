@@ -8,7 +8,7 @@
 
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::explicit_method_test {
 
 namespace {
 
@@ -121,4 +121,4 @@ TEST_CASE("explicit methods fulfil all conditions of their order", "[models][ref
     CHECK(std::abs(static_cast<double>(quadrature)) > 1e-6);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::explicit_method_test

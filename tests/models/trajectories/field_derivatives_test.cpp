@@ -9,7 +9,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::field_derivatives_test {
 
 namespace {
 
@@ -108,4 +108,4 @@ TEST_CASE("derivatives of the equations: the side of a switching surface, and wr
     CHECK_FALSE(make_system("lorenz")->forcing_frequency());
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::field_derivatives_test

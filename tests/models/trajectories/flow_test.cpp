@@ -8,7 +8,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/orbit_table.hpp"
 
-namespace orbid::models {
+namespace orbid::models::flow_test {
 
 using tests::ContainsSubstring;
 using tests::WithinAbs;
@@ -258,4 +258,4 @@ TEST_CASE("wrong calls of a flow are refused by name, value and rule", "[models]
     CHECK_THROWS_AS(system->rhs(Eigen::MatrixXd::Zero(2, 3), one, theta), std::invalid_argument);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::flow_test

@@ -7,7 +7,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/system/difference_error.hpp"
 
-namespace orbid::models {
+namespace orbid::models::impact_test {
 namespace {
 
 using tests::closed_form_error;
@@ -362,4 +362,4 @@ TEST_CASE("a reset may land away from its surface", "[models][reference]") {
     CHECK(closed_form_error(flow, 1, std::array<D, 1>{drive * (1.0 - exp(-t))}) < 2.3e-12);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::impact_test

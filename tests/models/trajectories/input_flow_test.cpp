@@ -9,7 +9,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/system/difference_error.hpp"
 
-namespace orbid::models {
+namespace orbid::models::input_flow_test {
 namespace {
 
 using tests::closed_form_error;
@@ -295,4 +295,4 @@ TEST_CASE("a minute at a kilohertz takes a step per column", "[models][fast]") {
     CHECK_THAT(flow.states(0, 59999), WithinAbs(x, 1e-11));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::input_flow_test

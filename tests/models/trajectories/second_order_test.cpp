@@ -9,7 +9,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/trajectories/dry_oscillator.hpp"
 
-namespace orbid::models {
+namespace orbid::models::second_order_test {
 
 namespace {
 
@@ -185,4 +185,4 @@ TEST_CASE("second derivatives of iterates of a map", "[models][fast]") {
     CHECK_THAT(flow.second_derivatives(0, 3), tests::WithinAbs(2.0 * y - 6.0 * r * y * y, 6.5e-14));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::second_order_test

@@ -12,7 +12,7 @@
 #include "models/system/kernel_system.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::section_test {
 
 using tests::ContainsSubstring;
 using tests::WithinAbs;
@@ -596,4 +596,4 @@ TEST_CASE("sections that cannot be meant are refused", "[models][fast]") {
     }
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::section_test

@@ -8,7 +8,7 @@
 #include "models/system/kernel_system.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::stiff_test {
 
 using tests::WithinAbs;
 using tests::WithinRel;
@@ -381,4 +381,4 @@ TEST_CASE("what a stiff flow cannot do is a status", "[models][fast]") {
     CHECK(flow.stopped_state.allFinite());
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::stiff_test

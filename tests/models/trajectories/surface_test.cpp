@@ -7,7 +7,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/system/difference_error.hpp"
 
-namespace orbid::models {
+namespace orbid::models::surface_test {
 namespace {
 
 using tests::closed_form_error;
@@ -297,4 +297,4 @@ TEST_CASE("sliding along a circle", "[models][reference]") {
     CHECK_THAT(std::atan2(on.states(1, 1), on.states(0, 1)), WithinAbs(turn, 1e-13));
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::surface_test

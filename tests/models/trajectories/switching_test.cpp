@@ -7,7 +7,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/trajectories/dry_oscillator.hpp"
 
-namespace orbid::models {
+namespace orbid::models::switching_test {
 
 using tests::DryOscillator;
 using tests::WithinAbs;
@@ -262,4 +262,4 @@ TEST_CASE("starts on the switching surface", "[models][fast]") {
     CHECK(system->flow(Eigen::Vector2d(0.0019, 0.0), 0.0, periods, theta, Clock::phase).states(0, 0) == 0.0019);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::switching_test

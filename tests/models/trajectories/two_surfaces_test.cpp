@@ -6,7 +6,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/system/difference_error.hpp"
 
-namespace orbid::models {
+namespace orbid::models::two_surfaces_test {
 namespace {
 
 using tests::difference_error;
@@ -222,4 +222,4 @@ TEST_CASE("short visits behind a surface are found", "[models][reference]") {
         }
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::two_surfaces_test

@@ -4,6 +4,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/cycle_residuals/cycle_case.hpp"
 
+namespace cycle_estimation_test {
+
 using namespace orbid;
 using Eigen::Index;
 using estimator::EstimateStatus;
@@ -148,3 +150,5 @@ TEST_CASE("cycles with equal weights: the estimated sd is the residuals' own, in
         CHECK(std::abs(scale.value - told(i)) < 5.0 * scale.uncertainty);
     }
 }
+
+}  // namespace cycle_estimation_test

@@ -5,6 +5,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/cycle_residuals/cycle_case.hpp"
 
+namespace cycle_multipliers_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::VectorXd;
@@ -161,3 +163,5 @@ TEST_CASE("cycle multipliers alone give length and frictions", "[orbits][cycles]
         CHECK(parameter.sd < largest[i] * truth);
     }
 }
+
+}  // namespace cycle_multipliers_test

@@ -5,6 +5,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/cycle_residuals/cycle_case.hpp"
 
+namespace cycle_residual_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -268,3 +270,5 @@ TEST_CASE("cycle residuals refuse what makes no sense", "[orbits]") {
     const auto lotka = models::make_system("lotka_volterra");
     CHECK_THROWS_WITH(orbits::SectionMap(*lotka, 0.0, {}), tests::ContainsSubstring("autonomous"));
 }
+
+}  // namespace cycle_residual_test

@@ -5,6 +5,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/cycle_residuals/cycle_case.hpp"
 
+namespace cycle_sensor_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -130,3 +132,5 @@ TEST_CASE("cycles of readings: unbiased with the sensor, inconsistent without", 
     // Taken for states, quotients are off by up to 0.1 rad/s: a hundred times their errors.
     CHECK(biased.scales[1].value > 10.0);
 }
+
+}  // namespace cycle_sensor_test

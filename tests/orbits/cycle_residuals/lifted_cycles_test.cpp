@@ -4,6 +4,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/cycle_residuals/cycle_case.hpp"
 
+namespace lifted_cycles_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::VectorXd;
@@ -112,3 +114,5 @@ TEST_CASE("cycles: one in ten matched to a wrong orbit is rejected", "[orbits][c
         CHECK(std::abs(parameter.value - c.truth()(i)) < 4.0 * parameter.sd);
     }
 }
+
+}  // namespace lifted_cycles_test

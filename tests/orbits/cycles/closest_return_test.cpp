@@ -17,6 +17,8 @@
 #include "tests/orbits/cycles/true_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace closest_return_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::Matrix2d;
@@ -290,3 +292,5 @@ TEST_CASE("the closest return refuses what is not the paper's", "[orbits][cycles
     options.reading_covariance = MatrixXd::Identity(3, 3);
     CHECK_THROWS_WITH(find_cycles(series, options), ContainsSubstring("reading_covariance has shape (3, 3)"));
 }
+
+}  // namespace closest_return_test

@@ -13,6 +13,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/cycles/measured_cycles.hpp"
 
+namespace crossing_cycles_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::VectorXd;
@@ -160,3 +162,5 @@ TEST_CASE("crossing cycles refuse what makes no sense", "[orbits][cycles][autono
     const auto henon = models::make_system("henon");
     CHECK_THROWS_WITH(orbits::SectionMap(*henon, c.plane, {}), tests::ContainsSubstring("not autonomous"));
 }
+
+}  // namespace crossing_cycles_test

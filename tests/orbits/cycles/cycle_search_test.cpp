@@ -13,6 +13,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace cycle_search_test {
+
 using namespace orbid;
 using orbits::Cycle;
 using orbits::CycleSearchOptions;
@@ -338,3 +340,5 @@ TEST_CASE("find_cycles refuses wrong calls", "[orbits][cycles]") {
     refused(as_they_are, ragged, "'short'");
     refused(as_they_are, orbits::Series{}, "no coordinates");
 }
+
+}  // namespace cycle_search_test

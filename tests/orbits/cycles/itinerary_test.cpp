@@ -5,6 +5,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace itinerary_test {
+
 using namespace orbid;
 using orbits::itinerary_seeds;
 using orbits::SectionPoints;
@@ -53,3 +55,5 @@ TEST_CASE("mirrored itineraries are one, and angles have no seam", "[orbits][iti
     CHECK(seeds[0].recurrences == 36);
     CHECK(seeds[1].recurrences == 19);
 }
+
+}  // namespace itinerary_test

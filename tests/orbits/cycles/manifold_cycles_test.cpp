@@ -14,6 +14,8 @@
 #include "tests/orbits/cycles/measured_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace manifold_cycles_test {
+
 using namespace orbid;
 using orbits::Cycle;
 using orbits::Series;
@@ -183,3 +185,5 @@ TEST_CASE("the shortest orbits of Lorenz and Roessler from noisy samples", "[orb
             }));
     }
 }
+
+}  // namespace manifold_cycles_test

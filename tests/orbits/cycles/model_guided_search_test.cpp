@@ -9,6 +9,8 @@
 #include "tests/orbits/cycles/true_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace model_guided_search_test {
+
 using namespace orbid;
 using orbits::Cycle;
 
@@ -188,3 +190,5 @@ TEST_CASE("harvest: wrong calls are refused", "[orbits]") {
                               models::make_system("lorenz")->default_parameters(), {}, henon_options()),
                       tests::ContainsSubstring("plane"));
 }
+
+}  // namespace model_guided_search_test

@@ -7,6 +7,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace noisy_cycles_test {
+
 using namespace orbid;
 
 namespace {
@@ -92,3 +94,5 @@ TEST_CASE("shuffled points hold no cycle, with errors said small or large", "[or
         CHECK_FALSE(search.remarks.empty());
     }
 }
+
+}  // namespace noisy_cycles_test

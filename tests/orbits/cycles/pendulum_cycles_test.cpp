@@ -15,6 +15,8 @@
 #include "tests/orbits/cycles/true_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace pendulum_cycles_test {
+
 using namespace orbid;
 using orbits::Cycle;
 
@@ -222,3 +224,5 @@ TEST_CASE("reading noise makes cycles fewer and sds larger, not false", "[orbits
         }
     }
 }
+
+}  // namespace pendulum_cycles_test

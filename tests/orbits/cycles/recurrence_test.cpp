@@ -3,6 +3,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace recurrence_test {
+
 using namespace orbid;
 
 TEST_CASE("an exactly periodic series is one group per period", "[orbits][recurrence]") {
@@ -49,3 +51,5 @@ TEST_CASE("mirrored pieces join one group", "[orbits][recurrence]") {
     REQUIRE(seeds.size() == 1);
     CHECK(seeds[0].recurrences == 36);
 }
+
+}  // namespace recurrence_test

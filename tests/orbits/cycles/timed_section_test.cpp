@@ -6,6 +6,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/records/scratch_folder.hpp"
 
+namespace timed_section_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::ContainsSubstring;
@@ -89,3 +91,5 @@ TEST_CASE("columns that must be complete name the line of a gap, times need not 
         read_csv(folder.path("nan.csv"), layout),
         ContainsSubstring("nan.csv:3, column \"u\": \"nan\" is not a finite number; this column must be"));
 }
+
+}  // namespace timed_section_test

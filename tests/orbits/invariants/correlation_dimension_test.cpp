@@ -9,6 +9,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace correlation_dimension_test {
+
 using namespace orbid;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
@@ -205,3 +207,5 @@ TEST_CASE("invariants of a series with its cycles", "[orbits][correlation]") {
     options.expansion.complete_to = 65;
     CHECK_THROWS_AS(orbits::find_invariants(series, search, options), std::invalid_argument);
 }
+
+}  // namespace correlation_dimension_test

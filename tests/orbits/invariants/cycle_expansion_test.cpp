@@ -13,6 +13,8 @@
 #include "orbits/invariants/kaplan_yorke.hpp"
 #include "tests/catch.hpp"
 
+namespace cycle_expansion_test {
+
 using namespace orbid;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
@@ -335,3 +337,5 @@ TEST_CASE("Kaplan-Yorke dimension", "[orbits][expansion]") {
     CHECK(std::isnan(dimension({std::nan(""), -1.0})));
     CHECK(dimension({-0.5, std::nan("")}) == 0.0);
 }
+
+}  // namespace cycle_expansion_test

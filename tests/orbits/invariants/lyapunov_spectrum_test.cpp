@@ -12,6 +12,8 @@
 #include "tests/orbits/cycles/true_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace lyapunov_spectrum_test {
+
 using namespace orbid;
 using Catch::Matchers::WithinAbs;
 using orbits::lyapunov_spectrum;
@@ -214,3 +216,5 @@ TEST_CASE("spectra refuse what they cannot mean", "[orbits][lyapunov]") {
     constant.segments[0].values.row(1).setConstant(1.0);
     CHECK_THROWS_AS(lyapunov_spectrum(constant), std::invalid_argument);
 }
+
+}  // namespace lyapunov_spectrum_test

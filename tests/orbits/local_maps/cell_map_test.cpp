@@ -8,6 +8,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace cell_map_test {
+
 using namespace orbid;
 using orbits::CellMap;
 using orbits::NeighbourIndex;
@@ -135,3 +137,5 @@ TEST_CASE("order and neighbours follow the data", "[orbits][fit_choice]") {
         CHECK(both[0].neighbours == 25);
     }
 }
+
+}  // namespace cell_map_test

@@ -4,6 +4,8 @@
 
 #include "tests/catch.hpp"
 
+namespace cycle_multiplier_test {
+
 using namespace orbid;
 using tests::WithinRel;
 
@@ -32,3 +34,5 @@ TEST_CASE("complex and equal multipliers", "[orbits][multiplier]") {
     CHECK_THAT(std::abs(opposite.values[0]), WithinRel(3.0, 1e-13));
     CHECK_THAT(opposite.values[0].real() * opposite.values[1].real(), WithinRel(-9.0, 1e-13));
 }
+
+}  // namespace cycle_multiplier_test

@@ -6,6 +6,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace local_map_test {
+
 using namespace orbid;
 
 namespace {
@@ -158,3 +160,5 @@ TEST_CASE("a neighbourhood that cannot carry the fit is not usable", "[orbits][l
     flat.offsets.col(1) = flat.offsets.col(0);
     CHECK_FALSE(orbits::fit_local_map(plane(), flat, 1).usable);
 }
+
+}  // namespace local_map_test

@@ -13,6 +13,8 @@
 #include "tests/orbits/cycles/true_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace noise_level_test {
+
 using namespace orbid;
 using orbits::NoiseLevel;
 using tests::ContainsSubstring;
@@ -125,3 +127,5 @@ TEST_CASE("the level is the same with any number of threads, and needs points", 
     CHECK(level_of(series).covariance == many.covariance);
     CHECK_THROWS_WITH(level_of(tests::henon_series(60)), ContainsSubstring("at least 64 points"));
 }
+
+}  // namespace noise_level_test

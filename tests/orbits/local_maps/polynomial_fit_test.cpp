@@ -7,6 +7,8 @@
 
 #include "tests/catch.hpp"
 
+namespace polynomial_fit_test {
+
 using namespace orbid;
 using orbits::Monomials;
 using orbits::PolynomialFit;
@@ -172,3 +174,5 @@ TEST_CASE("fits that rows do not carry are refused", "[orbits][polynomial]") {
     line.col(1) = 0.5 * line.col(0);
     CHECK_FALSE(fit.fit(monomials, 1, line, values, 30, 1.5));
 }
+
+}  // namespace polynomial_fit_test

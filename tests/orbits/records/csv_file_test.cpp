@@ -10,6 +10,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/records/scratch_folder.hpp"
 
+namespace csv_file_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::ContainsSubstring;
@@ -289,3 +291,5 @@ TEST_CASE("the origin of a series stands in its file", "[orbits]") {
     series.origin = "two\nlines";
     CHECK_THROWS_AS(write_csv(folder.path("a.csv"), series), std::invalid_argument);
 }
+
+}  // namespace csv_file_test

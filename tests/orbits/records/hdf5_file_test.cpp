@@ -10,6 +10,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/records/scratch_folder.hpp"
 
+namespace hdf5_file_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::ContainsSubstring;
@@ -181,3 +183,5 @@ TEST_CASE("what cannot become an HDF5 series is refused", "[orbits]") {
     series.coordinates.pop_back();
     CHECK_THROWS_WITH(write_hdf5(folder.path("a.h5"), series), ContainsSubstring("3 rows of values, the series 2"));
 }
+
+}  // namespace hdf5_file_test

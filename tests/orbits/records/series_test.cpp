@@ -14,6 +14,8 @@
 #include "orbits/records/unit.hpp"
 #include "tests/catch.hpp"
 
+namespace series_test {
+
 using namespace orbid;
 using orbits::Series;
 using tests::WithinAbs;
@@ -145,3 +147,5 @@ TEST_CASE("readings look at numbers of others, or own theirs", "[orbits]") {
     taken.resize(3, 1);
     CHECK(taken.size() == 3);
 }
+
+}  // namespace series_test

@@ -10,6 +10,8 @@
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 
+namespace delay_embedding_test {
+
 using namespace orbid;
 using orbits::Series;
 using tests::ContainsSubstring;
@@ -85,3 +87,5 @@ TEST_CASE("embeddings of senseless series are refused", "[orbits][embedding]") {
     series.sampling = Series::Sampling::section;
     CHECK_THROWS_WITH(embed(series), ContainsSubstring("holds sections"));
 }
+
+}  // namespace delay_embedding_test

@@ -12,6 +12,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace neighbour_index_test {
+
 using namespace orbid;
 using orbits::Neighbour;
 
@@ -160,3 +162,5 @@ TEST_CASE("points closer than the grid rounds are told apart, wherever the place
     CHECK(grid.nearest(Eigen::Vector2d(infinity, 0.0), 5).empty());
     CHECK(grid.nearest(Eigen::Vector2d(0.0, 0.0), 5000).size() == points.image_count());
 }
+
+}  // namespace neighbour_index_test

@@ -8,6 +8,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/cycles/measured_cycles.hpp"
 
+namespace sampled_section_test {
+
 using namespace orbid;
 using orbits::PlaneCrossing;
 using orbits::Series;
@@ -157,3 +159,5 @@ TEST_CASE("sections of senseless samples are refused", "[orbits][sampled]") {
     series.sampling = Series::Sampling::section;
     CHECK_THROWS_WITH(plane_section(series, {0, 0.0, 1}), ContainsSubstring("the series holds sections"));
 }
+
+}  // namespace sampled_section_test

@@ -7,6 +7,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace section_check_test {
+
 using namespace orbid;
 using orbits::check_section;
 using tests::ContainsSubstring;
@@ -100,3 +102,5 @@ TEST_CASE("an angle that is not declared as one is proposed", "[orbits][check]")
     REQUIRE(remarks.size() == 1);
     CHECK_THAT(remarks[0], ContainsSubstring("as degrees do"));
 }
+
+}  // namespace section_check_test

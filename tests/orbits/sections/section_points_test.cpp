@@ -8,6 +8,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace section_points_test {
+
 using namespace orbid;
 using orbits::SectionPoints;
 using tests::WithinAbs;
@@ -79,3 +81,5 @@ TEST_CASE("differences on the circle are the shortest", "[orbits][section_points
     CHECK(points.wrapped(2.75, 0) == -0.25);
     CHECK(points.wrapped(2.75, 1) == 2.75);
 }
+
+}  // namespace section_points_test

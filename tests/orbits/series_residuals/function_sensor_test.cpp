@@ -10,6 +10,8 @@
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 
+namespace function_sensor_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::ContainsSubstring;
@@ -155,3 +157,5 @@ TEST_CASE("readings by formulas may have errors relative to their size", "[orbit
     const auto read = simulate(*system, system->default_parameters(), turning(options.sensor)).series;
     CHECK_NOTHROW(SeriesResidual(system, binding(*system, {}), read, options));
 }
+
+}  // namespace function_sensor_test

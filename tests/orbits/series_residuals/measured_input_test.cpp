@@ -10,6 +10,8 @@
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 
+namespace measured_input_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::ContainsSubstring;
@@ -167,3 +169,5 @@ TEST_CASE("nodes of several intervals meet exactly under measured inputs", "[orb
     options.inputs.pop_back();
     CHECK_THROWS_WITH(ShootingResidual(lag(), binding(), series, options), ContainsSubstring("1 signals for 2"));
 }
+
+}  // namespace measured_input_test

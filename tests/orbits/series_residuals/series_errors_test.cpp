@@ -10,6 +10,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/records/scratch_folder.hpp"
 
+namespace series_errors_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::ContainsSubstring;
@@ -223,3 +225,5 @@ TEST_CASE("a column of sds is read in the unit of its readings", "[orbits]") {
     }
     CHECK_THROWS_WITH(read("t,angle\n0,1\n1,2\n"), ContainsSubstring("error"));
 }
+
+}  // namespace series_errors_test

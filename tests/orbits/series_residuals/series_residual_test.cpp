@@ -12,6 +12,8 @@
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 
+namespace series_residual_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::ContainsSubstring;
@@ -479,3 +481,5 @@ TEST_CASE("the recorded swing is explained to 1.14 mrad by one state per segment
     for (std::size_t s = 0; s < 4; ++s)
         CHECK_THAT(predicted[s].rms[0], WithinAbs(trial[s], 1e-5));
 }
+
+}  // namespace series_residual_test

@@ -7,6 +7,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/series_residuals/shooting_case.hpp"
 
+namespace shooting_estimation_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::base_theta;
@@ -303,3 +305,5 @@ TEST_CASE("one node that cannot be simulated fails alone", "[orbits][shooting]")
     for (const auto& block : residual.evaluate(outside, residual.initial_latents(), false))
         CHECK(block.status == estimator::BlockStatus::failed);
 }
+
+}  // namespace shooting_estimation_test

@@ -6,6 +6,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/series_residuals/shooting_case.hpp"
 
+namespace shooting_residual_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::base_theta;
@@ -218,3 +220,5 @@ TEST_CASE("shooting refuses what it cannot match", "[orbits][shooting]") {
     options.nodes = {Eigen::MatrixXd::Zero(2, 2)};
     refused(series, options, "given are 2 of 2");
 }
+
+}  // namespace shooting_residual_test

@@ -9,6 +9,8 @@
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 
+namespace section_record_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::ContainsSubstring;
@@ -366,3 +368,5 @@ TEST_CASE("sections by a plane that cannot be meant are refused", "[orbits]") {
     refused(*lorenz, {10, 0, z27, -1.0}, "longest return time is -1 s, must be > 0");
     refused(*lorenz, {10, 0, z27, std::numeric_limits<double>::quiet_NaN()}, "longest return time is nan s");
 }
+
+}  // namespace section_record_test

@@ -10,6 +10,8 @@
 #include "orbits/simulation/attractor_detection.hpp"
 #include "tests/catch.hpp"
 
+namespace virtual_experiment_test {
+
 using namespace orbid;
 using namespace orbid::orbits;
 using tests::ContainsSubstring;
@@ -365,3 +367,5 @@ TEST_CASE("experiments that cannot be meant are refused", "[orbits]") {
     options.plan = SectionPlan{10, 0};
     CHECK_THROWS_WITH(simulate(*swing, swing->default_parameters(), options), ContainsSubstring("is not forced"));
 }
+
+}  // namespace virtual_experiment_test

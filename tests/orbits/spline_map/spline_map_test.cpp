@@ -11,6 +11,8 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
+namespace spline_map_test {
+
 using namespace orbid;
 using orbits::SmallMatrix;
 
@@ -165,3 +167,5 @@ TEST_CASE("an angle is lifted to what the map did before its turns were lost", "
         if (symmetric) CHECK(lift.offset[0] == shift);
     }
 }
+
+}  // namespace spline_map_test

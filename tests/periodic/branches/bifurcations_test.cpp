@@ -12,6 +12,8 @@
 #include "tests/catch.hpp"
 #include "tests/periodic/orbit/closed_form_system.hpp"
 
+namespace bifurcations_test {
+
 using namespace orbid;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -300,3 +302,5 @@ TEST_CASE("Roessler's cascade", "[periodic]") {
     for (std::size_t b = 0; b < 3; ++b)
         CHECK(found(diagram.branches[b], Bifurcation::period_doubling).size() == 1);
 }
+
+}  // namespace bifurcations_test

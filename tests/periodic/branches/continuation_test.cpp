@@ -13,6 +13,8 @@
 #include "tests/periodic/orbit/branch_maps.hpp"
 #include "tests/periodic/orbit/closed_form_system.hpp"
 
+namespace continuation_test {
+
 using namespace orbid;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -332,3 +334,5 @@ TEST_CASE("a diagram that is asked to stop has the branches until then", "[perio
     CHECK(part.branches[0].points.size() >= 2);
     CHECK(part.branches[0].points.size() < whole.branches[0].points.size());
 }
+
+}  // namespace continuation_test

@@ -5,6 +5,8 @@
 #include "tests/catch.hpp"
 #include "tests/periodic/orbit/scattered.hpp"
 
+namespace cyclic_system_test {
+
 using Eigen::Index;
 using Eigen::MatrixXd;
 using orbid::periodic::CyclicSystem;
@@ -127,3 +129,5 @@ TEST_CASE("cyclic system refuses factors that do not fit", "[periodic]") {
     CHECK_THROWS_AS(CyclicSystem({MatrixXd::Zero(2, 3)}), std::invalid_argument);
     CHECK_THROWS_AS(CyclicSystem({MatrixXd::Zero(2, 2), MatrixXd::Zero(3, 3)}), std::invalid_argument);
 }
+
+}  // namespace cyclic_system_test

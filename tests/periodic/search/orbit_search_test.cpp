@@ -17,6 +17,8 @@
 #include "tests/periodic/orbit/flow_orbits.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
 
+namespace orbit_search_test {
+
 namespace {
 
 using namespace orbid;
@@ -291,3 +293,5 @@ TEST_CASE("search for orbits refuses wrong options", "[periodic][search]") {
     refused(*henon, [](OrbitSearchOptions& o) { o.initial = MatrixXd::Zero(3, 1); });
     CHECK_THROWS_AS(search_orbits(*henon, VectorXd::Zero(1), OrbitSearchOptions{}), std::invalid_argument);
 }
+
+}  // namespace orbit_search_test

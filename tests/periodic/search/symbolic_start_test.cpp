@@ -12,6 +12,8 @@
 #include "tests/periodic/orbit/flow_orbits.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
 
+namespace symbolic_start_test {
+
 namespace {
 
 using namespace orbid;
@@ -128,3 +130,5 @@ TEST_CASE("orbits from codes refuse wrong words and partitions", "[periodic][sym
     refused({{{0, {0.0}}, {0, {1.0}}}, "0123"});
     CHECK_THROWS_AS(periodic::quarter_turn_partition(0, 1, {}), std::invalid_argument);
 }
+
+}  // namespace symbolic_start_test

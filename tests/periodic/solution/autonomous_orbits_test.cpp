@@ -10,6 +10,8 @@
 #include "tests/periodic/orbit/closed_form_system.hpp"
 #include "tests/periodic/orbit/flow_orbits.hpp"
 
+namespace autonomous_orbits_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -248,3 +250,5 @@ TEST_CASE("autonomous starts that make no sense are refused", "[periodic]") {
     two.time = 1.0;
     refused(hopf, two, "one state is needed");
 }
+
+}  // namespace autonomous_orbits_test

@@ -13,6 +13,8 @@
 #include "tests/periodic/orbit/flow_orbits.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
 
+namespace collocation_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -186,3 +188,5 @@ TEST_CASE("collocation refuses what makes no sense", "[periodic]") {
     theta(pendulum->parameter_index("k1")) = 1e-3;
     refused({}, "not smooth");
 }
+
+}  // namespace collocation_test

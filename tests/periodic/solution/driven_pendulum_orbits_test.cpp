@@ -10,6 +10,8 @@
 #include "periodic/solution/multiple_shooting.hpp"
 #include "tests/catch.hpp"
 
+namespace driven_pendulum_orbits_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -97,3 +99,5 @@ TEST_CASE("torque-driven pendulum: both multipliers of orbits of periods 9 to 12
     CHECK(worst_unstable < 5e-11);
     CHECK(worst_stable < 5e-11);
 }
+
+}  // namespace driven_pendulum_orbits_test

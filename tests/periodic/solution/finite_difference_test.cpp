@@ -10,6 +10,8 @@
 #include "tests/periodic/orbit/flow_orbits.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
 
+namespace finite_difference_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -200,3 +202,5 @@ TEST_CASE("finite differences refuse what makes no sense", "[periodic]") {
     theta(pendulum->parameter_index("k1")) = 1e-3;
     CHECK_THROWS_WITH(solve_finite_difference(*pendulum, theta, start, {}), tests::ContainsSubstring("not smooth"));
 }
+
+}  // namespace finite_difference_test

@@ -8,6 +8,8 @@
 #include "tests/catch.hpp"
 #include "tests/periodic/orbit/closed_form_system.hpp"
 
+namespace multiple_shooting_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -239,3 +241,5 @@ TEST_CASE("multiple shooting refuses what makes no sense", "[periodic]") {
     CHECK_THROWS_AS(solve_multiple_shooting(henon, VectorXd::Constant(2, nan), 0.0, guess, {}, {}),
                     std::invalid_argument);
 }
+
+}  // namespace multiple_shooting_test

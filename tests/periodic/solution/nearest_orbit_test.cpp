@@ -18,6 +18,8 @@
 #include "tests/periodic/orbit/closed_form_system.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
 
+namespace nearest_orbit_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -217,3 +219,5 @@ TEST_CASE("points that repeat are counted, turns of angles as nothing", "[period
     CHECK(periodic::repeats_of(points, {0}, scale, 0.03) == 2);
     CHECK(periodic::repeats_of(Eigen::MatrixXd::Ones(2, 3), {0}, scale) == 3);
 }
+
+}  // namespace nearest_orbit_test

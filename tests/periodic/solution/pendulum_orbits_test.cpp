@@ -8,6 +8,8 @@
 #include "tests/catch.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
 
+namespace pendulum_orbits_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -180,3 +182,5 @@ TEST_CASE("pendulum: sensitivities obey the exact identities (M3)", "[periodic]"
     }
     CHECK(tested == 23);
 }
+
+}  // namespace pendulum_orbits_test

@@ -7,6 +7,8 @@
 #include "tests/catch.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
 
+namespace solve_orbit_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -63,3 +65,5 @@ TEST_CASE("without options orbits are found by multiple shooting", "[periodic]")
     REQUIRE(orbit.status == OrbitStatus::converged);
     CHECK(std::abs(orbit.points(0, 0) - 0.6313544770895048) < 1e-14);
 }
+
+}  // namespace solve_orbit_test

@@ -8,6 +8,8 @@
 #include "tests/catch.hpp"
 #include "tests/periodic/orbit/scattered.hpp"
 
+namespace floquet_test {
+
 using Eigen::Index;
 using Eigen::MatrixXd;
 using orbid::periodic::floquet_multipliers;
@@ -149,3 +151,5 @@ TEST_CASE("multipliers of many factors whose growth alternates are found", "[per
     CHECK_THAT(values[0].real(), orbid::tests::WithinRel(product.trace(), 1e-11));
     CHECK_THAT(values[1].real() * values[0].real(), orbid::tests::WithinRel(std::exp(-0.2 * h * count), 1e-3));
 }
+
+}  // namespace floquet_test

@@ -17,6 +17,8 @@
 #include "tests/periodic/orbit/flow_orbits.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
 
+namespace stability_test {
+
 using namespace orbid;
 using Eigen::Index;
 using Eigen::MatrixXcd;
@@ -278,3 +280,5 @@ TEST_CASE("stability refuses orbits that tell too little", "[periodic]") {
     CHECK_THROWS_WITH(stability(*system, theta, 0.0, PeriodicOrbit{}, {}), tests::ContainsSubstring("no_progress"));
     CHECK_THROWS_WITH(stability(*system, theta, 0.0, orbit, {}, {.near = 0.0}), tests::ContainsSubstring("near"));
 }
+
+}  // namespace stability_test

@@ -8,6 +8,8 @@
 #include "periodic/waveforms/waveform_residual.hpp"
 #include "tests/periodic/orbit/steady_state.hpp"
 
+namespace waveform_coverage_test {
+
 using namespace orbid;
 using namespace orbid::tests;
 using Eigen::Index;
@@ -87,3 +89,5 @@ TEST_CASE("intervals of waveforms with autoregressive errors cover", "[periodic]
     CHECK(phases >= 40.0);
     CHECK(offsets >= 40.0);
 }
+
+}  // namespace waveform_coverage_test

@@ -7,6 +7,8 @@
 #include "periodic/waveforms/waveform_residual.hpp"
 #include "tests/periodic/orbit/steady_state.hpp"
 
+namespace waveform_derivatives_test {
+
 using namespace orbid;
 using namespace orbid::tests;
 using Eigen::Index;
@@ -212,3 +214,5 @@ TEST_CASE("derivatives of waveforms against differences", "[periodic][waveform]"
         CHECK(derivative_error(residual, VectorXd::Constant(1, 1.5), residual.initial_latents(), 7e-4) < 7e-11);
     }
 }
+
+}  // namespace waveform_derivatives_test

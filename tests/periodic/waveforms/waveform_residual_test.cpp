@@ -13,6 +13,8 @@
 #include "tests/periodic/orbit/flow_orbits.hpp"
 #include "tests/periodic/orbit/steady_state.hpp"
 
+namespace waveform_residual_test {
+
 using namespace orbid;
 using namespace orbid::tests;
 using Eigen::Index;
@@ -341,3 +343,5 @@ TEST_CASE("wrong calls of waveform residuals are refused by name", "[periodic][w
     const std::shared_ptr<const models::System> measured = models::make_system("landing_gear_damper", "measured_base");
     CHECK_THROWS_WITH(WaveformResidual(measured, {record}, options), ContainsSubstring("reads measured inputs"));
 }
+
+}  // namespace waveform_residual_test
