@@ -148,7 +148,6 @@ function(add_room_tests name)
   # stands before the tests' objects.
   target_link_options(${name}_test PRIVATE
     "LINKER:--whole-archive,$<TARGET_FILE:orbid_${name}>,--no-whole-archive")
-  target_compile_definitions(${name}_test PRIVATE ORBID_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
   add_test(NAME ${name} COMMAND ${name}_test)
   set_tests_properties(${name} PROPERTIES LABELS fast)
 endfunction()

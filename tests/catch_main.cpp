@@ -1,3 +1,5 @@
+#include "tests/source_folder.hpp"
+
 #if __has_include(<catch2/catch_all.hpp>)
 #include <catch2/catch_session.hpp>
 int main(int argc, char** argv) {
@@ -7,3 +9,11 @@ int main(int argc, char** argv) {
 #define CATCH_CONFIG_MAIN
 #include <catch2/catch.hpp>
 #endif
+
+namespace orbid::tests {
+
+std::string source_folder() {
+    return ORBID_SOURCE_DIR;
+}
+
+}  // namespace orbid::tests

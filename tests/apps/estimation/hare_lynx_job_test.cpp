@@ -8,6 +8,7 @@
 
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace hare_lynx_job_test {
 
@@ -35,9 +36,9 @@ const std::vector<Reference>& references() {
 
 TEST_CASE("the posterior of hare and lynx is that of the reference draws", "[apps][run]") {
     const TemporaryFolder folder;
-    json job =
-        json::parse(orbid::apps::read_whole_file(ORBID_SOURCE_DIR "/configs/hare_lynx.json"), nullptr, true, true);
-    job["data"]["file"] = ORBID_SOURCE_DIR "/configs/data/hare_lynx/hare_lynx.csv";
+    json job = json::parse(orbid::apps::read_whole_file(orbid::tests::source_folder() + "/configs/hare_lynx.json"),
+                           nullptr, true, true);
+    job["data"]["file"] = orbid::tests::source_folder() + "/configs/data/hare_lynx/hare_lynx.csv";
     constexpr double draws = 4 * 250;
     job["estimate"]["posterior"]["sample"] = {{"draws", 250}, {"chains", 4}, {"warm_up", 250}};
     const Path out = folder.path() / "out";

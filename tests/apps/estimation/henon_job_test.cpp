@@ -6,6 +6,7 @@
 
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace henon_job_test {
 
@@ -14,10 +15,10 @@ using namespace orbid::tests;
 TEST_CASE("the cycles of the Henon map are found and give its parameters", "[apps][run]") {
     const TemporaryFolder folder;
     const Path out = folder.path() / "out";
-    const Outcome run = orbid_with({"run", ORBID_SOURCE_DIR "/configs/henon.json", "--out", out});
+    const Outcome run = orbid_with({"run", orbid::tests::source_folder() + "/configs/henon.json", "--out", out});
     CAPTURE(run.error);
     REQUIRE(run.code == 0);
-    const json reference = read_json(ORBID_SOURCE_DIR "/tests/reference/henon_cycles.json");
+    const json reference = read_json(orbid::tests::source_folder() + "/tests/reference/henon_cycles.json");
     const json found = read_json(out / "cycles.json");
     for (const int period : {1, 2, 4, 6, 7}) {
         CAPTURE(period);

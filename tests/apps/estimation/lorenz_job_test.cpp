@@ -4,6 +4,7 @@
 
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace lorenz_job_test {
 
@@ -12,7 +13,7 @@ using namespace orbid::tests;
 TEST_CASE("the parameters of the Lorenz equations are found from samples", "[apps][run]") {
     const TemporaryFolder folder;
     const Path out = folder.path() / "out";
-    const Outcome run = orbid_with({"run", ORBID_SOURCE_DIR "/configs/lorenz.json", "--out", out});
+    const Outcome run = orbid_with({"run", orbid::tests::source_folder() + "/configs/lorenz.json", "--out", out});
     CAPTURE(run.error);
     REQUIRE(run.code == 0);
     const json result = read_json(out / "result.json");
@@ -36,7 +37,8 @@ TEST_CASE("the parameters of the Lorenz equations are found from samples", "[app
 TEST_CASE("the cycles of the Lorenz equations are found and named in crossings of a plane", "[apps][run]") {
     const TemporaryFolder folder;
     const Path out = folder.path() / "out";
-    const Outcome run = orbid_with({"run", ORBID_SOURCE_DIR "/configs/lorenz_cycles.json", "--out", out});
+    const Outcome run =
+        orbid_with({"run", orbid::tests::source_folder() + "/configs/lorenz_cycles.json", "--out", out});
     CAPTURE(run.error);
     REQUIRE(run.code == 0);
     CHECK(run.error.find("no cycle of period 1 was found") != std::string::npos);
@@ -46,7 +48,7 @@ TEST_CASE("the cycles of the Lorenz equations are found and named in crossings o
     // Every sequence of up to 5 wings but A and B alone is that of a cycle: 1, 2, 3 and 6 prime ones. Ten were computed
     // with 25 digits by an independent program.
     CHECK(found["cycles"].size() == 12);
-    const json reference = read_json(ORBID_SOURCE_DIR "/tests/reference/lorenz_orbits.json");
+    const json reference = read_json(orbid::tests::source_folder() + "/tests/reference/lorenz_orbits.json");
     int matched = 0;
     for (const json& orbit : reference["cycles"]) {
         const std::string name = orbit["code"];

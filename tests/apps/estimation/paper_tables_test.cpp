@@ -9,6 +9,7 @@
 #include "apps/program/run.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace paper_tables_test {
 
@@ -19,7 +20,7 @@ namespace {
 
 /// The job's result on 2^16 sections.
 json result_of(const std::string& name) {
-    const auto reading = apps::read_job_file(Path(ORBID_SOURCE_DIR) / "configs" / name);
+    const auto reading = apps::read_job_file(Path(orbid::tests::source_folder()) / "configs" / name);
     REQUIRE(reading.job);
     apps::Job job = *reading.job;
     REQUIRE(job.data.at(0).simulation);
@@ -44,7 +45,7 @@ const json& estimate_of(const json& result, std::string name) {
 }
 
 json paper_tables() {
-    return read_json(Path(ORBID_SOURCE_DIR) / "tests" / "reference" / "paper_tables.json");
+    return read_json(Path(orbid::tests::source_folder()) / "tests" / "reference" / "paper_tables.json");
 }
 
 }  // namespace

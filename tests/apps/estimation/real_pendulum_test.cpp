@@ -8,6 +8,7 @@
 
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace real_pendulum_test {
 
@@ -20,7 +21,7 @@ const std::vector<std::string> unseen{"1a", "4a", "7a", "9a"};
 /// A job of configs/ with other segments, and its result.
 json result_of(const Path& folder, json job, const std::vector<std::string>& fit,
                const std::vector<std::string>& predict) {
-    job["data"]["file"] = ORBID_SOURCE_DIR "/configs/" + job["data"]["file"].get<std::string>();
+    job["data"]["file"] = orbid::tests::source_folder() + "/configs/" + job["data"]["file"].get<std::string>();
     job["data"]["segments"] = {{"fit", fit}, {"predict", predict}};
     const Outcome run = orbid_with({"run", write_job(folder / "job.json", job), "--out", folder / "out", "--force"});
     CAPTURE(run.error, run.out);
@@ -29,7 +30,8 @@ json result_of(const Path& folder, json job, const std::vector<std::string>& fit
 }
 
 json job_of(const std::string& name) {
-    return json::parse(orbid::apps::read_whole_file(ORBID_SOURCE_DIR "/configs/" + name), nullptr, true, true);
+    return json::parse(orbid::apps::read_whole_file(orbid::tests::source_folder() + "/configs/" + name), nullptr, true,
+                       true);
 }
 
 /// Root mean square of the angles' errors in segments that were only predicted.

@@ -6,6 +6,7 @@
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace waveform_run_test {
 
@@ -139,8 +140,8 @@ TEST_CASE("steady states are simulated, stored and estimated from", "[apps][run]
 
 TEST_CASE("the example of a waveform job", "[apps][run][waveform]") {
     const TemporaryFolder folder;
-    const Outcome run = orbid_with(
-        {"run", ORBID_SOURCE_DIR "/configs/landing_gear_waveform.json", "--out", folder.path() / "out", "--quiet"});
+    const Outcome run = orbid_with({"run", orbid::tests::source_folder() + "/configs/landing_gear_waveform.json",
+                                    "--out", folder.path() / "out", "--quiet"});
     CAPTURE(run.error);
     REQUIRE(run.code == 0);
     const json result = read_json(folder.path() / "out" / "result.json");

@@ -15,6 +15,7 @@
 #include "apps/program/command_schema.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace job_corpus_test {
 
@@ -24,7 +25,7 @@ using tests::Path;
 
 namespace {
 
-const Path corpus = ORBID_SOURCE_DIR "/tests/apps/jobs";
+const Path corpus = orbid::tests::source_folder() + "/tests/apps/jobs";
 
 /// The rows of a table whose cells are separated by " | "; lines that begin with # are left out.
 std::vector<std::vector<std::string>> rows(const Path& file) {
@@ -91,7 +92,7 @@ void all_keys(const ValueSchema& description, std::string path, std::set<std::st
 TEST_CASE("every valid job is read, and together they have every key there is", "[apps][job][corpus]") {
     std::set<std::string> seen;
     std::vector<Path> files = jobs_in(corpus / "valid");
-    const std::vector<Path> configs = jobs_in(ORBID_SOURCE_DIR "/configs");
+    const std::vector<Path> configs = jobs_in(orbid::tests::source_folder() + "/configs");
     files.insert(files.end(), configs.begin(), configs.end());
     REQUIRE(files.size() > 30);
     for (const Path& file : files) {
@@ -192,7 +193,7 @@ TEST_CASE("schema and reference are what is described, and those in docs are cur
     CHECK(document["$schema"] == "https://json-schema.org/draft/2020-12/schema");
     CHECK(document["properties"]["orbits"]["properties"]["box"]["exclusiveMaximum"] == 0.5);
     CHECK(document["properties"]["output"]["properties"]["series"]["default"] == "h5");
-    const Path docs = ORBID_SOURCE_DIR "/docs";
+    const Path docs = orbid::tests::source_folder() + "/docs";
     // Written anew by: orbid schema > docs/orbid-job.schema.json; orbid schema --markdown > docs/job_reference.md
     CHECK((read_whole_file(docs / "orbid-job.schema.json") == schema));
     CHECK((read_whole_file(docs / "job_reference.md") == job_reference_text()));

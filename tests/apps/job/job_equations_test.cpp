@@ -6,6 +6,7 @@
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace job_equations_test {
 
@@ -100,7 +101,7 @@ TEST_CASE("errors in equations point into the formula", "[apps][job][equations]"
 
 TEST_CASE("a job with equations estimates what the registered model does", "[apps][run][equations]") {
     const tests::TemporaryFolder folder;
-    std::string text = apps::read_whole_file(ORBID_SOURCE_DIR "/configs/lorenz.json");
+    std::string text = apps::read_whole_file(orbid::tests::source_folder() + "/configs/lorenz.json");
     const std::string model = R"("model": { "name": "lorenz",)";
     const auto at = text.find(model);
     REQUIRE(at != std::string::npos);
@@ -110,8 +111,8 @@ TEST_CASE("a job with equations estimates what the registered model does", "[app
     const auto run = tests::orbid_with({"run", job, "--out", folder.path() / "a"});
     CAPTURE(run.error);
     REQUIRE(run.code == 0);
-    const auto registered =
-        tests::orbid_with({"run", ORBID_SOURCE_DIR "/configs/lorenz.json", "--out", folder.path() / "b"});
+    const auto registered = tests::orbid_with(
+        {"run", orbid::tests::source_folder() + "/configs/lorenz.json", "--out", folder.path() / "b"});
     REQUIRE(registered.code == 0);
     const json mine = tests::read_json(folder.path() / "a" / "result.json");
     const json theirs = tests::read_json(folder.path() / "b" / "result.json");
@@ -133,8 +134,8 @@ TEST_CASE("a job with equations estimates what the registered model does", "[app
 
 TEST_CASE("the example with equations in the job finds its parameters", "[apps][run][equations]") {
     const tests::TemporaryFolder folder;
-    const auto run =
-        tests::orbid_with({"run", ORBID_SOURCE_DIR "/configs/duffing_equations.json", "--out", folder.path() / "out"});
+    const auto run = tests::orbid_with(
+        {"run", orbid::tests::source_folder() + "/configs/duffing_equations.json", "--out", folder.path() / "out"});
     CAPTURE(run.error);
     REQUIRE(run.code == 0);
     const json result = tests::read_json(folder.path() / "out" / "result.json");

@@ -8,11 +8,12 @@
 
 #include "apps/job/reading/job_reader.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests {
 
 /// Where the jobs of tests are thought to lie: file paths in them are relative to it.
-inline const std::filesystem::path job_folder = ORBID_SOURCE_DIR "/configs";
+inline const std::filesystem::path job_folder = orbid::tests::source_folder() + "/configs";
 
 /// Everything that is wrong with the text of a job: "job.json:7: /data/name: ...". What is printed has the column too,
 /// which job_corpus_test.cpp compares.

@@ -10,6 +10,7 @@
 #include "apps/program/command_help.hpp"
 #include "apps/program/command_table.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace command_line_test {
 
@@ -64,7 +65,7 @@ TEST_CASE("help, models, new and check print what they say", "[apps][command]") 
                                                                    ContainsSubstring("N m s^2") &&
                                                                    ContainsSubstring("crank_as_printed"));
     CHECK_THAT(outcome({"new", "duffing", "cycles"}).out, ContainsSubstring("\"orbits\""));
-    const Outcome check = outcome({"check", ORBID_SOURCE_DIR "/configs/pendulum_table3.json"});
+    const Outcome check = outcome({"check", orbid::tests::source_folder() + "/configs/pendulum_table3.json"});
     CHECK(check.code == 0);
     CHECK_THAT(check.out, ContainsSubstring("1048576 sections on 4 trajectories, 16.8 MB") &&
                               ContainsSubstring("l, k2, k3 from cycles"));

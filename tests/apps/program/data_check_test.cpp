@@ -7,6 +7,7 @@
 #include "apps/job/reading/job_reader.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace data_check_test {
 
@@ -96,7 +97,7 @@ TEST_CASE("the estimate of the work follows the numbers of the job", "[apps][com
 
 TEST_CASE("every example job is checked with its data", "[apps][command]") {
     std::size_t jobs = 0;
-    for (const auto& entry : std::filesystem::directory_iterator(ORBID_SOURCE_DIR "/configs")) {
+    for (const auto& entry : std::filesystem::directory_iterator(orbid::tests::source_folder() + "/configs")) {
         if (entry.path().extension() != ".json") continue;
         CAPTURE(entry.path().string());
         const Outcome check = orbid_with({"check", entry.path()});

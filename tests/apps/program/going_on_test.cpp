@@ -9,6 +9,7 @@
 #include "tests/apps/program/process.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace going_on_test {
 
@@ -37,9 +38,9 @@ json series_job() {
 
 /// Starts, marginals, a profile and a sample of the posterior.
 json explored_job() {
-    json job =
-        json::parse(orbid::apps::read_whole_file(ORBID_SOURCE_DIR "/configs/hare_lynx.json"), nullptr, true, true);
-    job["data"]["file"] = ORBID_SOURCE_DIR "/configs/" + job["data"]["file"].get<std::string>();
+    json job = json::parse(orbid::apps::read_whole_file(orbid::tests::source_folder() + "/configs/hare_lynx.json"),
+                           nullptr, true, true);
+    job["data"]["file"] = orbid::tests::source_folder() + "/configs/" + job["data"]["file"].get<std::string>();
     job["estimate"]["multi_start"] = {{"starts", 3}};
     job["estimate"]["profile"] = {"alpha"};
     job["estimate"]["posterior"]["sample"] = {{"draws", 50}, {"chains", 2}, {"warm_up", 50}};

@@ -9,6 +9,7 @@
 
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace periodic_run_test {
 
@@ -230,7 +231,7 @@ TEST_CASE("the pendulum's cascade runs from its configuration", "[apps][run]") {
     const TemporaryFolder folder;
     const Path out = folder.path() / "out";
     const Outcome outcome =
-        orbid_with({"run", ORBID_SOURCE_DIR "/configs/pendulum_cascade.json", "--out", out, "--quiet"});
+        orbid_with({"run", orbid::tests::source_folder() + "/configs/pendulum_cascade.json", "--out", out, "--quiet"});
     CAPTURE(outcome.out);
     CHECK(outcome.code == 0);
     const json file = read_json(out / "branch.json");
@@ -297,7 +298,7 @@ TEST_CASE("an interrupted run keeps the orbits it has and is not taken up again"
 }
 
 TEST_CASE("what a check says of periodic orbits", "[apps][command]") {
-    const Outcome check = orbid_with({"check", ORBID_SOURCE_DIR "/configs/lorenz_orbits.json"});
+    const Outcome check = orbid_with({"check", orbid::tests::source_folder() + "/configs/lorenz_orbits.json"});
     CHECK(check.code == 0);
     CHECK_THAT(
         check.out,

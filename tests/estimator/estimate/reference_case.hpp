@@ -15,12 +15,13 @@
 #include "tests/estimator/interface/flow_residual.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 #include "tests/estimator/interface/node_chain_residual.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests {
 
 /// Numbers of a comma separated file below its header line, shape (lines, columns).
 inline Eigen::MatrixXd reference_table(const std::string& path) {
-    std::ifstream file(std::string(ORBID_SOURCE_DIR) + "/tests/reference/" + path);
+    std::ifstream file(orbid::tests::source_folder() + "/tests/reference/" + path);
     std::string line;
     std::getline(file, line);
     std::vector<std::vector<double>> rows;
@@ -39,7 +40,7 @@ inline Eigen::MatrixXd reference_table(const std::string& path) {
 }
 
 inline nlohmann::json reference_json(const std::string& path) {
-    std::ifstream file(std::string(ORBID_SOURCE_DIR) + "/tests/reference/" + path);
+    std::ifstream file(orbid::tests::source_folder() + "/tests/reference/" + path);
     REQUIRE(file.good());
     return nlohmann::json::parse(file);
 }

@@ -9,13 +9,14 @@
 #include "estimator/exploration/multi_start.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/minimisation/mgh_problems.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests::mgh_test {
 
 namespace {
 
 std::vector<MghProblem> read() {
-    return read_mgh_problems(std::string(ORBID_SOURCE_DIR) + "/tests/reference/mgh/mgh.json");
+    return read_mgh_problems(orbid::tests::source_folder() + "/tests/reference/mgh/mgh.json");
 }
 
 std::vector<estimator::FreeParameter> parameters_of(const MghProblem& problem, double factor, bool within_bounds) {

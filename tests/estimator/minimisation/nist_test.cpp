@@ -6,13 +6,14 @@
 #include "estimator/estimate/estimate.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/minimisation/nist_problems.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests::nist_test {
 
 namespace {
 
 NistProblem read(const std::string& name) {
-    return read_nist_problem(std::string(ORBID_SOURCE_DIR) + "/tests/reference/nist", name);
+    return read_nist_problem(orbid::tests::source_folder() + "/tests/reference/nist", name);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "estimator/interface/random_stream.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests::chain_diagnostic_test {
 
@@ -22,7 +23,7 @@ struct Case {
 
 /// Chains and diagnostics of the R package posterior 1.4.0, made by tests/reference/chain_diagnostic.R.
 std::map<std::string, Case> reference() {
-    std::ifstream file(ORBID_SOURCE_DIR "/tests/reference/chain_diagnostic.csv");
+    std::ifstream file(orbid::tests::source_folder() + "/tests/reference/chain_diagnostic.csv");
     REQUIRE(file);
     std::map<std::string, Case> cases;
     for (std::string line; std::getline(file, line);) {

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests::residual_diagnostic_test {
 
@@ -14,7 +15,7 @@ namespace {
 
 // R 4.2.2; made by tests/reference/residual_diagnostics.R.
 nlohmann::json reference() {
-    std::ifstream file(ORBID_SOURCE_DIR "/tests/reference/residual_diagnostics.json");
+    std::ifstream file(orbid::tests::source_folder() + "/tests/reference/residual_diagnostics.json");
     REQUIRE(file);
     return nlohmann::json::parse(file);
 }

@@ -5,11 +5,12 @@
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 #include "tests/estimator/minimisation/nist_problems.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests::verdict_test {
 
 TEST_CASE("NIST's Thurber is nonlinear but near enough to normal", "[estimator][reference]") {
-    const NistProblem problem = read_nist_problem(std::string(ORBID_SOURCE_DIR) + "/tests/reference/nist", "Thurber");
+    const NistProblem problem = read_nist_problem(orbid::tests::source_folder() + "/tests/reference/nist", "Thurber");
     FunctionResidual residual = residual_of(problem.sum, group("y"));
     std::vector<estimator::FreeParameter> parameters;
     for (std::size_t i = 0; i < problem.value.size(); ++i) {

@@ -13,6 +13,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/real_arms.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::models::double_pendulum_test {
 
@@ -28,7 +29,7 @@ constexpr double pi = std::numbers::pi;
 
 TEST_CASE("a double pendulum moves as in Hamilton's form", "[models][reference]") {
     // Extrapolation of Hamilton's equations in 40 digits: tests/reference/model_motions.py.
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/model_motions.json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/model_motions.json");
     const auto reference = nlohmann::json::parse(in)["double_pendulum"];
     const auto system = make_system("double_pendulum");
     const Eigen::VectorXd theta = system->default_parameters();

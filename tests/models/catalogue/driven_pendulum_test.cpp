@@ -10,6 +10,7 @@
 #include "models/catalogue/registry.hpp"
 #include "models/ensembles/pack_steps.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::models::driven_pendulum_test {
 
@@ -61,7 +62,7 @@ Cycle cycle_near(const System& system, const Eigen::VectorXd& theta, Eigen::Vect
 }  // namespace
 
 TEST_CASE("the tabulated cycles of the driven pendulum close", "[models][reference]") {
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/driven_pendulum_orbits.json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/driven_pendulum_orbits.json");
     const auto table = nlohmann::json::parse(in);
     const auto system = make_system("driven_pendulum");
     const Eigen::VectorXd theta = system->default_parameters();

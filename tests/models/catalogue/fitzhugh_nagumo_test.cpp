@@ -9,6 +9,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/closed_orbit.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::models::fitzhugh_nagumo_test {
 
@@ -66,7 +67,7 @@ TEST_CASE("a nerve cell begins to oscillate at the Hopf point", "[models][refere
 
 TEST_CASE("a nerve cell under current fires with its known period", "[models][reference]") {
     // Extrapolation in 40 digits: tests/reference/model_motions.py.
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/model_motions.json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/model_motions.json");
     const auto reference = nlohmann::json::parse(in)["fitzhugh_nagumo"];
     const auto system = make_system("fitzhugh_nagumo");
     const double period = std::stod(reference["period"].get<std::string>());

@@ -10,6 +10,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/lyapunov.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::models::henon_test {
 
@@ -42,7 +43,7 @@ TEST_CASE("the Henon map has its fixed points", "[models][reference]") {
 }
 
 TEST_CASE("the tabulated cycles of the Henon map close, with their multipliers", "[models][reference]") {
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/henon_cycles.json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/henon_cycles.json");
     const auto table = nlohmann::json::parse(in);
     const auto system = make_system("henon");
     const Eigen::VectorXd theta = system->default_parameters();

@@ -11,6 +11,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/lyapunov.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::models::lorenz_test {
 
@@ -42,7 +43,7 @@ TEST_CASE("the Lorenz orbit AB closes, with its derivatives", "[models][referenc
 }
 
 TEST_CASE("the tabulated cycles of the Lorenz equations close, with their multipliers", "[models][reference]") {
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/lorenz_orbits.json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/lorenz_orbits.json");
     const auto table = nlohmann::json::parse(in);
     const auto system = make_system("lorenz");
     const auto number = [](const nlohmann::json& cycle, const char* key) {

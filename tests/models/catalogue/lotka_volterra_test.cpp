@@ -6,6 +6,7 @@
 
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::models::lotka_volterra_test {
 
@@ -31,7 +32,7 @@ TEST_CASE("prey and predators conserve their integral", "[models][fast]") {
 
 TEST_CASE("prey and predators return after their period", "[models][reference]") {
     // Extrapolation in 40 digits: tests/reference/model_motions.py.
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/model_motions.json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/model_motions.json");
     const auto reference = nlohmann::json::parse(in)["lotka_volterra"];
     const auto system = make_system("lotka_volterra");
     const Eigen::VectorXd p = system->default_parameters();

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "models/system/system.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests {
 
@@ -26,7 +27,7 @@ struct OrbitTable {
 /// tests/reference/pendulum_orbits_<g>.json: independent computation in extended precision (16th-order extrapolation,
 /// velocity zeros located), positions checked to 1e-12 in quadruple precision; see "note" in the files.
 inline OrbitTable orbit_table(const std::string& g, const models::System& system) {
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/pendulum_orbits_" + g + ".json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/pendulum_orbits_" + g + ".json");
     const auto json = nlohmann::json::parse(in);
     OrbitTable table{system.default_parameters(), {}};
     for (const auto& [name, value] : json["parameters"].items())

@@ -8,6 +8,7 @@
 
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::models::pendulum_friction_test {
 
@@ -42,7 +43,7 @@ double number(const nlohmann::json& text) {
 }
 
 std::vector<ReferenceFlow> reference_flows(const System& system) {
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/pendulum_friction.json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/pendulum_friction.json");
     const auto json = nlohmann::json::parse(in);
     std::vector<ReferenceFlow> flows;
     for (const auto& c : json["cases"]) {

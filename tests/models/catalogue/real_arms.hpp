@@ -12,6 +12,7 @@
 
 #include "models/system/system.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests {
 
@@ -34,7 +35,7 @@ struct Arms {
 
 /// Rows t, theta1, theta2, theta1_dot, theta2_dot of every segment of tests/reference/double_pendulum/swing.csv.
 inline std::map<int, std::vector<Eigen::Vector<double, 5>>> real_arms() {
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/double_pendulum/swing.csv");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/double_pendulum/swing.csv");
     std::map<int, std::vector<Eigen::Vector<double, 5>>> segments;
     std::string line;
     std::getline(in, line);

@@ -7,6 +7,7 @@
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/closed_orbit.hpp"
 #include "tests/models/catalogue/lyapunov.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::models::rossler_test {
 
@@ -23,7 +24,7 @@ TEST_CASE("the tabulated cycles of the Roessler equations close after their peri
     const std::vector<Verified> verified{{"1", 5.8810884555538525, 5.8810884555539493},
                                          {"01", 11.758626071659574, 11.758626071660617},
                                          {"001", 17.515791070334913, 17.515791070336615}};
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/rossler_orbits.json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/rossler_orbits.json");
     const auto table = nlohmann::json::parse(in);
     const auto number = [](const nlohmann::json& cycle, const char* key) {
         return std::stod(cycle[key].get<std::string>());

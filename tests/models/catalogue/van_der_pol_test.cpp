@@ -9,6 +9,7 @@
 #include "models/catalogue/registry.hpp"
 #include "tests/catch.hpp"
 #include "tests/models/catalogue/closed_orbit.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::models::van_der_pol_test {
 
@@ -30,7 +31,7 @@ TEST_CASE("van der Pol's limit cycle at mu = 1 has its known period and amplitud
     // E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, section II.16, exercise 1:
     // T = 6.6632868593231301896996820305, A = 2.00861986087484313650940188. model_motions.py finds the same and adds
     // the multiplier.
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/model_motions.json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/model_motions.json");
     const auto reference = nlohmann::json::parse(in)["van_der_pol"];
     const auto number = [&](const char* key) { return std::stod(reference[key].get<std::string>()); };
     CHECK(number("period") == 6.6632868593231301896996820305);

@@ -11,6 +11,7 @@
 #include "models/kernels/model_kernel.hpp"
 #include "models/system/kernel_system.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::models::section_test {
 
@@ -191,7 +192,7 @@ TEST_CASE("the return map of a limit cycle has its closed form", "[models][fast]
 TEST_CASE("cycles of the Lorenz equations return to the section, with period and multiplier", "[models][reference]") {
     // Cycles to 25 digits on z = 27 (tests/reference/README.md). One letter of the code is one turn around a roll, and
     // every turn rises through z = 27 once.
-    std::ifstream in(std::string(ORBID_SOURCE_DIR) + "/tests/reference/lorenz_orbits.json");
+    std::ifstream in(orbid::tests::source_folder() + "/tests/reference/lorenz_orbits.json");
     const auto table = nlohmann::json::parse(in);
     const auto number = [](const nlohmann::json& cycle, const char* key) {
         return std::stod(cycle[key].get<std::string>());

@@ -16,6 +16,7 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/cycles/true_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
+#include "tests/source_folder.hpp"
 
 namespace closest_return_test {
 
@@ -156,7 +157,7 @@ TEST_CASE("the closest return's covariance is (M6), and so is the scatter of its
 }
 
 TEST_CASE("the closest return finds all Henon cycles to period 8 and no other", "[orbits][cycles]") {
-    std::ifstream file(ORBID_SOURCE_DIR "/tests/reference/henon_cycles.json");
+    std::ifstream file(orbid::tests::source_folder() + "/tests/reference/henon_cycles.json");
     const nlohmann::json reference = nlohmann::json::parse(file);
     CycleSearchOptions options = closest_return();
     options.periods = {1, 2, 3, 4, 5, 6, 7, 8};

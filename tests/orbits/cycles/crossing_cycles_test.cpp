@@ -12,6 +12,7 @@
 #include "orbits/cycle_residuals/one_period_residual.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/cycles/measured_cycles.hpp"
+#include "tests/source_folder.hpp"
 
 namespace crossing_cycles_test {
 
@@ -33,7 +34,7 @@ struct LorenzCase {
 
 /// The table's cycles (25 digits) in all their crossings, with normal errors of `error` in x, y, ln|multiplier| and T.
 std::vector<orbits::Cycle> table_cycles(const LorenzCase& c, double error, std::uint64_t seed) {
-    std::ifstream file(ORBID_SOURCE_DIR "/tests/reference/lorenz_orbits.json");
+    std::ifstream file(orbid::tests::source_folder() + "/tests/reference/lorenz_orbits.json");
     const auto table = nlohmann::json::parse(file);
     tests::NormalNumbers normal(seed);
     const orbits::SectionMap map(*c.system, c.plane, {1e-13, 1e-13, 100000});

@@ -12,6 +12,7 @@
 
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
+#include "tests/source_folder.hpp"
 
 namespace cycle_search_test {
 
@@ -38,7 +39,7 @@ bool same(const Cycle& a, const Cycle& b) {
 }  // namespace
 
 TEST_CASE("all Henon cycles to period 8 that the series visits are found, and no other", "[orbits][cycles]") {
-    std::ifstream file(ORBID_SOURCE_DIR "/tests/reference/henon_cycles.json");
+    std::ifstream file(orbid::tests::source_folder() + "/tests/reference/henon_cycles.json");
     const nlohmann::json reference = nlohmann::json::parse(file);
     CycleSearchOptions options;
     options.periods = {1, 2, 3, 4, 5, 6, 7, 8};

@@ -13,6 +13,7 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/cycles/measured_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
+#include "tests/source_folder.hpp"
 
 namespace manifold_cycles_test {
 
@@ -59,7 +60,7 @@ struct Reference {
 };
 
 std::vector<Reference> reference_times(const std::string& file) {
-    std::ifstream stream(ORBID_SOURCE_DIR "/tests/reference/" + file);
+    std::ifstream stream(orbid::tests::source_folder() + "/tests/reference/" + file);
     const nlohmann::json table = nlohmann::json::parse(stream);
     std::vector<Reference> result;
     for (const auto& cycle : table["cycles"])

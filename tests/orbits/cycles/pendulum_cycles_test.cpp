@@ -14,6 +14,7 @@
 #include "tests/catch.hpp"
 #include "tests/orbits/cycles/true_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
+#include "tests/source_folder.hpp"
 
 namespace pendulum_cycles_test {
 
@@ -30,7 +31,7 @@ const orbits::Series& simulated() {
     static const orbits::Series series = [] {
         const auto system = models::make_system("parametric_pendulum");
         Eigen::VectorXd theta = system->default_parameters();
-        std::ifstream file(ORBID_SOURCE_DIR "/tests/reference/pendulum_orbits_g9.81.json");
+        std::ifstream file(orbid::tests::source_folder() + "/tests/reference/pendulum_orbits_g9.81.json");
         const nlohmann::json reference = nlohmann::json::parse(file);
         for (const auto& [name, value] : reference["parameters"].items())
             if (const Eigen::Index index = system->parameter_index(name); index >= 0) theta[index] = value;
@@ -89,7 +90,7 @@ orbits::CycleSearchOptions search_options() {
 }  // namespace
 
 TEST_CASE("cycles of a simulated pendulum are those of the model", "[orbits][cycles][pendulum]") {
-    std::ifstream file(ORBID_SOURCE_DIR "/tests/reference/pendulum_orbits_g9.81.json");
+    std::ifstream file(orbid::tests::source_folder() + "/tests/reference/pendulum_orbits_g9.81.json");
     const nlohmann::json reference = nlohmann::json::parse(file);
     const auto search = find_cycles(simulated(), search_options());
     REQUIRE(search.cycles.size() >= 12);
@@ -195,7 +196,7 @@ TEST_CASE("shuffled sections have no cycles", "[orbits][cycles][pendulum]") {
 }
 
 TEST_CASE("reading noise makes cycles fewer and sds larger, not false", "[orbits][cycles][pendulum]") {
-    std::ifstream file(ORBID_SOURCE_DIR "/tests/reference/pendulum_orbits_g9.81.json");
+    std::ifstream file(orbid::tests::source_folder() + "/tests/reference/pendulum_orbits_g9.81.json");
     const nlohmann::json reference = nlohmann::json::parse(file);
     double clean_sd = 0.0;
     for (const double noise : {0.0, 1e-4, 1e-3, 5e-3}) {

@@ -12,6 +12,7 @@
 
 #include "orbits/invariants/kaplan_yorke.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace cycle_expansion_test {
 
@@ -68,7 +69,7 @@ std::vector<Cycle> full_shift(int longest, const std::array<std::vector<double>,
 }
 
 nlohmann::json reference(const std::string& file) {
-    std::ifstream stream(ORBID_SOURCE_DIR "/tests/reference/" + file);
+    std::ifstream stream(orbid::tests::source_folder() + "/tests/reference/" + file);
     return nlohmann::json::parse(stream);
 }
 

@@ -9,6 +9,7 @@
 #include "orbits/records/series_file.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/records/scratch_folder.hpp"
+#include "tests/source_folder.hpp"
 
 namespace csv_file_test {
 
@@ -260,7 +261,7 @@ TEST_CASE("the recorded swing is read as its description says", "[orbits]") {
     layout.time = "t";
     layout.coordinates = {{{"phi", "rad", true}, "theta", "rad", 1.0, std::numbers::pi},
                           {{"phi_dot", "rad/s", false}, "theta_dot", "", 1.0, 0.0}};
-    const Series series = read_csv(ORBID_SOURCE_DIR "/configs/data/pendulum_swing/swing.csv", layout);
+    const Series series = read_csv(orbid::tests::source_folder() + "/configs/data/pendulum_swing/swing.csv", layout);
     REQUIRE(series.segments.size() == 4);
     CHECK(series.size() == 36668);
     for (const Segment& segment : series.segments) {

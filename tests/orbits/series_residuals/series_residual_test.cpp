@@ -11,6 +11,7 @@
 #include "orbits/simulation/initial_state.hpp"
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace series_residual_test {
 
@@ -438,7 +439,7 @@ TEST_CASE("the recorded swing is explained to 1.14 mrad by one state per segment
     layout.segment = "segment";
     layout.time = "t";
     layout.coordinates = {{{"phi", "rad", true}, "theta", "rad", 1.0, pi}};
-    Series series = read_csv(ORBID_SOURCE_DIR "/configs/data/pendulum_swing/swing.csv", layout);
+    Series series = read_csv(orbid::tests::source_folder() + "/configs/data/pendulum_swing/swing.csv", layout);
     for (Segment& segment : series.segments) {
         const Eigen::Index kept = (segment.times.size() + 4) / 5;
         Eigen::MatrixXd values(1, kept);

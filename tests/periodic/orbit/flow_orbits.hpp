@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "models/system/system.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests {
 
@@ -27,7 +28,7 @@ struct FlowOrbits {
 
 /// @param model  "lorenz" (z = 27 rising) or "rossler" (x = 0 falling).
 inline FlowOrbits read_flow_orbits(const std::string& model) {
-    std::ifstream stream(std::string(ORBID_SOURCE_DIR) + "/tests/reference/" + model + "_orbits.json");
+    std::ifstream stream(orbid::tests::source_folder() + "/tests/reference/" + model + "_orbits.json");
     if (!stream) throw std::runtime_error("cannot read the orbits of " + model);
     const auto json = nlohmann::json::parse(stream);
     const bool lorenz = model == "lorenz";

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "models/system/system.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::tests {
 
@@ -30,7 +31,7 @@ struct ReferenceOrbits {
 
 /// @param file  "pendulum_orbits_g9.81.json" or its sister.
 inline ReferenceOrbits read_reference_orbits(const models::System& pendulum, const std::string& file) {
-    const std::string path = std::string(ORBID_SOURCE_DIR) + "/tests/reference/" + file;
+    const std::string path = orbid::tests::source_folder() + "/tests/reference/" + file;
     std::ifstream stream(path);
     if (!stream) throw std::runtime_error("cannot read " + path);
     const auto json = nlohmann::json::parse(stream);

@@ -16,6 +16,7 @@
 #include "tests/catch.hpp"
 #include "tests/periodic/orbit/flow_orbits.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbit_search_test {
 
@@ -107,7 +108,7 @@ TEST_CASE("search without data finds the pendulum's cycles", "[periodic][search]
 
 TEST_CASE("search finds every cycle of Henon's map, also off the attractor", "[periodic][search][reference]") {
     const auto henon = models::make_system("henon");
-    std::ifstream stream(std::string(ORBID_SOURCE_DIR) + "/tests/reference/henon_cycles.json");
+    std::ifstream stream(orbid::tests::source_folder() + "/tests/reference/henon_cycles.json");
     const auto table = nlohmann::json::parse(stream);
     OrbitSearchOptions options;
     options.periods = up_to(10);

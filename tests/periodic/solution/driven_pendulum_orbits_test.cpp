@@ -9,6 +9,7 @@
 #include "models/catalogue/registry.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace driven_pendulum_orbits_test {
 
@@ -22,7 +23,7 @@ using periodic::OrbitStatus;
 TEST_CASE("torque-driven pendulum: both multipliers of orbits up to period 8", "[periodic][reference]") {
     const auto system = models::make_system("driven_pendulum");
     const auto theta = system->default_parameters();
-    std::ifstream stream(std::string(ORBID_SOURCE_DIR) + "/tests/reference/driven_pendulum_orbits.json");
+    std::ifstream stream(orbid::tests::source_folder() + "/tests/reference/driven_pendulum_orbits.json");
     const auto table = nlohmann::json::parse(stream);
     int solved = 0;
     for (const auto& entry : table.at("cycles")) {
@@ -59,7 +60,7 @@ TEST_CASE("torque-driven pendulum: both multipliers of orbits up to period 8", "
 TEST_CASE("torque-driven pendulum: both multipliers of orbits of periods 9 to 12", "[periodic][reference]") {
     const auto system = models::make_system("driven_pendulum");
     const auto theta = system->default_parameters();
-    std::ifstream stream(std::string(ORBID_SOURCE_DIR) + "/tests/reference/driven_pendulum_long.json");
+    std::ifstream stream(orbid::tests::source_folder() + "/tests/reference/driven_pendulum_long.json");
     const auto table = nlohmann::json::parse(stream);
     int solved = 0;
     double worst_point = 0.0, worst_unstable = 0.0, worst_stable = 0.0;

@@ -17,6 +17,7 @@
 #include "tests/catch.hpp"
 #include "tests/periodic/orbit/closed_form_system.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
+#include "tests/source_folder.hpp"
 
 namespace nearest_orbit_test {
 
@@ -95,7 +96,7 @@ TEST_CASE("torque-driven pendulum: the nearest orbit, or a name and what was fou
     const auto system = models::make_system("driven_pendulum");
     const VectorXd theta = system->default_parameters();
     const Eigen::Vector2d size(2.0 * pi, 4.0);
-    std::ifstream stream(std::string(ORBID_SOURCE_DIR) + "/tests/reference/driven_pendulum_orbits.json");
+    std::ifstream stream(orbid::tests::source_folder() + "/tests/reference/driven_pendulum_orbits.json");
     const auto table = nlohmann::json::parse(stream);
     std::mt19937_64 draws(7);
     int all = 0, right = 0;

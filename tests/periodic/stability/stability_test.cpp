@@ -16,6 +16,7 @@
 #include "tests/periodic/orbit/closed_form_system.hpp"
 #include "tests/periodic/orbit/flow_orbits.hpp"
 #include "tests/periodic/orbit/reference_orbits.hpp"
+#include "tests/source_folder.hpp"
 
 namespace stability_test {
 
@@ -120,7 +121,7 @@ TEST_CASE("torque-driven pendulum, periods 9 to 12: derivatives of both ln multi
           "[periodic][reference]") {
     const auto system = models::make_system("driven_pendulum");
     const VectorXd theta = system->default_parameters();
-    std::ifstream stream(std::string(ORBID_SOURCE_DIR) + "/tests/reference/driven_pendulum_long.json");
+    std::ifstream stream(orbid::tests::source_folder() + "/tests/reference/driven_pendulum_long.json");
     const auto table = nlohmann::json::parse(stream);
     const auto number = [](const nlohmann::json& value) { return std::stod(value.get<std::string>()); };
     int tested = 0;
