@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 from pathlib import Path
 
@@ -428,6 +429,20 @@ SECTIONS = {
 }
 
 
+def wrapped(lines):
+    """Lines of prose end at 120 columns; tables, headings and blocks stay, and no line ends within code or a link."""
+    out, fenced = [], False
+    for line in "\n".join(lines).split("\n"):
+        fenced ^= line.startswith("```")
+        if len(line) <= 120 or fenced or re.match(r"[|#]|    |```", line):
+            out.append(line)
+            continue
+        whole = re.sub(r"`[^`]*`|\[[^]]*\]\([^)]*\)", lambda match: match[0].replace(" ", "\0"), line)
+        out += [part.replace("\0", " ") for part in textwrap.wrap(whole, 118, break_long_words=False,
+                subsequent_indent="  " if line.startswith("* ") else "", break_on_hyphens=False)]
+    return out
+
+
 def parts_of(text):
     """The document cut at its headings of the second level: {name written behind the heading: text}."""
     parts = {}
@@ -451,7 +466,7 @@ def write(bin_dir, target, wanted):
         with tempfile.TemporaryDirectory() as temporary:
             SECTIONS[name](bin_dir, Path(temporary), lines)
         # The mark tells a later run which part this is.
-        parts[name] = "\n".join([lines[0], f"<!-- {name} -->", *lines[1:]]).rstrip("\n") + "\n\n"
+        parts[name] = "\n".join([lines[0], f"<!-- {name} -->", *wrapped(lines[1:])]).rstrip("\n") + "\n\n"
         # After every section: what has run is kept when a later one fails.
         head = (f"# Results\n\nMade by `./dev results` with {version} on {len(os.sched_getaffinity(0))} cores. "
                 "Times are those of that machine.\n\n")
