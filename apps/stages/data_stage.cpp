@@ -9,8 +9,8 @@
 
 #include "apps/results/counted_noun.hpp"
 #include "apps/stages/stage_fingerprint.hpp"
+#include "models/arithmetic/splitmix64.hpp"
 #include "orbits/records/series_file.hpp"
-#include "orbits/sections/mixed_bits.hpp"
 #include "orbits/simulation/virtual_experiment.hpp"
 
 namespace orbid::apps {
@@ -28,7 +28,7 @@ Eigen::VectorXd experiment_values(const Job& job, const DataJob& data) {
 
 /// Random numbers of an experiment: experiments of one job must not repeat each other's errors.
 std::uint64_t experiment_seed(const Job& job, std::size_t index) {
-    return index == 0 ? job.seed : orbits::mixed_bits(job.seed ^ orbits::mixed_bits(index));
+    return index == 0 ? job.seed : models::splitmix64(job.seed ^ models::splitmix64(index));
 }
 
 orbits::VirtualExperimentOptions simulation_options(const Job& job, std::size_t index) {

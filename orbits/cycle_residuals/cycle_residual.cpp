@@ -10,8 +10,8 @@
 #include <tbb/parallel_for.h>
 #include <Eigen/Cholesky>
 
+#include "models/arithmetic/median.hpp"
 #include "orbits/cycle_residuals/cycle_block.hpp"
-#include "orbits/records/upper_median.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 
 namespace orbid::orbits {
@@ -104,8 +104,8 @@ void CycleResidual::gate_start(const std::vector<PeriodicOrbit>& solved, const V
         distances.push_back(distance[b]);
     }
     if (sizes.empty()) return;
-    const double largest_size = options_.gate * upper_median(sizes);
-    const double largest_distance = options_.gate * upper_median(distances);
+    const double largest_size = options_.gate * models::upper_median(sizes);
+    const double largest_distance = options_.gate * models::upper_median(distances);
     for (std::size_t b = 0; b < layout_.size(); ++b) {
         if (size[b] <= largest_size || distance[b] <= largest_distance) continue;
         layout_[b].active = false;
@@ -225,8 +225,8 @@ estimator::RefreshReport CycleResidual::update_active_set(const VectorXd& theta,
         if (const auto e = residual(b, solved[b], theta)) size[b] = mean_square(b, *e, scales);
         if (layout_[b].active) active_sizes.push_back(size[b]);
     }
-    const double limit =
-        active_sizes.empty() ? std::numeric_limits<double>::infinity() : options_.gate * upper_median(active_sizes);
+    const double limit = active_sizes.empty() ? std::numeric_limits<double>::infinity()
+                                              : options_.gate * models::upper_median(active_sizes);
     for (std::size_t b = 0; b < layout_.size(); ++b) {
         if (solved[b].status != OrbitStatus::converged) continue;
         const bool plausible = std::isfinite(size[b]) && size[b] <= limit;

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "models/arithmetic/median.hpp"
 #include "orbits/cycle_residuals/cycle_block.hpp"
-#include "orbits/records/upper_median.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -83,11 +83,11 @@ double OnePeriodResidual::weigh(const VectorXd& values) {
         }
     }
     if (changes.empty()) return 0.0;
-    double change = upper_median(std::move(changes));
+    double change = models::upper_median(std::move(changes));
     for (std::size_t i = 0; i < sizes.size(); ++i) {
         double& scale = groups_[i].scale.value;
-        const double now =
-            std::max(normal_median * upper_median(std::move(sizes[i])), least_scale * range_(static_cast<Index>(i)));
+        const double now = std::max(normal_median * models::upper_median(std::move(sizes[i])),
+                                    least_scale * range_(static_cast<Index>(i)));
         change = std::max(change, std::abs(std::log(now / scale)));
         scale = now;
     }

@@ -9,7 +9,7 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
-#include "orbits/sections/mixed_bits.hpp"
+#include "models/arithmetic/splitmix64.hpp"
 
 namespace orbid::orbits {
 
@@ -85,7 +85,7 @@ private:
             const double value = mirrored ? points_->signs()[static_cast<Eigen::Index>(d)] * x[d] : x[d];
             double number = std::floor(value * inverse_edge_[d] + 0.5);
             if (cells_[d] > 0.0 && 2.0 * number >= cells_[d]) number -= cells_[d];
-            hash = mixed_bits(hash ^ static_cast<std::uint64_t>(static_cast<std::int64_t>(number)));
+            hash = models::splitmix64(hash ^ static_cast<std::uint64_t>(static_cast<std::int64_t>(number)));
         }
         return hash;
     }

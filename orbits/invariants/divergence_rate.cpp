@@ -7,6 +7,8 @@
 
 #include <tbb/parallel_for.h>
 
+#include "models/arithmetic/median.hpp"
+
 namespace orbid::orbits {
 
 namespace {
@@ -74,10 +76,8 @@ double exceeded_by(const std::vector<Paths>& paths, int lag, double share) {
         for (const auto& path : reference)
             values.push_back(path[static_cast<std::size_t>(lag)]);
     if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-    const auto place =
-        values.begin() + static_cast<std::ptrdiff_t>((1.0 - share) * static_cast<double>(values.size() - 1));
-    std::nth_element(values.begin(), place, values.end());
-    return *place;
+    const auto place = static_cast<std::size_t>((1.0 - share) * static_cast<double>(values.size() - 1));
+    return models::ranked(std::move(values), place);
 }
 
 int last_linear(const std::vector<Paths>& paths) {

@@ -9,6 +9,7 @@
 #include <tbb/parallel_for.h>
 
 #include "estimator/interface/not_finite.hpp"
+#include "models/arithmetic/median.hpp"
 #include "orbits/invariants/divergence_rate.hpp"
 #include "orbits/invariants/kaplan_yorke.hpp"
 #include "orbits/invariants/sample_stride.hpp"
@@ -119,9 +120,7 @@ double trial(const SectionPoints& points, const NeighbourIndex& grid, const std:
         for (std::size_t s = range.begin(); s < range.end(); ++s)
             if (const TangentMap& map = fitter.fit(sample[s]); map.usable) errors[s] = map.prediction_error;
     });
-    const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-    std::nth_element(errors.begin(), middle, errors.end());
-    return *middle;
+    return models::upper_median(std::move(errors));
 }
 
 // Order and neighbours with the smallest median prediction error.
@@ -251,10 +250,9 @@ void reduce(const std::vector<Sum>& sums, LyapunovSpectrum& result) {
             sds.insert(sds.end(), sum.relative_sds[static_cast<std::size_t>(j)].begin(),
                        sum.relative_sds[static_cast<std::size_t>(j)].end());
         if (sds.empty()) continue;
-        const auto place =
-            sds.end() - 1 - static_cast<std::ptrdiff_t>(unresolved_share * static_cast<double>(sds.size()));
-        std::nth_element(sds.begin(), place, sds.end());
-        if (*place < unresolved && std::isfinite(result.exponents[j])) continue;
+        const auto above = static_cast<std::size_t>(unresolved_share * static_cast<double>(sds.size()));
+        const std::size_t place = sds.size() - 1 - above;
+        if (models::ranked(std::move(sds), place) < unresolved && std::isfinite(result.exponents[j])) continue;
         // Directions further down lie across this one as well.
         result.exponents.tail(n - j).setConstant(estimator::nan_value);
         result.sds.tail(n - j).setConstant(estimator::nan_value);

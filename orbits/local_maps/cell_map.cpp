@@ -6,8 +6,8 @@
 
 #include <tbb/parallel_for.h>
 
-#include "orbits/records/upper_median.hpp"
-#include "orbits/sections/mixed_bits.hpp"
+#include "models/arithmetic/median.hpp"
+#include "models/arithmetic/splitmix64.hpp"
 
 namespace orbid::orbits {
 
@@ -74,8 +74,8 @@ void CellMap::choose_neighbours(std::size_t asked) {
             errors[i] = map.usable ? map.value_sd : 1.0;
             radii[i] = near.radius;
         });
-        const double error = upper_median(errors);
-        const double radius = upper_median(radii);
+        const double error = models::upper_median(errors);
+        const double radius = models::upper_median(radii);
         if (neighbours_ > 0 && (!(error < worthwhile * best) || radius > largest_radius)) break;
         best = error;
         neighbours_ = k;
@@ -87,8 +87,8 @@ void CellMap::choose_neighbours(std::size_t asked) {
 const CellMap::Cell& CellMap::cell_of(const double* x) const {
     std::uint64_t key = 0;
     for (std::size_t d = 0; d < cells_per_unit_.size(); ++d)
-        key = mixed_bits(key ^
-                         static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(x[d] * cells_per_unit_[d]))));
+        key = models::splitmix64(
+            key ^ static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(x[d] * cells_per_unit_[d]))));
     const auto found = cells_.find(key);
     if (found != cells_.end()) return found->second;
     return cells_.emplace(key, fitted(x)).first->second;

@@ -14,10 +14,10 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "models/arithmetic/median.hpp"
 #include "orbits/local_maps/cross_validation.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/monomials.hpp"
-#include "orbits/records/upper_median.hpp"
 
 namespace orbid::orbits {
 
@@ -97,7 +97,7 @@ std::optional<Trial> best_choice(const SectionPoints& points, const NeighbourInd
             for (const CrossValidation& fit : fits_at(points, grid, some, order, k))
                 if (fit.usable) squares.push_back(fit.residual.squaredNorm());
             if (2 * squares.size() < some.size()) continue;
-            const double typical = upper_median(std::move(squares));
+            const double typical = models::upper_median(std::move(squares));
             trials.push_back({typical, order, k});
         }
     if (trials.empty()) return std::nullopt;
@@ -183,7 +183,7 @@ Eigen::VectorXd bounding_variances(const std::vector<CrossValidation>& fits) {
         std::vector<double> values;
         for (const CrossValidation& fit : fits)
             values.push_back(fit.covariance(d, d) / (1.0 + fit.gradient.row(d).squaredNorm()));
-        variances[d] = std::max(upper_median(std::move(values)), rounding_variance);
+        variances[d] = std::max(models::upper_median(std::move(values)), rounding_variance);
     }
     constexpr int rounds = 20;
     for (int round = 0; round < rounds; ++round) {
@@ -218,7 +218,8 @@ double unexplained_share(const SectionPoints& points, const std::vector<std::siz
             differences.push_back(0.5 * difference * difference);
         }
         if (residuals.empty()) return 1.0;
-        sum += upper_median(std::move(residuals)) / std::max(upper_median(std::move(differences)), rounding_variance);
+        sum += models::upper_median(std::move(residuals)) /
+               std::max(models::upper_median(std::move(differences)), rounding_variance);
     }
     return sum / static_cast<double>(n);
 }
@@ -286,7 +287,8 @@ NoiseLevel noise_level(const SectionPoints& points, const NeighbourIndex& grid) 
     Eigen::VectorXd sds(n);
     for (Eigen::Index d = 0, i = 0; d < n; i += n - d, ++d)
         sds[d] = std::sqrt(scatter[i]);
-    level.resolved = (variances.array() > significant * sds.array()).any() && upper_median(shares) > resolved_share;
+    level.resolved =
+        (variances.array() > significant * sds.array()).any() && models::upper_median(shares) > resolved_share;
     Eigen::MatrixXd scaled;
     if (level.resolved) {
         scaled = raised(estimate, sds);

@@ -12,6 +12,7 @@
 
 #include <fmt/format.h>
 
+#include "models/arithmetic/median.hpp"
 #include "orbits/records/series_file.hpp"
 #include "orbits/records/text_table.hpp"
 #include "orbits/records/unit.hpp"
@@ -114,9 +115,7 @@ void check_times(const TextTable& table, std::size_t column, const Rows& rows, c
     }
     const bool equidistant = layout.sampling == Series::Sampling::samples && layout.equidistant;
     if (steps.empty() || !equidistant) return;
-    const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-    std::nth_element(steps.begin(), middle, steps.end());
-    const double median = *middle;
+    const double median = models::upper_median(std::move(steps));
     for (std::size_t k = 1; k < rows.times.size(); ++k) {
         const double step = rows.times[k] - rows.times[k - 1];
         if (!(std::abs(step - median) <= tolerance * median)) {

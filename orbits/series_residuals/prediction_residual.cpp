@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "models/arithmetic/median.hpp"
 #include "orbits/simulation/section_map.hpp"
 
 namespace orbid::orbits {
@@ -83,10 +84,7 @@ double PredictionResidual::amplify(const VectorXd& theta) {
         const auto count = std::ssize(layout_[b].group) / deviation_.rows();
         layout_[b].deviation = deviation_.middleCols(first, count).reshaped();
     }
-    if (changes.empty()) return 0.0;
-    const auto middle = changes.begin() + static_cast<std::ptrdiff_t>(changes.size() / 2);
-    std::nth_element(changes.begin(), middle, changes.end());
-    return *middle;
+    return models::upper_median(std::move(changes));
 }
 
 std::vector<estimator::BlockValue> PredictionResidual::evaluate(const VectorXd& theta, const std::vector<VectorXd>&,

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "models/definition/parameter.hpp"
+#include "orbits/series_residuals/observed_channels.hpp"
 #include "orbits/simulation/initial_state.hpp"
 #include "orbits/simulation/phase_rate.hpp"
 
@@ -21,24 +22,6 @@ estimator::LatentStructure SeriesResidual::structure() const {
 
 const models::System& SeriesResidual::system_of(std::size_t segment) const {
     return with_inputs_.empty() ? *system_ : *with_inputs_[segment];
-}
-
-/// d omega / d(parameter) for the estimated parameters: a difference of the model's own period, which in the models we
-/// know is omega itself (slope 1) or does not move at all (slope 0 exactly).
-Eigen::VectorXd SeriesResidual::omega_slopes(const Eigen::VectorXd& all) const {
-    Eigen::VectorXd slopes = Eigen::VectorXd::Zero(std::ssize(binding_.parameter));
-    if (system_->kind() != models::Kind::forced) return slopes;
-    for (std::size_t j = 0; j < binding_.parameter.size(); ++j) {
-        const Eigen::Index parameter = binding_.parameter[j];
-        Eigen::VectorXd above = all, below = all;
-        const double h = 1e-5 * std::abs(all[parameter]);  // the truncation of a smooth function: 1e-10 relative
-        above[parameter] += h;
-        below[parameter] -= h;
-        if (h > 0.0)
-            slopes[static_cast<Eigen::Index>(j)] =
-                (phase_rate(*system_, above) - phase_rate(*system_, below)) / (2.0 * h);
-    }
-    return slopes;
 }
 
 Eigen::VectorXd SeriesResidual::state(std::size_t block, const Eigen::VectorXd& theta,
@@ -116,7 +99,7 @@ std::vector<BlockValue> SeriesResidual::evaluate(const Eigen::VectorXd& theta,
 void SeriesResidual::add_phase_shift(const Eigen::VectorXd& all, double first_time, std::span<const double> phases,
                                      const Eigen::VectorXd& x0, models::FlowResult& flow) const {
     if (first_time == 0.0 || system_->kind() != models::Kind::forced) return;
-    const Eigen::VectorXd slopes = omega_slopes(all);
+    const Eigen::VectorXd slopes = frequency_slopes(*system_, binding_);
     if (slopes.isZero(0.0)) return;
     const Eigen::Index n = system_->dimension();
     const Eigen::Index directions = n + slopes.size();

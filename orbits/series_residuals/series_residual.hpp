@@ -18,6 +18,8 @@
 
 namespace orbid::orbits {
 
+class ObservedChannels;
+
 /// What is known of one coordinate of the states in which the segments begin.
 struct InitialStateRule {
     enum class Kind {
@@ -155,6 +157,8 @@ private:
         double slope;
     };
 
+    [[nodiscard]] ObservedChannels channels() const;
+    void require(bool rule, const std::string& message) const;
     void choose_coordinates();
     void choose_segments();
     void check_binding() const;
@@ -173,7 +177,6 @@ private:
                                               bool derivatives) const;
     void add_phase_shift(const Eigen::VectorXd& all, double first_time, std::span<const double> phases,
                          const Eigen::VectorXd& x0, models::FlowResult& flow) const;
-    [[nodiscard]] Eigen::VectorXd omega_slopes(const Eigen::VectorXd& all) const;
     [[nodiscard]] SegmentPrediction predict_one(const Eigen::VectorXd& all, const Eigen::VectorXd& scales,
                                                 const Eigen::VectorXd& relative, std::size_t segment) const;
     /// The system, with the inputs of a segment where it reads some.

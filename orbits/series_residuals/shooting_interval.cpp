@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "models/arithmetic/median.hpp"
 #include "orbits/simulation/transition.hpp"
 
 namespace orbid::orbits {
@@ -20,9 +21,8 @@ constexpr double largest_error = 0.2;  // of the range
 
 /// What nine of ten stay below.
 double usual(std::vector<double> values) {
-    const auto place = values.begin() + static_cast<std::ptrdiff_t>(9 * values.size() / 10);
-    std::nth_element(values.begin(), place, values.end());
-    return *place;
+    const std::size_t place = 9 * values.size() / 10;
+    return models::ranked(std::move(values), place);
 }
 
 }  // namespace

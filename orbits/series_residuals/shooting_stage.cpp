@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "orbits/records/upper_median.hpp"
+#include "models/arithmetic/median.hpp"
 #include "orbits/series_residuals/shooting_residual.hpp"
 #include "orbits/simulation/transition.hpp"
 
@@ -135,7 +135,8 @@ void ShootingResidual::read_scales(const VectorXd& theta, const std::vector<Vect
     }
     for (std::size_t g = 0; g < sizes.size(); ++g)
         if (groups_[g].scale.estimate && !sizes[g].empty())
-            groups_[g].scale.value = std::max(groups_[g].floor, normal_median * upper_median(std::move(sizes[g])));
+            groups_[g].scale.value =
+                std::max(groups_[g].floor, normal_median * models::upper_median(std::move(sizes[g])));
 }
 
 ShootingResidual::Defect ShootingResidual::defect(const VectorXd& theta, const std::vector<VectorXd>& latents,
@@ -158,7 +159,7 @@ ShootingResidual::Defect ShootingResidual::defect(const VectorXd& theta, const s
     }
     result.rms = (result.rms / static_cast<double>(std::max<std::size_t>(result.count, 1))).cwiseSqrt();
     for (Index i = 0; i < n; ++i)
-        result.typical[i] = normal_median * upper_median(std::move(sizes[static_cast<std::size_t>(i)]));
+        result.typical[i] = normal_median * models::upper_median(std::move(sizes[static_cast<std::size_t>(i)]));
     return result;
 }
 

@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "orbits/records/upper_median.hpp"
+#include "models/arithmetic/median.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -32,7 +32,7 @@ std::optional<double> time_of_change(const models::System& system, const Eigen::
         if (rate > 0.0 && std::isfinite(rate)) times.push_back(1.0 / rate);
     }
     if (times.empty()) return std::nullopt;
-    return upper_median(std::move(times));
+    return models::upper_median(std::move(times));
 }
 
 /// Largest absolute values on the way of a trajectory, sampled until `end`; 0 where it cannot be followed.
@@ -79,7 +79,7 @@ ReturnProbe probe_returns(const models::System& system, const Eigen::VectorXd& t
             continue;
         }
         if (complete == 0) break;
-        probe.longest_return = generous * upper_median(std::move(times));
+        probe.longest_return = generous * models::upper_median(std::move(times));
         std::vector<Eigen::VectorXd> sizes(count, Eigen::VectorXd::Zero(starts.rows()));
         oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
             if (ends[i] > 0.0)

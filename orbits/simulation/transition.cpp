@@ -8,8 +8,8 @@
 #include <limits>
 #include <numbers>
 
+#include "models/arithmetic/median.hpp"
 #include "models/definition/parameter.hpp"
-#include "orbits/records/upper_median.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/section_map.hpp"
 
@@ -166,7 +166,7 @@ VectorXd prediction_noise(const std::vector<Prediction>& predictions, const Vect
             const double grown = p.by_x.row(i).transpose().cwiseProduct(sizes).norm() / sizes[i];
             values.push_back(std::abs(p.error[i]) / (sizes[i] * std::hypot(1.0, grown)));
         }
-        noise[i] = normal_median * upper_median(std::move(values));
+        noise[i] = normal_median * models::upper_median(std::move(values));
     }
     return noise;
 }

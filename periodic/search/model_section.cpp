@@ -5,6 +5,8 @@
 #include <limits>
 #include <numbers>
 
+#include "models/arithmetic/median.hpp"
+#include "models/arithmetic/splitmix64.hpp"
 #include "periodic/orbit/winding_number.hpp"
 #include "periodic/search/section_cell.hpp"
 
@@ -112,7 +114,8 @@ VectorXd random_state(const VectorXd& range, std::uint64_t seed, std::uint64_t i
     VectorXd x(range.size());
     for (Index i = 0; i < x.size(); ++i) {
         const auto bits =
-            mixed_bits(mixed_bits(mixed_bits(seed) + index) + static_cast<std::uint64_t>(i) * 0x9e3779b97f4a7c15U);
+            models::splitmix64_finalizer(models::splitmix64_finalizer(models::splitmix64_finalizer(seed) + index) +
+                                         static_cast<std::uint64_t>(i) * 0x9e3779b97f4a7c15U);
         x(i) = range(i) * (2.0 * (static_cast<double>(bits >> 12U) + 0.5) * 0x1p-52 - 1.0);
     }
     return x;
@@ -135,8 +138,7 @@ double longest_return(const models::System& system, const VectorXd& theta,
             returns.push_back(found.times(j) - found.times(j - 1));
     }
     if (returns.empty()) return 1e3;
-    std::nth_element(returns.begin(), returns.begin() + static_cast<std::ptrdiff_t>(returns.size() / 2), returns.end());
-    return 100.0 * returns[returns.size() / 2];
+    return 100.0 * models::upper_median(std::move(returns));
 }
 
 VectorXd start_range(const ModelSection& section, std::uint64_t seed, const models::FlowOptions& flow) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "models/arithmetic/splitmix64.hpp"
 #include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
@@ -28,7 +29,8 @@ std::uint64_t SectionCells::name(Eigen::Ref<const VectorXd> x, bool mirrored) co
         const double around = around_[slot];
         double number = std::floor(value / size_(i) * (around > 0.0 ? around : 1.0 / edge_) + 0.5);
         if (around > 0.0 && 2.0 * number >= around) number -= around;
-        name = mixed_bits(name * 0x9e3779b97f4a7c15U + static_cast<std::uint64_t>(static_cast<std::int64_t>(number)));
+        name = models::splitmix64_finalizer(name * 0x9e3779b97f4a7c15U +
+                                            static_cast<std::uint64_t>(static_cast<std::int64_t>(number)));
     }
     return name;
 }
@@ -38,7 +40,7 @@ std::uint64_t cyclic_name(const std::uint64_t* symbols, std::size_t count) {
     for (std::size_t shift = 0; shift < count; ++shift) {
         std::uint64_t name = 0;
         for (std::size_t j = 0; j < count; ++j)
-            name = mixed_bits(name * 0xd1342543de82ef95U + symbols[(j + shift) % count]);
+            name = models::splitmix64_finalizer(name * 0xd1342543de82ef95U + symbols[(j + shift) % count]);
         smallest = std::min(smallest, name);
     }
     return smallest;

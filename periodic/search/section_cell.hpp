@@ -39,11 +39,4 @@ private:
 /// The same for a cyclic sequence and its mirror image.
 [[nodiscard]] std::uint64_t itinerary_name(const SectionCells& cells, const Eigen::MatrixXd& points);
 
-/// splitmix64 (Steele, Lea and Flood 2014): the bits of a number, mixed.
-[[nodiscard]] constexpr std::uint64_t mixed_bits(std::uint64_t z) {
-    z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9U;
-    z = (z ^ (z >> 27U)) * 0x94d049bb133111ebU;
-    return z ^ (z >> 31U);
-}
-
 }  // namespace orbid::periodic

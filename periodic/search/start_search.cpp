@@ -7,6 +7,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "models/arithmetic/splitmix64.hpp"
 #include "periodic/search/pseudo_orbit_start.hpp"
 #include "periodic/search/recurrence_start.hpp"
 #include "periodic/search/section_cell.hpp"
@@ -161,7 +162,7 @@ void StartSearch::from_orbits(int period, std::size_t& used, std::size_t most) {
     }
     std::vector<std::pair<std::uint64_t, std::size_t>> order;  // mixed, so that any first part is a fair sample
     for (std::size_t k = 0; k < seeds.size() * matrices.size(); ++k)
-        order.emplace_back(mixed_bits(k), k);
+        order.emplace_back(models::splitmix64_finalizer(k), k);
     std::sort(order.begin(), order.end());
     solve(std::min(most, order.size()), StartOrigin::orbit, [&](std::size_t i) {
         const std::size_t k = order[i].second;

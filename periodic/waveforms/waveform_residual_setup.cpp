@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "models/arithmetic/median.hpp"
 #include "periodic/waveforms/waveform_residual.hpp"
 
 namespace orbid::periodic {
@@ -34,9 +35,7 @@ double median_interval(const VectorXd& times) {
     std::vector<double> steps;
     for (Index k = 1; k < times.size(); ++k)
         steps.push_back(times(k) - times(k - 1));
-    const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-    std::nth_element(steps.begin(), middle, steps.end());
-    return *middle;
+    return models::upper_median(std::move(steps));
 }
 
 bool is_sized(const estimator::ErrorDistribution& distribution) {

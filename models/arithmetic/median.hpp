@@ -1,0 +1,23 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+namespace orbid::models {
+
+/// The value that `place` others of the list do not exceed: place 0 is the smallest. place < values.size().
+[[nodiscard]] inline double ranked(std::vector<double> values, std::size_t place) {
+    const auto at = values.begin() + static_cast<std::ptrdiff_t>(place);
+    std::nth_element(values.begin(), at, values.end());
+    return *at;
+}
+
+/// Of an even number of values the larger one of the two in the middle; 0 of none.
+[[nodiscard]] inline double upper_median(std::vector<double> values) {
+    const std::size_t middle = values.size() / 2;
+    return values.empty() ? 0.0 : ranked(std::move(values), middle);
+}
+
+}  // namespace orbid::models

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/residual.hpp"
+#include "models/system/system.hpp"
+#include "orbits/records/error_form.hpp"
+#include "orbits/records/series.hpp"
+#include "orbits/series_residuals/shooting_plan.hpp"
+
+namespace orbid::orbits {
+
+/// What a residual of a recorded series observes: checks and choices that are the same for all of them. Every check
+/// throws std::invalid_argument, with `who` in front of the message.
+class ObservedChannels {
+public:
+    /// @param system  and `series`: outlive this object.
+    ObservedChannels(std::string_view who, const models::System& system, const Series& series)
+        : who_(who), system_(system), series_(series) {}
+
+    void require(bool rule, const std::string& message) const;
+    /// @param start  of the estimated parameters; may be empty.
+    void check_binding(const models::ParameterBinding& binding, const Eigen::VectorXd& start) const;
+    /// Samples in time are no matter for a map.
+    void check_clock() const;
+    /// The coordinates named, each once; all of the series, which then are named, where none was.
+    [[nodiscard]] std::vector<ObservedCoordinate> chosen(std::vector<std::string>& names) const;
+    /// One error or none at all for each of `observed` coordinates. @param what  "scales" or "distributions".
+    void check_count(std::size_t errors, std::string_view what, std::size_t observed) const;
+    /// Segments that exist, each once; all of them where none was named.
+    void choose_segments(std::vector<std::size_t>& segments) const;
+    /// An angle has no size that errors could refer to.
+    void check_form(const ErrorForm& form, const models::Sensor& sensor, Eigen::Index coordinate) const;
+    /// The systems with their inputs, one per segment of the series; none for a model that reads no inputs.
+    [[nodiscard]] std::vector<std::shared_ptr<const models::System>> with_inputs(
+        const std::vector<std::shared_ptr<const models::InputSignal>>& signals) const;
+    /// @return the known sd > 0 of a reading.
+    double known_sd(const Segment& segment, Eigen::Index row, Eigen::Index sample) const;
+    /// The errors of a coordinate. Their scale is found from the readings unless `scales` has one.
+    [[nodiscard]] estimator::Group group(const std::string& residual, Eigen::Index coordinate, std::size_t place,
+                                         const std::vector<estimator::ErrorScale>& scales,
+                                         const std::vector<ErrorForm>& forms) const;
+
+private:
+    std::string_view who_;
+    const models::System& system_;
+    const Series& series_;
+};
+
+/// d omega / d(parameter) for the estimated parameters of a binding: 1 for the frequency of the forcing, else 0.
+[[nodiscard]] Eigen::VectorXd frequency_slopes(const models::System& system, const models::ParameterBinding& binding);
+
+}  // namespace orbid::orbits
