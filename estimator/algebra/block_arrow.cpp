@@ -6,9 +6,9 @@
 #include <string>
 #include <utility>
 
-#include <Eigen/QR>
-
 #include "estimator/algebra/block_loop.hpp"
+#include "models/arithmetic/orthogonal_factor.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
 
@@ -269,8 +269,8 @@ ReducedProblem condense(const BlockArrow& arrow, double mu) {
             Eigen::MatrixXd damped = Eigen::MatrixXd::Zero(2 * l, l + width);
             damped.topRows(l) = block.triangle.topRows(l);
             damped.bottomLeftCorner(l, l).diagonal() = std::sqrt(mu) * block.norm;
-            const Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(damped);
-            Eigen::MatrixXd factor = qr.matrixQR();
+            models::householder_in_place(damped);
+            Eigen::MatrixXd factor = std::move(damped);
             factor.triangularView<Eigen::StrictlyLower>().setZero();
             reduced_problem.top.push_back(factor.topRows(l));
             stacked.middleRows(row, l) = factor.bottomRightCorner(l, width);
@@ -307,7 +307,7 @@ std::vector<Eigen::VectorXd> latent_steps(const BlockArrow& arrow, const Reduced
         }
         const Eigen::MatrixXd& top = reduced_problem.top[b];
         steps[b] = -(top.rightCols(1) + top.middleCols(l, arrow.parameters) * d);
-        top.leftCols(l).triangularView<Eigen::Upper>().solveInPlace(steps[b]);
+        models::solve_upper_in_place(top.leftCols(l), steps[b]);
     }
     for (const auto& chain : reduced_problem.chains)
         solve_chain(*chain, d, steps);
@@ -368,9 +368,8 @@ void visit_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_pro
         for (std::size_t b = begin; b < end; ++b) {
             if (arrow.linked[b]) continue;
             const Eigen::Index l = arrow.blocks[b].latents;
-            const auto r_zz = reduced_problem.top[b].leftCols(l).triangularView<Eigen::Upper>();
             Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(l, l);
-            r_zz.solveInPlace(inverse);
+            models::solve_upper_in_place(reduced_problem.top[b].leftCols(l), inverse);
             const Eigen::MatrixXd gain = -inverse * reduced_problem.top[b].middleCols(l, r);
             p.resize(l + r, l + r);
             const Eigen::MatrixXd across = gain * parameter_covariance;
@@ -406,7 +405,7 @@ SelectedCovariance covariance_around(const BlockArrow& arrow, const ReducedProbl
 
 Eigen::MatrixXd inverse_square(const Eigen::MatrixXd& triangle) {
     Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(triangle.rows(), triangle.rows());
-    triangle.triangularView<Eigen::Upper>().solveInPlace(inverse);
+    models::solve_upper_in_place(triangle, inverse);
     return inverse * inverse.transpose();
 }
 

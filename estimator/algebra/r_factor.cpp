@@ -6,7 +6,8 @@
 #include <utility>
 
 #include <oneapi/tbb/parallel_for.h>
-#include <Eigen/QR>
+
+#include "models/arithmetic/orthogonal_factor.hpp"
 
 namespace orbid::estimator {
 
@@ -43,7 +44,7 @@ void panel_triangle(const Eigen::Ref<const Eigen::MatrixXd>& a, Eigen::Ref<Eigen
     Eigen::MatrixXd panel = a;
     sort_rows(panel);
     const Eigen::Index rows = std::min(panel.rows(), panel.cols());
-    const Eigen::HouseholderQR<Eigen::Ref<Eigen::MatrixXd>> qr(panel);
+    models::householder_in_place(panel);
     result.topRows(rows) = panel.topRows(rows).triangularView<Eigen::Upper>();
     result.bottomRows(result.rows() - rows).setZero();
 }

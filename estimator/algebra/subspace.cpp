@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include <Eigen/SVD>
+#include "models/arithmetic/singular_values.hpp"
 
 namespace orbid::estimator {
 
@@ -29,29 +29,31 @@ Subspace split(const Eigen::MatrixXd& r, const Eigen::MatrixXd& prior, const Eig
     space.singular_values.resize(q);
     if (q == 0) return space;
     const Eigen::MatrixXd equilibrated = r * space.unit.cwiseInverse().asDiagonal();
-    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(equilibrated, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    space.singular_values = svd.singularValues();
+    const models::SingularValues svd =
+        models::singular_value_decomposition(equilibrated, models::SingularVectors::full);
+    space.singular_values = svd.values;
     Eigen::Index rank = 0;
     while (rank < q && space.singular_values[rank] > tolerance * space.singular_values[0])
         ++rank;
-    space.data = svd.matrixV().leftCols(rank);
-    space.left = svd.matrixU().leftCols(rank);
-    const Eigen::MatrixXd null = svd.matrixV().rightCols(q - rank);
+    space.data = svd.v.leftCols(rank);
+    space.left = svd.u.leftCols(rank);
+    const Eigen::MatrixXd null = svd.v.rightCols(q - rank);
     if (null.cols() == 0) return space;
     if (prior.rows() == 0) {
         space.flat = null;
         return space;
     }
     const Eigen::MatrixXd prior_rows = prior * space.unit.cwiseInverse().asDiagonal() * null;
-    const Eigen::JacobiSVD<Eigen::MatrixXd> prior_svd(prior_rows, Eigen::ComputeFullV);
-    const Eigen::VectorXd& values = prior_svd.singularValues();
+    const models::SingularValues prior_svd =
+        models::singular_value_decomposition(prior_rows, models::SingularVectors::right);
+    const Eigen::VectorXd& values = prior_svd.values;
     // The prior is known exactly; only rounding has to be told from curvature here.
     constexpr double prior_tolerance = 1e-9;
     Eigen::Index prior_rank = 0;
     while (prior_rank < values.size() && values[prior_rank] > prior_tolerance * values[0])
         ++prior_rank;
-    space.prior = null * prior_svd.matrixV().leftCols(prior_rank);
-    space.flat = null * prior_svd.matrixV().rightCols(null.cols() - prior_rank);
+    space.prior = null * prior_svd.v.leftCols(prior_rank);
+    space.flat = null * prior_svd.v.rightCols(null.cols() - prior_rank);
     return space;
 }
 

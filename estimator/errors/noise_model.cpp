@@ -5,10 +5,10 @@
 #include <numbers>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <boost/math/special_functions/gamma.hpp>
 
 #include "estimator/errors/error_density.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::estimator {
 
@@ -215,7 +215,7 @@ T inverse_wishart_term(const NoiseModel& law, const Vector<T>& psi) {
     const auto m = static_cast<Eigen::Index>(law.channels.size());
     const double nu = law.inverse_wishart_dof;
     const Matrix<T> triangle = detail::covariance_triangle<T>(psi, m);
-    const Eigen::MatrixXd root = Eigen::LLT<Eigen::MatrixXd>(law.inverse_wishart_psi).matrixL();
+    const Eigen::MatrixXd root = models::CholeskyFactor(law.inverse_wishart_psi).lower();
     const auto size = static_cast<double>(m);
     double constant = -nu * ln_determinant<double>(root) + 0.5 * nu * size * std::numbers::ln2 +
                       0.25 * size * (size - 1.0) * std::log(std::numbers::pi);

@@ -5,11 +5,11 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
 
 #include "estimator/errors/error_density.hpp"
 #include "estimator/errors/noise_model.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::estimator {
 
@@ -121,7 +121,7 @@ NoiseModel law_of_several(const std::vector<Group>& groups, int first, const Joi
                fmt::format("inverse-Wishart psi has shape {} x {}: must be {} x {}", psi.rows(), psi.cols(), m, m));
     // A typed matrix is symmetric exactly; a computed one up to rounding.
     const bool symmetric = (psi - psi.transpose()).cwiseAbs().maxCoeff() <= 1e-12 * psi.cwiseAbs().maxCoeff();
-    if (!psi.allFinite() || !symmetric || Eigen::LLT<Eigen::MatrixXd>(psi).info() != Eigen::Success)
+    if (!psi.allFinite() || !symmetric || !models::CholeskyFactor(psi).positive_definite())
         refuse(group, "inverse-Wishart psi must be symmetric and positive definite");
     law.inverse_wishart_dof = covariance.dof;
     law.inverse_wishart_psi = psi;

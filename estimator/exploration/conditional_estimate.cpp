@@ -4,8 +4,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include <Eigen/Cholesky>
-
 #include "estimator/interface/mapped_residual.hpp"
 #include "estimator/interface/not_finite.hpp"
 

@@ -6,8 +6,9 @@
 #include <stdexcept>
 #include <string>
 
-#include <Eigen/LU>
 #include <boost/math/quadrature/gauss.hpp>
+
+#include "models/arithmetic/lu_factor.hpp"
 
 namespace orbid::estimator {
 
@@ -38,7 +39,7 @@ Eigen::VectorXd second_derivatives(const std::vector<double>& u, const std::vect
     a(n - 1, n - 3) = h(n - 2);
     a(n - 1, n - 2) = -(h(n - 3) + h(n - 2));
     a(n - 1, n - 1) = h(n - 3);
-    return a.partialPivLu().solve(b);
+    return models::LuFactor(a).solve(b);
 }
 
 }  // namespace

@@ -6,7 +6,6 @@
 #include <type_traits>
 #include <variant>
 
-#include <Eigen/Cholesky>
 #include <boost/math/distributions/cauchy.hpp>
 #include <boost/math/distributions/gamma.hpp>
 #include <boost/math/distributions/normal.hpp>
@@ -14,6 +13,7 @@
 
 #include "estimator/interface/not_finite.hpp"
 #include "estimator/problem/coordinate.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::estimator {
 
@@ -120,13 +120,13 @@ Eigen::VectorXd random_start(const std::vector<FreeParameter>& parameters,
             if (found != parameters.end()) member.push_back(found - parameters.begin());
         }
         if (member.size() != prior.names.size()) continue;  // estimate() refuses such a prior
-        const Eigen::LLT<Eigen::MatrixXd> root(prior.covariance);
-        if (root.info() != Eigen::Success) continue;  // likewise
+        const models::CholeskyFactor root(prior.covariance);
+        if (!root.positive_definite()) continue;  // likewise
         Eigen::VectorXd z(prior.mean.size());
         for (Eigen::Index k = 0; k < z.size(); ++k)
             z[k] = boost::math::quantile(
                 normal, outer_share + (1.0 - 2.0 * outer_share) * share[member[static_cast<std::size_t>(k)]]);
-        const Eigen::VectorXd x = prior.mean + root.matrixL() * z;
+        const Eigen::VectorXd x = prior.mean + root.lower_times(z);
         for (Eigen::Index k = 0; k < z.size(); ++k)
             theta[member[static_cast<std::size_t>(k)]] = x[k];
     }

@@ -5,9 +5,9 @@
 #include <string>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
 
 #include "estimator/interface/prior.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::estimator {
 
@@ -26,29 +26,30 @@ const double ln_two_pi = std::log(2.0 * std::numbers::pi);
 /// only at unit sds.
 struct Factor {
     Eigen::VectorXd sd;
-    Eigen::LLT<Eigen::MatrixXd> correlation;
+    models::CholeskyFactor correlation;
 };
 
 Factor factorise(const Eigen::MatrixXd& covariance) {
     const Eigen::VectorXd sd = covariance.diagonal().cwiseSqrt();
     const Eigen::VectorXd precision_root = sd.cwiseInverse();
-    return {sd, Eigen::LLT<Eigen::MatrixXd>(precision_root.asDiagonal() * covariance * precision_root.asDiagonal())};
+    return {sd, models::CholeskyFactor(precision_root.asDiagonal() * covariance * precision_root.asDiagonal())};
 }
 
 }  // namespace
 
 double negative_log_density(const JointNormalPrior& prior, const Eigen::VectorXd& x) {
     const Factor factor = factorise(prior.covariance);
-    const Eigen::VectorXd standard = factor.correlation.matrixL().solve((x - prior.mean).cwiseQuotient(factor.sd));
-    const Eigen::MatrixXd lower = factor.correlation.matrixL();
+    Eigen::VectorXd standard = (x - prior.mean).cwiseQuotient(factor.sd);
+    factor.correlation.solve_lower_in_place(standard);
+    const Eigen::MatrixXd& lower = factor.correlation.lower();
     const double ln_determinant = factor.sd.array().log().sum() + lower.diagonal().array().log().sum();
     return 0.5 * standard.squaredNorm() + ln_determinant + 0.5 * ln_two_pi * static_cast<double>(x.size());
 }
 
 JointPriorDerivatives derivatives(const JointNormalPrior& prior, const Eigen::VectorXd& x) {
     const Factor factor = factorise(prior.covariance);
-    const Eigen::MatrixXd root =
-        factor.correlation.matrixL().solve(Eigen::MatrixXd(factor.sd.cwiseInverse().asDiagonal()));
+    Eigen::MatrixXd root = factor.sd.cwiseInverse().asDiagonal();
+    factor.correlation.solve_lower_in_place(root);
     JointPriorDerivatives result;
     const Eigen::MatrixXd precision = root.transpose() * root;
     result.gradient = root.transpose() * (root * (x - prior.mean));
@@ -89,8 +90,8 @@ void validate(const JointNormalPrior& prior) {
         }
     const Factor factor = factorise(prior.covariance);
     // A pivot at the rounding of its sum is not positive.
-    const Eigen::MatrixXd lower = factor.correlation.matrixL();
-    const double least = factor.correlation.info() == Eigen::Success ? lower.diagonal().minCoeff() : 0.0;
+    const Eigen::MatrixXd& lower = factor.correlation.lower();
+    const double least = factor.correlation.positive_definite() ? lower.diagonal().minCoeff() : 0.0;
     if (!(least * least > 1e-14 * static_cast<double>(count)))
         refuse_joint_prior("covariance must be positive definite: some combination of the parameters has no variance");
 }

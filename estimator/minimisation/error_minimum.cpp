@@ -2,11 +2,10 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
 #include "estimator/errors/joint_covariance.hpp"
 #include "estimator/minimisation/error_parameter.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
+#include "models/arithmetic/eigenvalues.hpp"
 
 namespace orbid::estimator {
 
@@ -77,10 +76,10 @@ void joint_step(const ErrorProblem& problem, const ErrorPoint& point, const Nois
         v += law.inverse_wishart_psi;
         divisor += law.inverse_wishart_dof + static_cast<double>(m) + 1.0;
     }
-    const Eigen::LLT<Eigen::MatrixXd> factor(v / divisor);
-    if (factor.info() != Eigen::Success) return;
+    const models::CholeskyFactor factor(v / divisor);
+    if (!factor.positive_definite()) return;
     const auto size = static_cast<Eigen::Index>(law.coordinates.size());
-    step.segment(law.first, size) = root_coordinates(factor.matrixL()) - psi.segment(law.first, size);
+    step.segment(law.first, size) = root_coordinates(factor.lower()) - psi.segment(law.first, size);
 }
 
 /// Fixed-point steps of (M10): of each law by itself, and of all plain scales together.
@@ -127,10 +126,10 @@ void update(Eigen::MatrixXd& hessian, const Eigen::VectorXd& s, const Eigen::Vec
 
 /// A positive definite stand-in: eigenvalues by their absolute value, at least a millionth of the largest.
 Eigen::MatrixXd made_definite(const Eigen::MatrixXd& hessian) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(hessian);
-    const Eigen::VectorXd size = eigen.eigenvalues().cwiseAbs();
+    const models::SymmetricEigen eigen = models::symmetric_eigen(hessian);
+    const Eigen::VectorXd size = eigen.values.cwiseAbs();
     const double least = std::max(1e-6 * size.maxCoeff(), 1e-300);
-    return eigen.eigenvectors() * size.cwiseMax(least).asDiagonal() * eigen.eigenvectors().transpose();
+    return eigen.vectors * size.cwiseMax(least).asDiagonal() * eigen.vectors.transpose();
 }
 
 /// Curvature to start with: 2 fit for plain scales (exact curvature of ln s at its minimum is 2 n), differences else.
@@ -192,9 +191,10 @@ ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd&
                 std::max(minimum.distance, std::abs(gradient[i]) / std::sqrt(std::max(hessian(i, i), 1e-300)));
         if (minimum.distance < search.tolerance) return minimum;
 
-        const Eigen::LDLT<Eigen::MatrixXd> factor(hessian);
-        const bool definite = factor.info() == Eigen::Success && factor.isPositive() &&
-                              factor.vectorD().minCoeff() > 1e-10 * factor.vectorD().maxCoeff();
+        const models::LdltFactor factor(hessian);
+        const auto pivots = factor.pivots();
+        const bool definite =
+            factor.succeeded() && factor.positive_semidefinite() && pivots.minCoeff() > 1e-10 * pivots.maxCoeff();
         std::vector<Eigen::VectorXd> steps;
         if (definite) {
             const Eigen::VectorXd newton = -factor.solve(gradient);
@@ -284,7 +284,7 @@ Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimu
     Eigen::MatrixXd jacobi = Eigen::MatrixXd::Zero(nodes, nodes);
     for (Eigen::Index i = 1; i < nodes; ++i)
         jacobi(i, i - 1) = jacobi(i - 1, i) = std::sqrt(0.5 * static_cast<double>(i));
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> rule(jacobi);
+    const models::SymmetricEigen rule = models::symmetric_eigen(jacobi);
     Eigen::VectorXd psi = minimum.psi;
     for (const NoiseModel& law : *problem.laws) {
         const Eigen::Index k = law.first;
@@ -299,10 +299,10 @@ Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimu
         double total = 0.0;
         double weight = 0.0;
         for (Eigen::Index i = 0; i < nodes; ++i) {
-            const double t = rule.eigenvalues()[i];
+            const double t = rule.values[i];
             Eigen::VectorXd shifted = minimum.psi;
             shifted[k] += width * t;
-            const double density = std::pow(rule.eigenvectors()(0, i), 2) *
+            const double density = std::pow(rule.vectors(0, i), 2) *
                                    std::exp(t * t - (evaluate_errors(problem, shifted).value - at_minimum));
             total += density;
             weight += density * std::exp(-2.0 * width * t);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "estimator/algebra/block_loop.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
 
@@ -193,9 +194,9 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
     if (moving) {
         y = problem.prior_gradient;
         if (all) {
-            point.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(y);
+            models::solve_transposed_upper_in_place(point.triangle, y);
             y = -(y + factor.topRightCorner(rank, 1));
-            point.triangle.triangularView<Eigen::Upper>().solveInPlace(y);
+            models::solve_upper_in_place(point.triangle, y);
         } else {
             y.setZero();
         }

@@ -11,6 +11,7 @@
 #include <oneapi/tbb/parallel_for.h>
 
 #include "estimator/algebra/r_factor.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
 
@@ -202,7 +203,7 @@ bool LeastSquares::by_products() {
             triangle_(i, j) = i == j ? std::sqrt(rest) : rest / triangle_(i, i);
         }
     Eigen::VectorXd rhs = products.col(q).cwiseQuotient(norm);
-    triangle_.topLeftCorner(q, q).transpose().triangularView<Eigen::Lower>().solveInPlace(rhs);
+    models::solve_transposed_upper_in_place(triangle_.topLeftCorner(q, q), rhs);
     triangle_.topLeftCorner(q, q) *= norm.cwiseProduct(slope_).asDiagonal();
     triangle_.col(q).head(q) = rhs;
     return true;
@@ -271,7 +272,7 @@ void LeastSquares::solve_damped() {
         }
     }
     step_ = -damped_.col(q);
-    damped_.leftCols(q).triangularView<Eigen::Upper>().solveInPlace(step_);
+    models::solve_upper_in_place(damped_.leftCols(q), step_);
     moved_ = triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>() * step_;
 }
 
@@ -283,9 +284,8 @@ bool LeastSquares::correct() {
     const Eigen::VectorXd second = (2.0 / probe) * ((at_probe - e_) / probe - moved_errors(step_));
     if (!second.allFinite()) return false;
     Eigen::VectorXd correction = -gathered(second);
-    const auto r = damped_.leftCols(parameters_).triangularView<Eigen::Upper>();
-    damped_.leftCols(parameters_).transpose().triangularView<Eigen::Lower>().solveInPlace(correction);
-    r.solveInPlace(correction);
+    models::solve_transposed_upper_in_place(damped_.leftCols(parameters_), correction);
+    models::solve_upper_in_place(damped_.leftCols(parameters_), correction);
     bend_ = 2.0 * largest_.cwiseProduct(correction).norm() / largest_.cwiseProduct(step_).norm();
     if (!(bend_ <= longest_correction)) return false;
     step_ += 0.5 * correction;
@@ -361,7 +361,7 @@ LeastSquares::Verdict LeastSquares::polish() {
     const Eigen::Index q = parameters_;
     Eigen::VectorXd full = -triangle_.col(q).head(q);
     const double slope = -full.squaredNorm();
-    triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>().solveInPlace(full);
+    models::solve_upper_in_place(triangle_.topLeftCorner(q, q), full);
     const Eigen::VectorXd u = state_.u + stretch_ * full;
     if (!full.allFinite() || !inside(problem_, u)) return Verdict::stop;
     ++ledger_.trials;

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <stdexcept>
 
-#include <Eigen/Cholesky>
-
 #include "estimator/algebra/block_loop.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
 
@@ -212,13 +212,13 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
             } else {
                 if (from.shape.rows() != records || from.shape.cols() != records)
                     refuse("covariance shape must be " + std::to_string(records) + " x " + std::to_string(records));
-                const Eigen::LLT<Eigen::MatrixXd> factor(from.shape);
+                const models::CholeskyFactor factor(from.shape);
                 // A computed covariance is symmetric up to rounding.
                 const double largest = from.shape.diagonal().cwiseAbs().maxCoeff();
                 const bool symmetric = (from.shape - from.shape.transpose()).cwiseAbs().maxCoeff() <= 1e-12 * largest;
-                if (factor.info() != Eigen::Success || !symmetric || !from.shape.allFinite())
+                if (!factor.positive_definite() || !symmetric || !from.shape.allFinite())
                     refuse("covariance shape must be symmetric and positive definite");
-                block.cholesky = factor.matrixL();
+                block.cholesky = factor.lower();
                 set.ln_det_shapes += 2.0 * block.cholesky.diagonal().array().log().sum();
                 for (const int c : block.channel) {
                     const NoiseModel* law = law_of[static_cast<std::size_t>(c)];
@@ -374,7 +374,7 @@ void whiten(const std::vector<int>& channel, const Eigen::MatrixXd& cholesky, co
             Eigen::MatrixXd& rows) {
     for (Eigen::Index i = 0; i < rows.rows(); ++i)
         rows.row(i) /= scale[channel[static_cast<std::size_t>(i)]];
-    if (cholesky.size() > 0) cholesky.triangularView<Eigen::Lower>().solveInPlace(rows);
+    if (cholesky.size() > 0) models::solve_lower_in_place(cholesky, rows);
 }
 
 }  // namespace orbid::estimator

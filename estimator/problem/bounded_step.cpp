@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "models/arithmetic/triangular_solve.hpp"
+
 namespace orbid::estimator {
 
 namespace {
@@ -58,11 +60,10 @@ Eigen::VectorXd free_minimum(const ReducedProblem& reduced_problem, const PriorM
             root * prior_rows.rightCols(space.prior.cols()).colwise().norm().transpose();
     }
     const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
-    const auto triangle = factor.topLeftCorner(rank, rank).triangularView<Eigen::Upper>();
     Eigen::VectorXd y = basis.transpose() * pick(prior.gradient, step.free).cwiseProduct(inverse_unit);
-    factor.topLeftCorner(rank, rank).transpose().triangularView<Eigen::Lower>().solveInPlace(y);
+    models::solve_transposed_upper_in_place(factor.topLeftCorner(rank, rank), y);
     y = -(y + factor.topRightCorner(rank, 1));
-    triangle.solveInPlace(y);
+    models::solve_upper_in_place(factor.topLeftCorner(rank, rank), y);
     return inverse_unit.cwiseProduct(basis * y);
 }
 

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <numbers>
 
-#include <Eigen/Eigenvalues>
 #include <boost/math/special_functions/gamma.hpp>
 #include <boost/math/special_functions/trigamma.hpp>
 
 #include "estimator/interface/not_finite.hpp"
+#include "models/arithmetic/eigenvalues.hpp"
 
 namespace orbid::estimator {
 
@@ -241,9 +241,8 @@ JointPriorTerm joint_term(const JointNormalPrior& prior, const std::vector<Coord
     const Eigen::VectorXd bent = natural_terms.gradient.cwiseProduct(second) - jacobian_second;
     term.second = gauss_newton;
     term.second.diagonal() += bent;
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(term.second, Eigen::EigenvaluesOnly);
     term.curvature = term.second;
-    if (!(solver.eigenvalues().minCoeff() > 0.0)) {
+    if (!(models::symmetric_eigenvalues(term.second).minCoeff() > 0.0)) {
         term.curvature = gauss_newton;
         term.curvature.diagonal() += bent.cwiseMax(0.0);
     }

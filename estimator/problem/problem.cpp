@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Eigenvalues>
+#include "models/arithmetic/eigenvalues.hpp"
 
 namespace orbid::estimator {
 
@@ -35,9 +35,8 @@ PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u) {
         }
         const JointPriorTerm term = joint_term(joint.prior, coordinates, own);
         model.value += term.value;
-        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(term.curvature);
-        const Eigen::MatrixXd root =
-            eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose();
+        const models::SymmetricEigen eigen = models::symmetric_eigen(term.curvature);
+        const Eigen::MatrixXd root = eigen.values.cwiseMax(0.0).cwiseSqrt().asDiagonal() * eigen.vectors.transpose();
         model.rows.conservativeResize(row + count, q);
         model.rows.bottomRows(count).setZero();
         for (Eigen::Index i = 0; i < count; ++i) {

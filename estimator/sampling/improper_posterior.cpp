@@ -6,10 +6,9 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/QR>
-
 #include "estimator/problem/linearisation.hpp"
 #include "estimator/uncertainty/identifiability.hpp"
+#include "models/arithmetic/orthogonal_factor.hpp"
 
 namespace orbid::estimator {
 
@@ -38,7 +37,7 @@ void check_parameters(const Problem& problem, const Estimate& estimate) {
     for (Eigen::Index k = 0; k < count; ++k)
         for (Eigen::Index i = 0; i < q; ++i)
             if (closed(problem, i)) seen(i, k) = estimate.null_directions[static_cast<std::size_t>(k)].components[i];
-    if (q > 0 && Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(seen).rank() == count) return;
+    if (q > 0 && models::PivotedFactor(seen).rank() == count) return;
     std::string words;
     for (const NullDirection& direction : estimate.null_directions) {
         bool open = true;
@@ -106,9 +105,7 @@ void check_scale(const Problem& problem, const BlockSet& set, const std::vector<
     constexpr double exact = 1e-3;
     const bool fitted = !(estimated.rms > exact * estimated.value) && count > q + set.latents &&
                         !std::holds_alternative<LogNormalErrors>(law.distribution);
-    const auto rank = [&] {
-        return Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(rows_of(rows, problem, set, channel)).rank();
-    };
+    const auto rank = [&] { return models::PivotedFactor(rows_of(rows, problem, set, channel)).rank(); };
     if (fitted || (count <= q + set.latents && rank() == count))
         refuse_improper(who + "its records can be fitted exactly: as the scale goes to zero the likelihood does not");
 }
@@ -130,7 +127,7 @@ void refuse_improper(const Problem& problem, const BlockSet& set, const Estimate
         if (z.rows() > 0)
             for (Eigen::Index k = 0; k < z.cols(); ++k)
                 if (const double length = z.col(k).norm(); length > 0.0) z.col(k) /= length;
-        if (z.rows() == 0 || Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(z).rank() < block.latents)
+        if (z.rows() == 0 || models::PivotedFactor(z).rank() < block.latents)
             refuse_improper("the records of block \"" + problem.residuals[block.residual]->layout()[block.block].label +
                             "\" do not determine its latent states");
     }

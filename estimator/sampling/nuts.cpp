@@ -9,11 +9,10 @@
 #include <stdexcept>
 #include <string>
 
-#include <Eigen/Cholesky>
-
 #include "estimator/interface/not_finite.hpp"
 #include "estimator/interface/random_stream.hpp"
 #include "estimator/sampling/dual_averaging.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::estimator {
 
@@ -60,7 +59,7 @@ public:
     void find_step();
     void set_metric(const Eigen::MatrixXd& metric) {
         metric_ = metric;
-        factor_ = metric.llt().matrixL();
+        factor_ = models::CholeskyFactor(metric).lower();
     }
     void set_step(double step) { step_ = step; }
     void iterate();
@@ -338,7 +337,7 @@ NutsResult sample(const NegativeLogDensity& density, const Eigen::VectorXd& star
     require(start.size() > 0, "start: nothing to sample");
     require(metric.rows() == start.size() && metric.cols() == start.size(),
             "metric: must have shape (" + std::to_string(start.size()) + ", " + std::to_string(start.size()) + ")");
-    require(metric.allFinite() && metric.llt().info() == Eigen::Success,
+    require(metric.allFinite() && models::CholeskyFactor(metric).positive_definite(),
             "metric: must be symmetric and positive definite");
     PhasePoint probe;
     probe.x = start;

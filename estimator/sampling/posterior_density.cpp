@@ -5,10 +5,9 @@
 #include <complex>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
-
 #include "estimator/interface/not_finite.hpp"
 #include "estimator/problem/linearisation.hpp"
+#include "models/arithmetic/eigenvalues.hpp"
 
 namespace orbid::estimator {
 
@@ -56,10 +55,9 @@ Eigen::MatrixXd inverse(const Eigen::MatrixXd& information) {
     for (double& value : size)
         value = value > 0.0 && std::isfinite(value) ? 1.0 / std::sqrt(value) : 1.0;
     const Eigen::MatrixXd scaled = size.asDiagonal() * information * size.asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(0.5 * (scaled + scaled.transpose()));
-    const Eigen::VectorXd values = eigen.eigenvalues().cwiseMax(least);
-    const Eigen::MatrixXd root =
-        size.asDiagonal() * eigen.eigenvectors() * values.cwiseSqrt().cwiseInverse().asDiagonal();
+    const models::SymmetricEigen eigen = models::symmetric_eigen(0.5 * (scaled + scaled.transpose()));
+    const Eigen::VectorXd values = eigen.values.cwiseMax(least);
+    const Eigen::MatrixXd root = size.asDiagonal() * eigen.vectors * values.cwiseSqrt().cwiseInverse().asDiagonal();
     return root * root.transpose();
 }
 

@@ -6,12 +6,12 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
 
 #include "estimator/problem/problem_setup.hpp"
 #include "estimator/sampling/chain_diagnostic.hpp"
 #include "estimator/sampling/improper_posterior.hpp"
 #include "estimator/sampling/posterior_density.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::estimator {
 
@@ -77,7 +77,7 @@ PosteriorPlace place_of(const Problem& problem, const Estimate& start) {
         for (const EstimatedCovariance& estimated : start.covariances)
             if (!estimated.groups.empty() && estimated.groups.front() == scale.group && estimated.value.rows() == m)
                 covariance = estimated.value;
-        const Eigen::MatrixXd triangle = covariance.llt().matrixL();
+        const Eigen::MatrixXd triangle = models::CholeskyFactor(covariance).lower();
         Eigen::Index k = law.first;
         for (Eigen::Index j = 0; j < m; ++j)
             for (Eigen::Index i = j; i < m; ++i, ++k)

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/QR>
-#include <Eigen/SVD>
+#include "models/arithmetic/orthogonal_factor.hpp"
+#include "models/arithmetic/singular_values.hpp"
 
 namespace orbid::estimator {
 
@@ -73,13 +73,14 @@ public:
         const Eigen::Index free = relative.cols();
         Eigen::MatrixXd seen = Eigen::MatrixXd::Identity(free, free);
         if (null.cols() > 0) {
-            const Eigen::MatrixXd q = null.colwise().normalized().householderQr().householderQ();
+            const Eigen::MatrixXd q = models::HouseholderFactor(null.colwise().normalized()).q();
             seen = q.rightCols(free - null.cols());
         }
         if (seen.cols() == 0) return;
-        const Eigen::JacobiSVD<Eigen::MatrixXd> svd(relative * seen, Eigen::ComputeThinU | Eigen::ComputeThinV);
-        values_ = svd.singularValues();
-        directions_ = seen * svd.matrixV();
+        const models::SingularValues svd =
+            models::singular_value_decomposition(relative * seen, models::SingularVectors::thin);
+        values_ = svd.values;
+        directions_ = seen * svd.v;
     }
 
     [[nodiscard]] const Eigen::VectorXd& values() const { return values_; }
@@ -173,7 +174,7 @@ Identifiability identifiability(const Eigen::MatrixXd& r, const BoundedStep& ste
         const Eigen::Index i = step.free[static_cast<std::size_t>(k)];
         scaled.col(k) = r.col(i) * column_size[i];
     }
-    if (free > 0) result.singular_values = Eigen::JacobiSVD<Eigen::MatrixXd>(scaled).singularValues();
+    if (free > 0) result.singular_values = models::singular_values(scaled);
 
     const auto relative = [&](const Eigen::MatrixXd& directions) {
         Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(directions.cols(), q);

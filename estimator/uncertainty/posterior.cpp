@@ -6,12 +6,13 @@
 #include <numbers>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
 
 #include "estimator/algebra/block_loop.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
 
@@ -35,7 +36,7 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
     point_ = evaluate_errors(errors_, state.psi);
 
     Eigen::MatrixXd half = step.decided.transpose();
-    point_.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(half);
+    models::solve_transposed_upper_in_place(point_.triangle, half);
     laplace_ = half.transpose() * half;
     covariance_ = laplace_;
 
@@ -108,11 +109,11 @@ void Posterior::error_parameters() {
         if (free_errors_.empty()) return;
     }
     const auto count = hessian.rows();
-    const Eigen::LDLT<Eigen::MatrixXd> factor(hessian);
-    const bool definite = factor.info() == Eigen::Success && factor.isPositive() && factor.vectorD().minCoeff() > 0.0;
-    const Eigen::MatrixXd inverse = definite ? Eigen::MatrixXd(factor.solve(Eigen::MatrixXd::Identity(count, count)))
-                                             : Eigen::MatrixXd::Constant(count, count, nan_value);
-    ln_error_determinant_ = definite ? factor.vectorD().array().log().sum() : nan_value;
+    const models::LdltFactor factor(hessian);
+    const auto pivots = factor.pivots();
+    const bool definite = factor.succeeded() && factor.positive_semidefinite() && pivots.minCoeff() > 0.0;
+    const Eigen::MatrixXd inverse = definite ? factor.inverse() : Eigen::MatrixXd::Constant(count, count, nan_value);
+    ln_error_determinant_ = definite ? pivots.array().log().sum() : nan_value;
     for (Eigen::Index i = 0; i < count; ++i)
         for (Eigen::Index j = 0; j < count; ++j)
             error_covariance_(free_errors_[static_cast<std::size_t>(i)], free_errors_[static_cast<std::size_t>(j)]) =
@@ -149,9 +150,8 @@ void Posterior::add_error_uncertainty() {
                 0.0);
             difference += sign / (2.0 * h) * (reduced_problem.r.transpose() * reduced_problem.rhs);
         }
-        const auto r = point_.triangle.triangularView<Eigen::Upper>();
-        point_.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(difference);
-        r.solveInPlace(difference);
+        models::solve_transposed_upper_in_place(point_.triangle, difference);
+        models::solve_upper_in_place(point_.triangle, difference);
         moved_by_errors_.col(static_cast<Eigen::Index>(i)) = -difference;
     }
     if (!any) return;
@@ -205,8 +205,8 @@ double Posterior::log_integral() const {
 /// d ln of (y^T C y) / d psi over the free error parameters, times y^T C y: -2 v^T S^T dS v, v = H^-1 (0, y).
 Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
     Eigen::VectorXd v = y;
-    point_.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(v);
-    point_.triangle.triangularView<Eigen::Upper>().solveInPlace(v);
+    models::solve_transposed_upper_in_place(point_.triangle, v);
+    models::solve_upper_in_place(point_.triangle, v);
     // Latent states that follow v, without what their own residuals ask for.
     const std::vector<Eigen::VectorXd> still =
         latent_steps(point_.standard.arrow, point_.reduced_problem, Eigen::VectorXd::Zero(v.size()));
@@ -274,7 +274,7 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
     const Eigen::VectorXd y = step.decided.transpose() * direction;
     if (!(y.lpNorm<Eigen::Infinity>() > 0.0)) return result;
     Eigen::VectorXd c = y;
-    point_.triangle.transpose().triangularView<Eigen::Lower>().solveInPlace(c);
+    models::solve_transposed_upper_in_place(point_.triangle, c);
     double variance = c.squaredNorm();
     if (moved_by_errors_.size() > 0) variance = direction.dot(laplace_ * direction);
     result.laplace_sd = std::sqrt(variance);

@@ -4,7 +4,8 @@
 #include <cmath>
 #include <map>
 
-#include <Eigen/Eigenvalues>
+#include "models/arithmetic/eigenvalues.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
 
@@ -35,7 +36,6 @@ Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
                    const std::vector<std::vector<int>>& cluster, const std::vector<NoiseModel>& laws,
                    const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle, double inflation)
     : rank_(triangle.rows()), triangle_(triangle) {
-    const auto r = triangle_.triangularView<Eigen::Upper>();
     Eigen::MatrixXd meat = Eigen::MatrixXd::Zero(rank_, rank_);
     for (std::size_t b = 0; b < rows.size(); ++b) {
         const Eigen::Index l = rows[b].latents;
@@ -47,13 +47,13 @@ Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
             if (factor.dead[static_cast<std::size_t>(j)]) q.col(j).setZero();
         if (l > 0) {
             Eigen::MatrixXd q_z = q.leftCols(l);
-            factor.triangle.topLeftCorner(l, l).triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(q_z);
+            models::divide_by_upper_in_place(q_z, factor.triangle.topLeftCorner(l, l));
             q.leftCols(l) = q_z;
             q.rightCols(rank_) -= q_z * factor.triangle.block(0, l, l, rank_);
         }
         if (rank_ > 0) {
             Eigen::MatrixXd q_theta = q.rightCols(rank_);
-            r.solveInPlace<Eigen::OnTheRight>(q_theta);
+            models::divide_by_upper_in_place(q_theta, triangle_);
             q.rightCols(rank_) = q_theta;
         }
         const int pieces = cluster[b].empty() ? 0 : 1 + *std::max_element(cluster[b].begin(), cluster[b].end());
@@ -65,28 +65,28 @@ Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
                 part.gram.noalias() += q.row(i).transpose() * q.row(i);
                 score += q.row(i).transpose() * whitened_rows(i, whitened_rows.cols() - 1);
             }
-            const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(part.gram);
+            const models::SymmetricEigen eigen = models::symmetric_eigen(part.gram);
             Eigen::VectorXd root(l + rank_);
             for (Eigen::Index k = 0; k < root.size(); ++k) {
-                const double left = 1.0 - eigen.eigenvalues()[k];
+                const double left = 1.0 - eigen.values[k];
                 root[k] = left > alone ? 1.0 / std::sqrt(left) : 0.0;
             }
-            part.root = eigen.eigenvectors() * root.asDiagonal() * eigen.eigenvectors().transpose();
+            part.root = eigen.vectors * root.asDiagonal() * eigen.vectors.transpose();
             const Eigen::VectorXd own = (part.root * score).tail(rank_);
             meat.noalias() += own * own.transpose();
             parts_.push_back(std::move(part));
         }
     }
     Eigen::MatrixXd half = meat;
-    r.solveInPlace(half);
+    models::solve_upper_in_place(triangle_, half);
     half = half.transpose().eval();
-    r.solveInPlace(half);
+    models::solve_upper_in_place(triangle_, half);
     covariance_ = 0.5 * inflation * (half + half.transpose());
 }
 
 double Sandwich::degrees_of_freedom(const Eigen::VectorXd& direction) const {
     Eigen::VectorXd c = direction;
-    triangle_.transpose().triangularView<Eigen::Lower>().solveInPlace(c);
+    models::solve_transposed_upper_in_place(triangle_, c);
     std::vector<Eigen::VectorXd> projected;
     std::vector<double> square;
     for (const Part& part : parts_) {

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <numbers>
 
-#include <Eigen/Cholesky>
+#include "models/arithmetic/cholesky_factor.hpp"
 
 #include "estimator/interface/not_finite.hpp"
 
@@ -137,13 +137,15 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
     result.known = true;
     result.hessian = hessian;
     const Eigen::VectorXd unit = gauss_newton.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::LDLT<Eigen::MatrixXd> factor(unit.asDiagonal() * hessian * unit.asDiagonal());
-    const Eigen::LDLT<Eigen::MatrixXd> reference(unit.asDiagonal() * gauss_newton * unit.asDiagonal());
-    result.definite = factor.info() == Eigen::Success && (factor.vectorD().array() > 0.0).all();
-    if (!result.definite || !(reference.vectorD().array() > 0.0).all()) return result;
-    result.ln_determinant = factor.vectorD().array().log().sum() - reference.vectorD().array().log().sum();
-    const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(count, count));
-    const Eigen::MatrixXd inverse_reference = reference.solve(Eigen::MatrixXd::Identity(count, count));
+    const models::LdltFactor factor(unit.asDiagonal() * hessian * unit.asDiagonal());
+    const models::LdltFactor reference(unit.asDiagonal() * gauss_newton * unit.asDiagonal());
+    const auto pivots = factor.pivots();
+    const auto reference_pivots = reference.pivots();
+    result.definite = factor.succeeded() && (pivots.array() > 0.0).all();
+    if (!result.definite || !(reference_pivots.array() > 0.0).all()) return result;
+    result.ln_determinant = pivots.array().log().sum() - reference_pivots.array().log().sum();
+    const Eigen::MatrixXd inverse = factor.inverse();
+    const Eigen::MatrixXd inverse_reference = reference.inverse();
     for (Eigen::Index i = 0; i < count; ++i)
         result.ratio[free[static_cast<std::size_t>(i)]] = std::sqrt(inverse(i, i) / inverse_reference(i, i));
     return result;
