@@ -2,12 +2,11 @@
 #include <cmath>
 #include <stdexcept>
 
-#include <Eigen/Cholesky>
-
 #include <fmt/format.h>
 
 #include "apps/estimation/posterior_stage.hpp"
 #include "estimator/errors/noise_model.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::apps {
 
@@ -31,7 +30,7 @@ VectorXd error_parameters(const NoiseModel& law, const std::vector<std::string>&
     if (law.joint()) {
         for (const auto& covariance : estimate.covariances) {
             if (covariance.groups.front() != names[static_cast<std::size_t>(law.channels.front())]) continue;
-            const MatrixXd triangle = Eigen::LLT<MatrixXd>(covariance.value).matrixL();
+            const MatrixXd triangle = models::CholeskyFactor(covariance.value).lower();
             Index k = 0;
             for (Index j = 0; j < triangle.cols(); ++j) {
                 for (Index i = j; i < triangle.rows(); ++i, ++k)
@@ -108,7 +107,7 @@ std::vector<GroupDiagnostic> diagnose_residuals(const std::vector<estimator::Res
                         if (scale.group == names[channel]) e[r] /= scale.value;
                     }
                 }
-                Eigen::LLT<MatrixXd>(layout[b].shape).matrixL().solveInPlace(e);
+                models::CholeskyFactor(layout[b].shape).solve_lower_in_place(e);
                 for (std::size_t g = 0; g < residuals[i]->groups().size(); ++g) {
                     collect(e(records_of(layout[b], static_cast<int>(g))), layout[b].label,
                             collected[static_cast<std::size_t>(first[i]) + g]);

@@ -7,12 +7,13 @@
 #include <variant>
 
 #include <fmt/format.h>
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "apps/estimation/estimate_residuals.hpp"
 #include "apps/estimation/estimate_setup.hpp"
 #include "apps/stored_run/root_mean_square.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "models/arithmetic/orthogonal_factor.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
@@ -214,7 +215,7 @@ void judge_segment(const PredictionJob& job, const orbits::SeriesResidual& resid
         information += row.transpose() * row;
     }
     const Eigen::MatrixXd state_covariance =
-        latents > 0 ? information.completeOrthogonalDecomposition().pseudoInverse() : Eigen::MatrixXd();
+        latents > 0 ? models::CompleteFactor(information).pseudo_inverse() : Eigen::MatrixXd();
     const bool parameters = job.covariance.size() > 0 && value.e_theta.cols() == job.covariance.cols();
     const Eigen::VectorXd range = residual.series().scale();
 

@@ -4,11 +4,12 @@
 #include <span>
 
 #include <fmt/format.h>
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "apps/stored_run/forecast.hpp"
 #include "apps/stored_run/root_mean_square.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "models/arithmetic/singular_values.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/simulation/transition.hpp"
 
@@ -61,7 +62,7 @@ void forecast_sections(const PredictionJob& job, const Experiment& record, Forec
             continue;
         }
         ++all.steps;
-        growth += std::log(predicted[k].by_x.jacobiSvd().singularValues()[0]);
+        growth += std::log(models::singular_values(predicted[k].by_x)[0]);
         for (Eigen::Index i = 0; i < system.dimension(); ++i) {
             const auto c = static_cast<std::size_t>(i);
             const double error = predicted[k].error[i];

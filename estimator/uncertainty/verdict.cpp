@@ -5,9 +5,8 @@
 #include <cstdio>
 #include <numbers>
 
-#include "models/arithmetic/cholesky_factor.hpp"
-
 #include "estimator/interface/not_finite.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::estimator {
 

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include <tbb/parallel_for.h>
-#include <Eigen/Cholesky>
 
+#include "models/arithmetic/cholesky_factor.hpp"
 #include "models/arithmetic/median.hpp"
 #include "orbits/cycle_residuals/cycle_block.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
@@ -95,7 +95,7 @@ void CycleResidual::gate_start(const std::vector<PeriodicOrbit>& solved, const V
         VectorXd whitened = e->head(target.points.size());
         const VectorXd share = whitened.array() / range.replicate(target.points.cols(), 1).array();
         if (target.covariance.size() > 0)
-            Eigen::LLT<MatrixXd>(target.covariance).matrixL().solveInPlace(whitened);
+            models::CholeskyFactor(target.covariance).solve_lower_in_place(whitened);
         else
             whitened = share;
         size[b] = whitened.squaredNorm() / static_cast<double>(whitened.size());
@@ -192,7 +192,7 @@ double CycleResidual::mean_square(std::size_t block, const VectorXd& e, const Ve
     for (Index i = 0; i < e.size(); ++i)
         whitened(i) /= scales(layout_[block].group[static_cast<std::size_t>(i)]);
     const MatrixXd& shape = layout_[block].shape;
-    if (shape.size() > 0) Eigen::LLT<MatrixXd>(shape).matrixL().solveInPlace(whitened);
+    if (shape.size() > 0) models::CholeskyFactor(shape).solve_lower_in_place(whitened);
     return whitened.squaredNorm() / static_cast<double>(e.size());
 }
 

@@ -7,8 +7,7 @@
 #include <stdexcept>
 #include <variant>
 
-#include <Eigen/Cholesky>
-
+#include "models/arithmetic/cholesky_factor.hpp"
 #include "orbits/simulation/point_reading.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 
@@ -88,7 +87,7 @@ void check(const SectionMap& map, const std::vector<Cycle>& cycles, const CycleT
         if (cycle.covariance.rows() != records || cycle.covariance.cols() != records)
             throw std::invalid_argument(who + "covariance must be " + std::to_string(records) + " x " +
                                         std::to_string(records) + R"( (weights "equal" need none))");
-        if (!cycle.covariance.allFinite() || Eigen::LLT<MatrixXd>(cycle.covariance).info() != Eigen::Success)
+        if (!cycle.covariance.allFinite() || !models::CholeskyFactor(cycle.covariance).positive_definite())
             throw std::invalid_argument(who + "covariance must be finite, symmetric and positive definite");
     }
 }
@@ -172,7 +171,7 @@ void take_multipliers(const Cycle& cycle, const CycleTargetOptions& options, Cyc
     if (!weighted) return;
     target.multiplier_covariance = cycle.ln_multiplier_covariance(taken, taken);
     target.multiplier_covariance.diagonal().array() += computed_multiplier_error * computed_multiplier_error;
-    if (!taken.empty() && Eigen::LLT<MatrixXd>(target.multiplier_covariance).info() != Eigen::Success)
+    if (!taken.empty() && !models::CholeskyFactor(target.multiplier_covariance).positive_definite())
         throw std::invalid_argument("cycle " + std::to_string(target.cycle) +
                                     ": covariance of ln|multiplier| must be symmetric and positive definite");
 }

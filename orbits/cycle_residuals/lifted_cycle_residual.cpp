@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <string>
 
-#include <Eigen/Cholesky>
-
+#include "models/arithmetic/cholesky_factor.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 #include "orbits/cycle_residuals/cycle_block.hpp"
 
 namespace orbid::orbits {
@@ -87,7 +87,7 @@ LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> s
         const VectorXd sizes = size.replicate(p, 1);
         roots_.emplace_back(sizes.asDiagonal());
         if (target.covariance.size() > 0)
-            roots_.back() = sizes.asDiagonal() * MatrixXd(Eigen::LLT<MatrixXd>(target.covariance).matrixL());
+            roots_.back() = sizes.asDiagonal() * models::CholeskyFactor(target.covariance).lower();
         block.latents = n * p;
         layout_.push_back(std::move(block));
         start_.emplace_back(target.nodes.reshaped());
@@ -119,9 +119,10 @@ bool LiftedCycleResidual::evaluate_points(std::size_t block, const MatrixXd& nod
     if (!read) return false;
     const Index n = nodes.rows();
     const Index records = nodes.size();
-    const auto root = roots_[block].triangularView<Eigen::Lower>();
-    value.e.head(records) =
-        root.solve(VectorXd(map_.difference(targets_.targets[block].points, read->values).reshaped()));
+    const MatrixXd& root = roots_[block];
+    VectorXd missed = map_.difference(targets_.targets[block].points, read->values).reshaped();
+    models::solve_lower_in_place(root, missed);
+    value.e.head(records) = missed;
     if (!derivatives) return true;
     MatrixXd by_nodes = MatrixXd::Zero(records, records);
     MatrixXd by_theta(records, binding_.estimated_count);
@@ -129,8 +130,10 @@ bool LiftedCycleResidual::evaluate_points(std::size_t block, const MatrixXd& nod
         by_nodes.block(n * j, n * j, n, n) = -read->by_x[static_cast<std::size_t>(j)];
         by_theta.middleRows(n * j, n) = -binding_.spread(read->by_free[static_cast<std::size_t>(j)]);
     }
-    value.e_z.topRows(records) = root.solve(by_nodes);
-    value.e_theta.topRows(records) = root.solve(by_theta);
+    models::solve_lower_in_place(root, by_nodes);
+    models::solve_lower_in_place(root, by_theta);
+    value.e_z.topRows(records) = by_nodes;
+    value.e_theta.topRows(records) = by_theta;
     return true;
 }
 

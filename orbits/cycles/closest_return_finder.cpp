@@ -6,8 +6,8 @@
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
-#include <Eigen/LU>
 
+#include "models/arithmetic/lu_factor.hpp"
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/cycles/cycle_refinement.hpp"
 #include "orbits/cycles/recurrence.hpp"
@@ -96,7 +96,7 @@ private:
         }
         // (P8) for all points together: A_j u_j - u_{j+1} = 0 with u_j = x_0j - x_{t+j}, and the gap of the return
         // where the piece closes. For u_0 that is (I - A^p) u_0 = x_{t+p} - x_t, without the product.
-        const Eigen::PartialPivLU<MatrixXd> coupled(coupled_matrix(jacobians));
+        const models::LuFactor coupled(coupled_matrix(jacobians));
         VectorXd gap = VectorXd::Zero(n * p);
         const auto place = [&](Index j) {
             return Eigen::Map<const VectorXd>(section_.point(seed.start + static_cast<std::size_t>(j)), n);

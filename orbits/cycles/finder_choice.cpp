@@ -5,8 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include <Eigen/Cholesky>
-
+#include "models/arithmetic/cholesky_factor.hpp"
 #include "orbits/local_maps/manifold_map.hpp"
 #include "orbits/local_maps/noise_level.hpp"
 #include "orbits/sections/neighbour_index.hpp"
@@ -74,10 +73,10 @@ Eigen::Index sheet_dimension(const SectionPoints& section, const Eigen::MatrixXd
     const Eigen::Index n = section.dimension();
     const bool angles = std::any_of(section.angle().begin(), section.angle().end(), [](char a) { return a != 0; });
     if (n < 2 || angles || section.image_count() < least_chosen_points) return n;
-    const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
-    if (factor.info() != Eigen::Success) return n;
+    const models::CholeskyFactor factor(covariance);
+    if (!factor.positive_definite()) return n;
     const NeighbourIndex grid(section);
-    return ManifoldMapFits(section, grid, factor.matrixL()).sheet_dimension();
+    return ManifoldMapFits(section, grid, factor.lower()).sheet_dimension();
 }
 
 std::unique_ptr<CycleFinder> by_the_data(const SectionPoints& section, const CycleSearchOptions& options,

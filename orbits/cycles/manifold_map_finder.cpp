@@ -7,9 +7,8 @@
 
 #include <tbb/parallel_for.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-
+#include "models/arithmetic/cholesky_factor.hpp"
+#include "models/arithmetic/lu_factor.hpp"
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/cycles/cycle_refinement.hpp"
 #include "orbits/cycles/recurrence.hpp"
@@ -90,7 +89,7 @@ public:
 
 private:
     static Eigen::MatrixXd root(const Eigen::MatrixXd& covariance) {
-        return Eigen::LLT<Eigen::MatrixXd>(covariance).matrixL();
+        return models::CholeskyFactor(covariance).lower();
     }
 
     [[nodiscard]] Solution solve(const RecurrenceSeed& seed, int period) const {
@@ -122,7 +121,7 @@ private:
             for (Eigen::Index j = 0; j < p; ++j)
                 defect.segment(j * n, n) = section_.difference(maps[static_cast<std::size_t>(j)].value,
                                                                Eigen::VectorXd(solution.points.col((j + 1) % p)));
-            const Eigen::VectorXd step = -Eigen::PartialPivLU<Eigen::MatrixXd>(coupled_matrix(jacobians)).solve(defect);
+            const Eigen::VectorXd step = -models::LuFactor(coupled_matrix(jacobians)).solve(defect);
             if (!step.allFinite()) return solution;
             const double largest = step.cwiseAbs().maxCoeff();
             const double share = std::min(1.0, step_limit / largest);
@@ -150,7 +149,7 @@ private:
             time_slope.segment(j * n, n) = map.time_slope.transpose() * map.along;
             errors.block(j * (n + 1), j * (n + 1), n + 1, n + 1) = map.covariance;
         }
-        const Eigen::MatrixXd inverse = coupled_matrix(jacobians).inverse();
+        const Eigen::MatrixXd inverse = models::inverse(coupled_matrix(jacobians));
         Eigen::MatrixXd response = Eigen::MatrixXd::Zero(n * p + 1, (n + 1) * p);
         for (Eigen::Index j = 0; j < p; ++j) {
             response.block(0, j * (n + 1), n * p, n) = -inverse.middleCols(j * n, n);

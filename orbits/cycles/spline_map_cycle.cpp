@@ -4,8 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/LU>
-
+#include "models/arithmetic/lu_factor.hpp"
 #include "orbits/cycles/cycle_refinement.hpp"
 #include "orbits/local_maps/floored_covariance.hpp"
 
@@ -63,7 +62,7 @@ SplineMapCycle close_on_spline_map(const SectionPoints& section, const SplineMap
                 defect[j * n + d] =
                     section.difference(cycle.points(d, j) + value.displacement[d], cycle.points(d, (j + 1) % p), d);
         }
-        Eigen::VectorXd change = matrix.partialPivLu().solve(-defect);
+        Eigen::VectorXd change = models::LuFactor(matrix).solve(Eigen::VectorXd(-defect));
         if (!change.allFinite()) return cycle;
         const double size = change.cwiseAbs().maxCoeff();
         if (size > spline_step_cap) change *= spline_step_cap / size;
@@ -131,7 +130,7 @@ CycleCandidate draft_of(const SectionPoints& section, const SplineMapFit& fit, c
     CycleCandidate draft;
     draft.points = cycle.points;
     draft.multipliers = cycle_multipliers(jacobians);
-    const Eigen::MatrixXd inverse = -coupled_matrix(jacobians).inverse();
+    const Eigen::MatrixXd inverse = -models::inverse(coupled_matrix(jacobians));
     const Eigen::MatrixXd derivative = multiplier_derivative(jacobians);
     Eigen::MatrixXd to_points = Eigen::MatrixXd::Zero(n * p, entries * p);
     for (Eigen::Index j = 0; j < p; ++j)

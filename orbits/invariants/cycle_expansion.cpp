@@ -6,10 +6,9 @@
 #include <stdexcept>
 #include <string>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
 #include "estimator/interface/not_finite.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
+#include "models/arithmetic/eigenvalues.hpp"
 #include "orbits/invariants/kaplan_yorke.hpp"
 
 namespace orbid::orbits {
@@ -168,7 +167,7 @@ double leading_zero(const Eigen::VectorXd& q) {
     companion.diagonal(-1).setOnes();
     if (!companion.allFinite()) return estimator::nan_value;
     double largest = 0.0;
-    for (const std::complex<double>& value : companion.eigenvalues())
+    for (const std::complex<double>& value : models::eigenvalues(companion))
         if (value.imag() == 0.0) largest = std::max(largest, value.real());
     // Zero coefficients at the end leave eigenvalues 0, which rounding moves by its n-th root: far below any that
     // matters, since the sets considered have at most a few symbols and stay for at least a few steps.
@@ -250,10 +249,7 @@ void propagate(std::span<const Cycle> cycles, const std::vector<std::size_t>& us
         const Cycle& cycle = cycles[used[i]];
         const Eigen::Index n = cycle.ln_multiplier_covariance.rows();
         if (n != variance.size() || (cycle.mirror && *cycle.mirror < used[i])) continue;
-        const Eigen::LDLT<Eigen::MatrixXd> factor(cycle.ln_multiplier_covariance);
-        const Eigen::MatrixXd root = factor.transpositionsP().transpose() *
-                                     Eigen::MatrixXd(Eigen::MatrixXd(factor.matrixL()) *
-                                                     factor.vectorD().cwiseMax(0.0).cwiseSqrt().asDiagonal());
+        const Eigen::MatrixXd root = models::LdltFactor(cycle.ln_multiplier_covariance).root();
         for (Eigen::Index c = 0; c < n; ++c) {
             if (!(root.col(c).norm() > 0.0)) continue;
             std::vector<Term> moved = terms;

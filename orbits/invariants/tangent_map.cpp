@@ -5,8 +5,8 @@
 #include <numeric>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
+#include "models/arithmetic/eigenvalues.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::orbits {
 
@@ -90,8 +90,7 @@ bool TangentFitter::drop_torn() {
     const auto images = images_.topRows(count_);
     const Eigen::RowVectorXd mean = images.colwise().mean();
     const Eigen::MatrixXd spread = (images.rowwise() - mean).transpose() * (images.rowwise() - mean);
-    const Eigen::VectorXd longest =
-        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(spread).eigenvectors().rightCols<1>();
+    const Eigen::VectorXd longest = models::symmetric_eigen(spread).vectors.rightCols<1>();
     const Eigen::VectorXd along = images * longest;
     std::vector<double> sorted(along.data(), along.data() + count_);
     std::sort(sorted.begin(), sorted.end());
@@ -136,12 +135,12 @@ void TangentFitter::solve() {
     const double per_coordinate = total * static_cast<double>(n);
     const Eigen::RowVectorXd mean = weights_.head(count_).transpose() * response_ / total;
     map_.image_spread = std::sqrt((response_ - weights_.head(count_) * mean).squaredNorm() / per_coordinate) + rounding;
-    response_.applyOnTheLeft(factor_.householderQ().adjoint());
+    factor_.apply_transposed_q(response_);
     const double freedom = static_cast<double>(count_ - coefficients) / static_cast<double>(count_);
     map_.residual =
         std::sqrt(response_.bottomRows(count_ - coefficients).squaredNorm() / (per_coordinate * freedom)) + rounding;
 
-    triangle_ = factor_.matrixQR().topRows(coefficients).triangularView<Eigen::Upper>();
+    triangle_ = factor_.packed().topRows(coefficients).triangularView<Eigen::Upper>();
     fitted_ = response_.topRows(coefficients);
     // A map need not stretch where its image turns back: the spread of the places counts as well.
     const double offset_variance =
@@ -153,14 +152,13 @@ void TangentFitter::solve() {
         // The constant is not a direction: it is solved for last and never left out.
         const Eigen::Index free = coefficients - 1;
         const auto block = triangle_.bottomRightCorner(free, free);
-        orthogonal_.setThreshold(threshold / block.colwise().norm().maxCoeff());
-        orthogonal_.compute(block);
+        orthogonal_.compute(block, threshold / block.colwise().norm().maxCoeff());
         if (orthogonal_.rank() == 0) return;
         fitted_.bottomRows(free) = orthogonal_.solve(Eigen::MatrixXd(fitted_.bottomRows(free)));
         fitted_.row(0) -= triangle_.row(0).tail(free) * fitted_.bottomRows(free);
         fitted_.row(0) /= triangle_(0, 0);
     } else {
-        triangle_.triangularView<Eigen::Upper>().solveInPlace(fitted_);  // shape (coefficients, n)
+        models::solve_upper_in_place(triangle_, fitted_);  // shape (coefficients, n)
     }
     if (!fitted_.allFinite()) return;
 
@@ -179,15 +177,13 @@ double TangentFitter::image_sd(const Eigen::VectorXd& direction) const {
     if (truncated_) {
         // Block = Q T Z P^T, T of the rank's size: its pseudo-inverse transposed maps g to Q T^-T Z P^T g.
         const Eigen::Index rank = orthogonal_.rank();
-        const Eigen::VectorXd turned =
-            orthogonal_.matrixZ() *
-            (orthogonal_.colsPermutation().transpose() * combination.tail(triangle_.rows() - 1)).eval();
+        const Eigen::VectorXd turned = orthogonal_.row_space_coordinates(combination.tail(triangle_.rows() - 1));
         Eigen::VectorXd known = turned.head(rank);
-        orthogonal_.matrixT().topLeftCorner(rank, rank).triangularView<Eigen::Upper>().transpose().solveInPlace(known);
+        orthogonal_.solve_transposed_t_in_place(known);
         return std::hypot(map_.residual * known.norm(), map_.image_spread * turned.tail(turned.size() - rank).norm());
     }
     // (R^T R)^-1 = R^-1 R^-T: the sd of a combination g of coefficients is |R^-T g|.
-    triangle_.triangularView<Eigen::Upper>().transpose().solveInPlace(combination);
+    models::solve_transposed_upper_in_place(triangle_, combination);
     return map_.residual * combination.norm();
 }
 

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/QR>
 
+#include "models/arithmetic/orthogonal_factor.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
@@ -62,8 +62,8 @@ private:
     Eigen::MatrixXd offsets_, images_;  ///< shape (k, n), first count_ rows; images relative to the point's own
     Eigen::VectorXd weights_;
     Eigen::MatrixXd design_, response_, triangle_, fitted_;
-    Eigen::HouseholderQR<Eigen::MatrixXd> factor_;
-    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> orthogonal_;
+    models::HouseholderFactor factor_;
+    models::CompleteFactor orthogonal_;
     bool truncated_ = false;  ///< the fit is that of orthogonal_
     TangentMap map_;
 };

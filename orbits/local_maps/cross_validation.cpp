@@ -3,8 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include <Eigen/Cholesky>
-
+#include "models/arithmetic/cholesky_factor.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/monomials.hpp"
 
@@ -77,8 +76,8 @@ CrossValidation held_out_fit(const SectionPoints& points, const NeighbourIndex& 
     const Eigen::VectorXd w = weights.head(kept);
     Eigen::MatrixXd normal = x.transpose() * w.asDiagonal() * x;
     normal.diagonal().array() += ridge * normal.trace() / static_cast<double>(coefficients);
-    const Eigen::LLT<Eigen::MatrixXd> factor(normal);
-    if (factor.info() != Eigen::Success) return fit;
+    const models::CholeskyFactor factor(normal);
+    if (!factor.positive_definite()) return fit;
     const Eigen::MatrixXd solution = factor.solve(x.transpose() * (w.asDiagonal() * y));
     const Eigen::MatrixXd left = y - x * solution;
     const double total = w.sum();

@@ -5,8 +5,8 @@
 #include <limits>
 #include <numeric>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
+#include "models/arithmetic/eigenvalues.hpp"
+#include "models/arithmetic/orthogonal_factor.hpp"
 
 namespace orbid::orbits {
 
@@ -34,10 +34,10 @@ bool iterate_orthogonally(const std::vector<Eigen::MatrixXd>& jacobians, CycleMu
         Eigen::VectorXd logs = Eigen::VectorXd::Zero(n);
         Eigen::VectorXd signs = Eigen::VectorXd::Ones(n);
         for (const Eigen::MatrixXd& jacobian : jacobians) {
-            const Eigen::HouseholderQR<Eigen::MatrixXd> factor(jacobian * frame);
-            frame = factor.householderQ();
+            const models::HouseholderFactor factor(jacobian * frame);
+            frame = factor.q();
             for (Eigen::Index i = 0; i < n; ++i) {
-                const double diagonal = factor.matrixQR()(i, i);
+                const double diagonal = factor.packed()(i, i);
                 if (diagonal == 0.0 || !std::isfinite(diagonal)) return false;
                 logs[i] += std::log(std::abs(diagonal));
                 if (diagonal < 0.0) signs[i] = -signs[i];
@@ -72,8 +72,8 @@ void from_product(const std::vector<Eigen::MatrixXd>& jacobians, CycleMultiplier
             ln_scale += std::log(size);
         }
     }
-    const Eigen::EigenSolver<Eigen::MatrixXd> solver(product, false);
-    std::vector<std::complex<double>> values(solver.eigenvalues().data(), solver.eigenvalues().data() + n);
+    const Eigen::VectorXcd found = models::eigenvalues(product);
+    std::vector<std::complex<double>> values(found.data(), found.data() + n);
     // Conjugates have equal moduli to the last bit and come with the positive imaginary part first: a stable sort keeps
     // that.
     std::stable_sort(values.begin(), values.end(),

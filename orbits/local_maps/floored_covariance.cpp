@@ -2,8 +2,7 @@
 
 #include <algorithm>
 
-#include <Eigen/Eigenvalues>
-
+#include "models/arithmetic/eigenvalues.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
 
 namespace orbid::orbits {
@@ -12,8 +11,7 @@ Eigen::MatrixXd floored_covariance(const Eigen::MatrixXd& covariance) {
     // Relative to the largest eigenvalue: bounds the condition number.
     constexpr double relative_floor = 1e-9;
     Eigen::MatrixXd result = 0.5 * (covariance + covariance.transpose());
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(result, Eigen::EigenvaluesOnly);
-    const double largest = std::max(0.0, solver.eigenvalues().maxCoeff());
+    const double largest = std::max(0.0, models::symmetric_eigenvalues(result).maxCoeff());
     result.diagonal().array() += relative_floor * largest + rounding_variance;
     return result;
 }

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "models/arithmetic/triangular_solve.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/local_map.hpp"
 
@@ -19,8 +20,8 @@ Eigen::MatrixXd local_map_covariance(const Neighbourhood& neighbourhood, const L
     // shape (1 + n, k): value and jacobian from weighted images; units of the jacobian: per radius
     Eigen::VectorXd unit = Eigen::VectorXd::Constant(n + 1, 1.0 / neighbourhood.radius);
     unit[0] = 1.0;
-    const Eigen::MatrixXd solver =
-        fit.triangle().triangularView<Eigen::Upper>().solve(Eigen::MatrixXd(fit.basis().transpose()));
+    Eigen::MatrixXd solver = fit.basis().transpose();
+    models::solve_upper_in_place(fit.triangle(), solver);
     const Eigen::MatrixXd independent = unit.asDiagonal() * solver.topRows(n + 1) * weight.asDiagonal();
     const Eigen::MatrixXd smooth = unit.asDiagonal() * fit.remainder_response().topRows(n + 1);
     const Eigen::MatrixXd independent_shape = independent * independent.transpose();

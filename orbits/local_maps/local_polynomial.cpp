@@ -1,7 +1,7 @@
 #include "orbits/local_maps/local_polynomial.hpp"
 
-#include <Eigen/QR>
-
+#include "models/arithmetic/orthogonal_factor.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 #include "orbits/local_maps/monomials.hpp"
 
 namespace orbid::orbits {
@@ -46,22 +46,18 @@ LocalPolynomial fit_local_polynomial(const Eigen::MatrixXd& offsets, const Eigen
     const Eigen::VectorXd weight = (1.0 - t.rowwise().squaredNorm().array()).matrix();
     const Eigen::RowVectorXd mean = values.colwise().mean();
     const Eigen::MatrixXd right = weight.asDiagonal() * (values.rowwise() - mean);
-    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> solver(weight.asDiagonal() * design);
-    solver.setThreshold(lost_dimension);
+    const models::PivotedFactor solver(weight.asDiagonal() * design, lost_dimension);
     if (solver.rank() < coefficients) return result;
     const Eigen::MatrixXd solution = solver.solve(right);
     const Eigen::MatrixXd left = right - weight.asDiagonal() * (design * solution);
     const double freedom = 1.0 - static_cast<double>(coefficients) / static_cast<double>(k);
     result.residual = left.transpose() * left / (weight.squaredNorm() * freedom);
     // Weights of the single values in these: columns of Q R'^-1 P' parts.
-    const Eigen::MatrixXd first = solver.colsPermutation().transpose() * parts;
+    Eigen::MatrixXd first = solver.permuted_back(parts);
+    models::solve_transposed_upper_in_place(solver.packed().topLeftCorner(coefficients, coefficients), first);
     Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(k, n + 1);
-    rows.topRows(coefficients) = solver.matrixR()
-                                     .topLeftCorner(coefficients, coefficients)
-                                     .triangularView<Eigen::Upper>()
-                                     .transpose()
-                                     .solve(first);
-    rows.applyOnTheLeft(solver.householderQ());
+    rows.topRows(coefficients) = first;
+    solver.apply_q(rows);
     const Eigen::VectorXd leverages = (weight.asDiagonal() * rows).colwise().squaredNorm().transpose();
     result.leverage = leverages[0];
     result.slope_leverage = leverages.tail(n) / (radius * radius);

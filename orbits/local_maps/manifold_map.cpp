@@ -8,10 +8,8 @@
 
 #include <tbb/parallel_for.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
-
+#include "models/arithmetic/eigenvalues.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/local_polynomial.hpp"
 #include "orbits/local_maps/monomials.hpp"
@@ -54,7 +52,8 @@ constexpr double blurred = 3.0;
 
 ManifoldMapFits::ManifoldMapFits(const SectionPoints& points, const NeighbourIndex& grid, Eigen::MatrixXd reading_error)
     : points_(&points), grid_(&grid), error_(std::move(reading_error)) {
-    whitening_ = error_.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(error_.rows(), error_.cols()));
+    whitening_.setIdentity(error_.rows(), error_.cols());
+    models::solve_lower_in_place(error_, whitening_);
 }
 
 // Neighbours of a place, nearest first, and what they are mapped to.
@@ -115,13 +114,13 @@ ManifoldMap ManifoldMapFits::fit(const Support& support, int order, std::size_t 
 
     const Eigen::RowVectorXd mean = z.colwise().mean();
     const Eigen::MatrixXd centred = z.rowwise() - mean;
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(centred.transpose() * centred /
-                                                                static_cast<double>(kept));
+    const models::SymmetricEigen spread =
+        models::symmetric_eigen(centred.transpose() * centred / static_cast<double>(kept));
     Eigen::Index k = 0;
-    while (k < n && solver.eigenvalues()[n - 1 - k] > spread_variance)
+    while (k < n && spread.values[n - 1 - k] > spread_variance)
         ++k;
     if (k == 0) return map;
-    const Eigen::MatrixXd directions = solver.eigenvectors().rowwise().reverse();
+    const Eigen::MatrixXd directions = spread.vectors.rowwise().reverse();
     const Eigen::MatrixXd along = directions.leftCols(k);
     const Eigen::MatrixXd t = z * along;
     const double radius = radius_margin * std::sqrt(t.rowwise().squaredNorm().maxCoeff());

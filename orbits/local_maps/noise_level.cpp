@@ -11,9 +11,8 @@
 
 #include <tbb/parallel_for.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
+#include "models/arithmetic/cholesky_factor.hpp"
+#include "models/arithmetic/eigenvalues.hpp"
 #include "models/arithmetic/median.hpp"
 #include "orbits/local_maps/cross_validation.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
@@ -142,10 +141,13 @@ struct Normal {
 class Whitening {
 public:
     explicit Whitening(const CrossValidation& fit) : factor_(fit.covariance) {}
-    [[nodiscard]] Eigen::MatrixXd operator()(const Eigen::MatrixXd& m) const { return factor_.matrixL().solve(m); }
+    [[nodiscard]] Eigen::MatrixXd operator()(Eigen::MatrixXd m) const {
+        factor_.solve_lower_in_place(m);
+        return m;
+    }
 
 private:
-    Eigen::LLT<Eigen::MatrixXd> factor_;
+    models::CholeskyFactor factor_;
 };
 
 bool within_gate(const CrossValidation& fit) {
@@ -167,9 +169,9 @@ Eigen::MatrixXd raised(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& sta
     const Eigen::VectorXd unit = variances.cwiseSqrt();
     Eigen::MatrixXd correlation = unit.cwiseInverse().asDiagonal() * matrix * unit.cwiseInverse().asDiagonal();
     correlation.diagonal().setOnes();
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(correlation);
-    const Eigen::VectorXd values = solver.eigenvalues().cwiseMax(least_eigenvalue * static_cast<double>(matrix.rows()));
-    correlation = solver.eigenvectors() * values.asDiagonal() * solver.eigenvectors().transpose();
+    const models::SymmetricEigen eigen = models::symmetric_eigen(correlation);
+    const Eigen::VectorXd values = eigen.values.cwiseMax(least_eigenvalue * static_cast<double>(matrix.rows()));
+    correlation = eigen.vectors * values.asDiagonal() * eigen.vectors.transpose();
     const Eigen::VectorXd back = unit.cwiseQuotient(correlation.diagonal().cwiseSqrt());
     return back.asDiagonal() * correlation * back.asDiagonal();
 }
@@ -270,12 +272,12 @@ NoiseLevel noise_level(const SectionPoints& points, const NeighbourIndex& grid) 
         all.matrix += part.matrix;
         all.right += part.right;
     }
-    const Eigen::LDLT<Eigen::MatrixXd> solver(all.matrix);
+    const models::LdltFactor solver(all.matrix);
     const Eigen::MatrixXd estimate = assembled(solver.solve(all.right), units);
     // Scatter of the blocks' contributions about the common solution.
     Eigen::VectorXd scatter = Eigen::VectorXd::Zero(unknowns);
     for (const Normal& part : parts)
-        scatter += solver.solve(part.right - part.matrix * solver.solve(all.right)).cwiseAbs2();
+        scatter += solver.solve(Eigen::VectorXd(part.right - part.matrix * solver.solve(all.right))).cwiseAbs2();
 
     std::vector<double> shares;
     for (const CrossValidation& fit : usable) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "models/arithmetic/triangular_solve.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/orthogonal_columns.hpp"
 
@@ -68,8 +69,8 @@ bool PolynomialFit::fit(const Monomials& monomials, int order, const Eigen::Matr
     for (Eigen::Index d = 0; d < r; ++d)
         take_out(design_.data(), static_cast<std::size_t>(count), rows, response_.col(d).data(),
                  projection_.col(d).data());
-    coefficients_.resize(count, r);
-    coefficients_ = triangle_.triangularView<Eigen::Upper>().solve(projection_);
+    coefficients_ = projection_;
+    models::solve_upper_in_place(triangle_, coefficients_);
     if (!coefficients_.allFinite()) return false;
 
     const double freedom = static_cast<double>(k - count) / static_cast<double>(k);
@@ -77,7 +78,7 @@ bool PolynomialFit::fit(const Monomials& monomials, int order, const Eigen::Matr
 
     // The value at the origin is the first coefficient, e_1^T R^-1 Q^T W y.
     influence_ = Eigen::VectorXd::Unit(count, 0);
-    triangle_.triangularView<Eigen::Upper>().transpose().solveInPlace(influence_);
+    models::solve_transposed_upper_in_place(triangle_, influence_);
     share_.setZero(k);
     value_influence_.setZero(k);
     for (Eigen::Index c = 0; c < count; ++c) {
@@ -105,7 +106,8 @@ void PolynomialFit::part_residuals(const Monomials& monomials) {
     Eigen::MatrixXd onto = Eigen::MatrixXd::Zero(count, extra);
     for (Eigen::Index c = 0; c < extra; ++c)
         take_out(design_.data(), static_cast<std::size_t>(count), rows, columns.col(c).data(), onto.col(c).data());
-    remainder_response_ = triangle_.triangularView<Eigen::Upper>().solve(onto);
+    remainder_response_ = onto;
+    models::solve_upper_in_place(triangle_, remainder_response_);
     const double smooth_share = columns.squaredNorm();
 
     // Independent errors of equal size per row: weighted, they are no longer equal. What a projection 1 - P leaves of

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/QR>
-
+#include "models/arithmetic/orthogonal_factor.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/floored_covariance.hpp"
 
@@ -68,7 +68,7 @@ void tell_truncation(const MatrixXd& images, ReferenceMap& map) {
     if (!(k >= columns + 2)) return;
     const auto mean_square_left = [&](Index used) {
         const MatrixXd part = design.leftCols(used);
-        return (images - part * part.colPivHouseholderQr().solve(images)).squaredNorm() /
+        return (images - part * models::PivotedFactor(part).solve(images)).squaredNorm() /
                static_cast<double>((k - used) * n);
     };
     const double affine = mean_square_left(1 + n), curved = mean_square_left(columns);
@@ -160,13 +160,15 @@ ReferenceMap fit_reference_map(const SectionPoints& section, const NeighbourInde
     map.offsets.conservativeResize(k, n);
     images.conservativeResize(k, n);
     if (k < n + 2) return map;
-    const Eigen::ColPivHouseholderQR<MatrixXd> factor(map.offsets);
-    const auto& triangle = factor.matrixQR();
+    const models::PivotedFactor factor(map.offsets);
+    const MatrixXd& triangle = factor.packed();
     if (!(std::abs(triangle(n - 1, n - 1)) > lost_direction * std::abs(triangle(0, 0)))) return map;
     // Thin factors only: all points of a ball can be thousands.
-    const MatrixXd basis = factor.householderQ() * MatrixXd::Identity(k, n);
-    map.solver = factor.colsPermutation() *
-                 triangle.topRows(n).triangularView<Eigen::Upper>().solve(MatrixXd(basis.transpose()));
+    MatrixXd basis = MatrixXd::Identity(k, n);
+    factor.apply_q(basis);
+    MatrixXd solved = basis.transpose();
+    models::solve_upper_in_place(triangle.topRows(n), solved);
+    map.solver = factor.permuted(solved);
     map.jacobian = (map.solver * images).transpose();
     if (!map.jacobian.allFinite()) return map;
     map.residuals = images - map.offsets * map.jacobian.transpose();

@@ -5,8 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/QR>
-
+#include "models/arithmetic/orthogonal_factor.hpp"
 #include "periodic/orbit/full_turn.hpp"
 
 namespace orbid::orbits {
@@ -41,7 +40,7 @@ Eigen::MatrixXd powers(const Eigen::VectorXd& t, int degree) {
 }
 
 Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& design) {
-    return Eigen::HouseholderQR<Eigen::MatrixXd>(design).solve(Eigen::MatrixXd::Identity(design.rows(), design.rows()));
+    return models::HouseholderFactor(design).solve(Eigen::MatrixXd::Identity(design.rows(), design.rows()));
 }
 
 // Weights of the 2 h neighbours of a sample in the prediction of that sample, nearest before it last and so on in time.

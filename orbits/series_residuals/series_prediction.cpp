@@ -1,6 +1,6 @@
 #include <oneapi/tbb/parallel_for.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "models/arithmetic/orthogonal_factor.hpp"
 #include "orbits/series_residuals/series_residual.hpp"
 
 namespace orbid::orbits {
@@ -77,7 +78,7 @@ SegmentPrediction SeriesResidual::predict_one(const Eigen::VectorXd& all, const 
         while (!accepted && damping < too_damped) {
             Eigen::MatrixXd damped = normal;
             damped.diagonal() += damping * normal.diagonal();
-            const Eigen::VectorXd change = -damped.completeOrthogonalDecomposition().solve(gradient);
+            const Eigen::VectorXd change = -models::CompleteFactor(damped).solve(gradient);
             small = change.norm() <= step_tolerance * (1.0 + x0(fitted).norm());
             Eigen::VectorXd next = x0;
             next(fitted) += change;

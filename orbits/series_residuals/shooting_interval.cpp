@@ -1,11 +1,12 @@
 #include "orbits/series_residuals/shooting_interval.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include <algorithm>
 #include <cmath>
 
 #include "models/arithmetic/median.hpp"
+#include "models/arithmetic/singular_values.hpp"
 #include "orbits/simulation/transition.hpp"
 
 namespace orbid::orbits {
@@ -48,7 +49,7 @@ Index shooting_interval(std::span<const std::shared_ptr<const models::System>> s
              predictions(systems, theta, starts, none, transition_clock(system, series), {1e-8, 1e-8, 20000})) {
             if (!p.ok) continue;
             const MatrixXd x = range.cwiseInverse().asDiagonal() * p.by_x * range.asDiagonal();
-            growth.push_back(x.jacobiSvd().singularValues()[0]);
+            growth.push_back(models::singular_values(x)[0]);
             error.push_back(p.error.cwiseQuotient(range).cwiseAbs().maxCoeff());
         }
         return 2 * growth.size() > starts.size() && usual(growth) <= largest_growth && usual(error) <= largest_error;

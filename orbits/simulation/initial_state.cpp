@@ -1,11 +1,12 @@
 #include "orbits/simulation/initial_state.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include <array>
 #include <cmath>
 #include <optional>
 
+#include "models/arithmetic/orthogonal_factor.hpp"
 #include "models/definition/parameter.hpp"
 
 namespace orbid::orbits {
@@ -33,7 +34,7 @@ Fit polynomial(const std::vector<double>& t, const std::vector<double>& y, std::
         }
         right[k] = y[static_cast<std::size_t>(k)];
     }
-    const Eigen::VectorXd c = design.colPivHouseholderQr().solve(right);
+    const Eigen::VectorXd c = models::PivotedFactor(design).solve(right);
     const double freedom = static_cast<double>(std::max<Eigen::Index>(rows - coefficients, 1));
     return {c[0], coefficients > 1 ? c[1] / length : 0.0, std::sqrt((design * c - right).squaredNorm() / freedom)};
 }
@@ -82,7 +83,7 @@ Eigen::VectorXd state_with_reading(const models::System& system, const Eigen::Ve
         now = miss(system, theta, reading, read, wanted, x);
     }
     for (int step = 0; step < steps && now; ++step) {
-        Eigen::VectorXd change = now->slope.completeOrthogonalDecomposition().solve(now->defect);
+        Eigen::VectorXd change = models::CompleteFactor(now->slope).solve(now->defect);
         if (!change.allFinite()) return x;
         Eigen::VectorXd next = x;
         std::optional<Miss> trial;
@@ -133,9 +134,8 @@ void solve_slopes(const models::System& system, const Eigen::VectorXd& theta, co
             jacobian.col(j) = (defect(below) - defect(above)) / (2.0 * h);
         }
         // The rank decides: directions that no slope depends on are left where they are.
-        Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
-        decomposition.setThreshold(1e-8);
-        decomposition.compute(jacobian);
+        models::CompleteFactor decomposition;
+        decomposition.compute(jacobian, 1e-8);
         const Eigen::VectorXd change = decomposition.solve(now);
         if (!change.allFinite()) return;
         Eigen::VectorXd next = x;

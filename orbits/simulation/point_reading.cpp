@@ -3,7 +3,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include <Eigen/LU>
+#include "models/arithmetic/lu_factor.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -56,7 +56,7 @@ MatrixXd PointReading::states(const MatrixXd& readings, const VectorXd& theta) c
             const auto read = (*this)(x, theta, {}, true);
             if (!read) break;
             const VectorXd error = map_.difference(readings.col(j), read->values);
-            const VectorXd move = read->by_x[0].partialPivLu().solve(error);
+            const VectorXd move = models::LuFactor(read->by_x[0]).solve(error);
             if (!move.allFinite()) break;
             x += move;
             if ((move.array().abs() < settled * (1.0 + x.col(0).array().abs())).all()) {

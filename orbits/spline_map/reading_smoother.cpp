@@ -3,7 +3,7 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/LU>
+#include "models/arithmetic/lu_factor.hpp"
 
 namespace orbid::orbits {
 
@@ -41,14 +41,14 @@ ReadingSmoother::ReadingSmoother(std::vector<SeriesStep> steps, const Eigen::Mat
         } else {
             innovation = step.residual;
         }
-        forward_[t] = reduced.inverse();
+        forward_[t] = models::inverse(reduced);
         const double chi2 = innovation.dot(forward_[t] * innovation);
         if (!(chi2 <= gate)) {
             // chi2 / (1 + share chi2) = gate
             const SmallMatrix raised = (1.0 / gate - 1.0 / chi2) * innovation * innovation.transpose();
             step.model += raised;
             variance[t] += raised;
-            forward_[t] = SmallMatrix(reduced + raised).inverse();
+            forward_[t] = models::inverse(SmallMatrix(reduced + raised));
             ++gated_;
         }
     }
@@ -56,10 +56,10 @@ ReadingSmoother::ReadingSmoother(std::vector<SeriesStep> steps, const Eigen::Mat
         if (!steps_[t].present) continue;
         SmallMatrix reduced = variance[t];
         if (linked(t)) reduced -= coupling_[t] * backward_[t + 1] * coupling_[t].transpose();
-        backward_[t] = reduced.inverse();
+        backward_[t] = models::inverse(reduced);
         SmallMatrix both = reduced;
         if (t > 0 && linked(t - 1)) both -= coupling_[t - 1].transpose() * forward_[t - 1] * coupling_[t - 1];
-        diagonal_[t] = both.inverse();
+        diagonal_[t] = models::inverse(both);
         diagonal_[t] = SmallMatrix(0.5 * (diagonal_[t] + diagonal_[t].transpose()));
     }
 }

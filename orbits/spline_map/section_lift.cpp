@@ -11,7 +11,8 @@
 #include <tuple>
 
 #include <tbb/parallel_for.h>
-#include <Eigen/Cholesky>
+
+#include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::orbits {
 
@@ -186,7 +187,7 @@ private:
         Eigen::MatrixXd normal = design.transpose() * design;
         const double spread = offsets.squaredNorm() / static_cast<double>(n);
         normal.diagonal().tail(n).array() += slope_ridge * spread + std::numeric_limits<double>::min();
-        const Eigen::VectorXd solution = normal.ldlt().solve(design.transpose() * values);
+        const Eigen::VectorXd solution = models::LdltFactor(normal).solve(Eigen::VectorXd(design.transpose() * values));
         Plane plane{solution[0], solution.tail(n), 0.0};
         const double freedom = static_cast<double>(std::max<Eigen::Index>(1, crowd - n - 1));
         plane.residual = std::sqrt((values - design * solution).squaredNorm() / freedom);

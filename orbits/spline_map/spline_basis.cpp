@@ -214,8 +214,8 @@ void SplineBasis::support(const double* place, int derivatives, SplineSupport& r
     }
 }
 
-Eigen::SparseMatrix<double, Eigen::RowMajor> SplineBasis::third_differences(Eigen::Index coordinate, std::int64_t width,
-                                                                            std::vector<std::int64_t>& region) const {
+DifferenceRows SplineBasis::third_differences(Eigen::Index coordinate, std::int64_t width,
+                                              std::vector<std::int64_t>& region) const {
     region.clear();
     const std::size_t n = axes_.size();
     const auto total = static_cast<std::int64_t>(number_.size());
@@ -225,8 +225,7 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> SplineBasis::third_differences(Eige
     constexpr std::array<double, reach> factorial{1.0, 1.0, 2.0, 6.0};
     const double sign = section_->symmetric() ? section_->signs()[coordinate] : 1.0;
 
-    std::vector<Eigen::Triplet<double>> entries;
-    Eigen::Index row = 0;
+    DifferenceRows rows;
     std::vector<std::size_t> orders(n, 0);
     std::vector<std::pair<std::int32_t, double>> stencil;
     const auto add_all = [&] {
@@ -266,7 +265,8 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> SplineBasis::third_differences(Eige
             if (stencil.size() != members) continue;
             for (const auto& [unknown, weight] : stencil)
                 if (!fixed_[static_cast<std::size_t>(unknown)])
-                    entries.emplace_back(row, unknown, std::sqrt(multiplicity) * weight);
+                    rows.add(static_cast<std::size_t>(unknown), std::sqrt(multiplicity) * weight);
+            rows.finish_row();
             std::int64_t box = 0, rest_of_raw = raw, factor = 1;
             for (std::size_t d = n; d-- > 0;) {
                 const std::int64_t centre =
@@ -276,7 +276,6 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> SplineBasis::third_differences(Eige
                 factor *= axes_[d].functions / width + 1;
             }
             region.push_back(box);
-            ++row;
         }
     };
     const auto distribute = [&](const auto& self, std::size_t d, std::size_t left) -> void {
@@ -291,9 +290,7 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> SplineBasis::third_differences(Eige
         }
     };
     distribute(distribute, 0, reach - 1);
-    Eigen::SparseMatrix<double, Eigen::RowMajor> result(row, unknowns());
-    result.setFromTriplets(entries.begin(), entries.end());
-    return result;
+    return rows;
 }
 
 }  // namespace orbid::orbits

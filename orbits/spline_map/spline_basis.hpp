@@ -6,9 +6,9 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/SparseCore>
 
 #include "orbits/sections/section_points.hpp"
+#include "orbits/spline_map/difference_rows.hpp"
 
 namespace orbid::orbits {
 
@@ -49,8 +49,8 @@ public:
     /// Third differences of the coefficients of coordinate d on the grid, along and across its axes: a row each, over
     /// the unknowns. Quadratic polynomials have none, so |rows c|^2 measures the roughness of a map.
     /// @param region  receives for every row the number of the region that it lies in, boxes of `width` patches.
-    [[nodiscard]] Eigen::SparseMatrix<double, Eigen::RowMajor> third_differences(
-        Eigen::Index d, std::int64_t width, std::vector<std::int64_t>& region) const;
+    [[nodiscard]] DifferenceRows third_differences(Eigen::Index d, std::int64_t width,
+                                                   std::vector<std::int64_t>& region) const;
 
 private:
     struct Axis {

@@ -7,8 +7,8 @@
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
-#include <Eigen/LU>
 
+#include "models/arithmetic/lu_factor.hpp"
 #include "orbits/spline_map/reading_smoother.hpp"
 #include "orbits/spline_map/spline_normal_matrix.hpp"
 #include "orbits/spline_map/spline_roughness.hpp"
@@ -214,7 +214,7 @@ private:
 
     void move_states(const ReadingSmoother& smoother, const Eigen::MatrixXd& weighted) {
         const Eigen::MatrixXd errors = smoother.reading_errors(weighted);
-        const SmallMatrix precision = SmallMatrix(reading_).inverse();
+        const SmallMatrix precision = models::inverse(SmallMatrix(reading_));
         double remaining = 0.0;
         for (std::size_t t = 0; t < section_.size(); ++t) {
             const auto at = static_cast<Eigen::Index>(t);

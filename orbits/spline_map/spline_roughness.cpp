@@ -16,11 +16,9 @@ constexpr std::int64_t roughness_region_width = 2;
 // Differences that every region is thought to share with the whole section.
 constexpr double doubt = 1.0;
 
-using Rows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
-
 }  // namespace
 
-SplineRoughness::SplineRoughness(const SplineBasis& basis, Eigen::Index d) {
+SplineRoughness::SplineRoughness(const SplineBasis& basis, Eigen::Index d) : unknowns_(basis.unknowns()) {
     std::vector<std::int64_t> region;
     rows_ = basis.third_differences(d, roughness_region_width, region);
     std::vector<std::int64_t> names = region;
@@ -44,41 +42,39 @@ void SplineRoughness::scale_weight(double factor) {
 }
 
 void SplineRoughness::add_to(std::vector<double>& matrix) const {
-    const auto size = static_cast<std::size_t>(rows_.cols());
-    for (Eigen::Index r = 0; r < rows_.rows(); ++r) {
-        const double weight = weight_[region_[static_cast<std::size_t>(r)]];
-        for (Rows::InnerIterator a(rows_, r); a; ++a)
-            for (Rows::InnerIterator b(rows_, r); b; ++b)
-                matrix[static_cast<std::size_t>(a.col()) * size + static_cast<std::size_t>(b.col())] +=
-                    weight * a.value() * b.value();
+    const auto size = static_cast<std::size_t>(unknowns_);
+    for (std::size_t r = 0; r < rows_.count(); ++r) {
+        const double weight = weight_[region_[r]];
+        for (const auto* a = rows_.begin(r); a != rows_.end(r); ++a)
+            for (const auto* b = rows_.begin(r); b != rows_.end(r); ++b)
+                matrix[a->column * size + b->column] += weight * a->value * b->value;
     }
 }
 
 Eigen::VectorXd SplineRoughness::times(const Eigen::VectorXd& c) const {
-    Eigen::VectorXd differences = rows_ * c;
+    Eigen::VectorXd differences = rows_.times(c);
     for (Eigen::Index r = 0; r < differences.size(); ++r)
         differences[r] *= weight_[region_[static_cast<std::size_t>(r)]];
-    return rows_.transpose() * differences;
+    return rows_.transposed_times(differences, unknowns_);
 }
 
 double SplineRoughness::reweigh(const std::vector<double>& root, const Eigen::VectorXd& c, double variance) {
     const auto size = static_cast<std::size_t>(c.size());
-    std::vector<double> unknown(static_cast<std::size_t>(rows_.rows()));
+    std::vector<double> unknown(rows_.count());
     tbb::parallel_for(std::size_t{0}, unknown.size(), [&](std::size_t r) {
-        const auto row = static_cast<Eigen::Index>(r);
-        std::size_t first = size;
-        for (Rows::InnerIterator it(rows_, row); it; ++it)
-            first = std::min(first, static_cast<std::size_t>(it.col()));
+        const auto* const begin = rows_.begin(r);
+        const auto* const end = rows_.end(r);
+        const std::size_t first = begin == end ? size : begin->column;
         double sum = 0.0;
         for (std::size_t i = first; i < size; ++i) {
             double product = 0.0;
-            for (Rows::InnerIterator it(rows_, row); it; ++it)
-                product += root[i * size + static_cast<std::size_t>(it.col())] * it.value();
+            for (const auto* entry = begin; entry != end; ++entry)
+                product += root[i * size + entry->column] * entry->value;
             sum += product * product;
         }
         unknown[r] = sum;
     });
-    const Eigen::VectorXd differences = rows_ * c;
+    const Eigen::VectorXd differences = rows_.times(c);
     std::vector<double> trace(weight_.size(), 0.0), rough(weight_.size(), 0.0);
     for (std::size_t r = 0; r < region_.size(); ++r) {
         trace[region_[r]] += unknown[r];

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/SparseCore>
 
+#include "orbits/spline_map/difference_rows.hpp"
 #include "orbits/spline_map/spline_basis.hpp"
 
 namespace orbid::orbits {
@@ -39,7 +39,8 @@ public:
     double reweigh(const std::vector<double>& root, const Eigen::VectorXd& c, double variance);
 
 private:
-    Eigen::SparseMatrix<double, Eigen::RowMajor> rows_;
+    Eigen::Index unknowns_;
+    DifferenceRows rows_;
     std::vector<std::size_t> region_;  ///< of every row
     std::vector<double> rank_;         ///< differences of a region that are independent
     std::vector<double> weight_;       ///< of a region

@@ -6,6 +6,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "models/arithmetic/triangular_solve.hpp"
+
 namespace orbid::periodic {
 namespace {
 
@@ -52,7 +54,7 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
         whole.topRows(n_) = outer(0);
         whole.topLeftCorner(n_, n_) += MatrixXd::Identity(n_, n_);
         if (k_ > 0) whole.bottomRows(k_) << border.rows, border.corner;
-        last_.compute(whole);
+        last_ = models::PivotedFactor(whole);
     } else {
         // The row block at hand: first (d_0, tau) + next d_{j} = right-hand side, with j the next to go.
         MatrixXd first = outer(0);
@@ -67,20 +69,20 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
         for (Index j = 1; j + 1 < p_; ++j) {
             MatrixXd column(2 * n_, n_);
             column << next, -factors[static_cast<std::size_t>(j)];
-            Elimination step{Eigen::HouseholderQR<MatrixXd>(column), {}, {}, {}};
+            Elimination step{models::HouseholderFactor(column), {}, {}, {}};
             MatrixXd rest = MatrixXd::Zero(2 * n_, 2 * n_ + k_);
             rest.topLeftCorner(n_, n_ + k_) = first;
             rest.bottomLeftCorner(n_, n_ + k_) = outer(j);
             rest.bottomRightCorner(n_, n_).setIdentity();
-            rest.applyOnTheLeft(step.qr.householderQ().adjoint());
+            step.qr.apply_transposed_q(rest);
             step.to_first = rest.topLeftCorner(n_, n_ + k_);
             step.to_next = rest.topRightCorner(n_, n_);
             first = rest.bottomLeftCorner(n_, n_ + k_);
             next = rest.bottomRightCorner(n_, n_);
-            note_pivots(step.qr.matrixQR());
+            note_pivots(step.qr.packed());
             if (all_nodes) {
-                step.off_rows =
-                    step.qr.matrixQR().topRows(n_).triangularView<Eigen::Upper>().solve<Eigen::OnTheRight>(bottom_next);
+                step.off_rows = bottom_next;
+                models::divide_by_upper_in_place(step.off_rows, step.qr.packed().topRows(n_));
                 bottom -= step.off_rows * step.to_first;
                 bottom_next = border.rows.middleCols(n_ * (j + 1), n_) - step.off_rows * step.to_next;
             }
@@ -91,9 +93,9 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
         corner.middleRows(n_, n_) << -factors[static_cast<std::size_t>(p_ - 1)], outer(p_ - 1);
         corner.block(n_, n_, n_, n_) += MatrixXd::Identity(n_, n_);
         if (k_ > 0) corner.bottomRows(k_) << bottom_next, bottom;
-        last_.compute(corner);
+        last_ = models::PivotedFactor(corner);
     }
-    note_pivots(last_.matrixQR());
+    note_pivots(last_.packed());
     singular_ = !(smallest > smallest_pivot * largest);
 }
 
@@ -101,9 +103,9 @@ MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
     assert(b.rows() == n_ * p_ + k_);
     // ColPivHouseholderQR::solve() leaves pivots at rounding level out: inverse iteration lives on them.
     const auto solved = [&](MatrixXd right) {
-        right.applyOnTheLeft(last_.householderQ().adjoint());
-        last_.matrixQR().triangularView<Eigen::Upper>().solveInPlace(right);
-        return MatrixXd(last_.colsPermutation() * right);
+        last_.apply_transposed_q(right);
+        models::solve_upper_in_place(last_.packed(), right);
+        return last_.permuted(right);
     };
     if (p_ == 1) return solved(b);
 
@@ -113,7 +115,7 @@ MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
     for (Index j = 1; j + 1 < p_; ++j) {
         MatrixXd both(2 * n_, b.cols());
         both << carried, b.middleRows(n_ * j, n_);
-        both.applyOnTheLeft(eliminations_[static_cast<std::size_t>(j - 1)].qr.householderQ().adjoint());
+        eliminations_[static_cast<std::size_t>(j - 1)].qr.apply_transposed_q(both);
         d.middleRows(n_ * j, n_) = both.topRows(n_);  // the right-hand side of d_j, until it is solved for below
         carried = both.bottomRows(n_);
         const MatrixXd& off_rows = eliminations_[static_cast<std::size_t>(j - 1)].off_rows;
@@ -131,7 +133,7 @@ MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
         const Elimination& step = eliminations_[static_cast<std::size_t>(j - 1)];
         MatrixXd right =
             d.middleRows(n_ * j, n_) - step.to_first * outer - step.to_next * d.middleRows(n_ * (j + 1), n_);
-        step.qr.matrixQR().topRows(n_).triangularView<Eigen::Upper>().solveInPlace(right);
+        models::solve_upper_in_place(step.qr.packed().topRows(n_), right);
         d.middleRows(n_ * j, n_) = right;
     }
     return d;

@@ -3,7 +3,8 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/QR>
+
+#include "models/arithmetic/orthogonal_factor.hpp"
 
 namespace orbid::periodic {
 
@@ -54,17 +55,17 @@ public:
 
 private:
     struct Elimination {
-        Eigen::HouseholderQR<Eigen::MatrixXd> qr;  ///< of the two blocks that multiply d_j, shape (2n, n)
-        Eigen::MatrixXd to_first;                  ///< what the upper rows hold of d_0 and tau, shape (n, n + k)
-        Eigen::MatrixXd to_next;                   ///< and of d_{j+1}
-        Eigen::MatrixXd off_rows;                  ///< times the upper rows, taken off the border's, shape (k, n)
+        models::HouseholderFactor qr;  ///< of the two blocks that multiply d_j, shape (2n, n)
+        Eigen::MatrixXd to_first;      ///< what the upper rows hold of d_0 and tau, shape (n, n + k)
+        Eigen::MatrixXd to_next;       ///< and of d_{j+1}
+        Eigen::MatrixXd off_rows;      ///< times the upper rows, taken off the border's, shape (k, n)
     };
 
     Eigen::Index n_ = 0;
     Eigen::Index p_ = 0;
     Eigen::Index k_ = 0;                     ///< width of the border
     std::vector<Elimination> eliminations_;  ///< of d_1 .. d_{p-2}
-    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> last_;
+    models::PivotedFactor last_;
     bool singular_ = false;
 };
 

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include <Eigen/LU>
+#include "models/arithmetic/lu_factor.hpp"
 
 namespace orbid::periodic {
 
@@ -46,7 +46,7 @@ StepImage SecondOrderSteps::state(Index j, const VectorXd& z, double time, std::
         if (!g.value.allFinite() || !g.by_state.allFinite()) return image;
         const VectorXd gap = z(velocities_) + 0.5 * h * g.value(velocities_, 0) - x(velocities_);
         const MatrixXd matrix = MatrixXd::Identity(half, half) - 0.5 * h * g.by_state(velocities_, velocities_);
-        const VectorXd step = matrix.partialPivLu().solve(gap);
+        const VectorXd step = models::LuFactor(matrix).solve(gap);
         x(velocities_) += step;
         image.simulated = step.norm() <= 1e-8 * (x(velocities_).norm() + 1e-300);
         if (image.simulated || step.norm() == 0.0) break;
@@ -55,8 +55,7 @@ StepImage SecondOrderSteps::state(Index j, const VectorXd& z, double time, std::
     if (!image.simulated) return image;
     image.value = x;
     const FieldValues g = field_.values(x, shares, time, free);
-    const Eigen::PartialPivLU<MatrixXd> matrix(MatrixXd::Identity(half, half) -
-                                               0.5 * h * g.by_state(velocities_, velocities_));
+    const models::LuFactor matrix(MatrixXd::Identity(half, half) - 0.5 * h * g.by_state(velocities_, velocities_));
     // dv = M^-1 (dw + h/2 (a_q dq + a_theta dtheta + a dlnT))
     MatrixXd right = MatrixXd::Zero(half, n);
     for (Index i = 0; i < half; ++i) {
@@ -157,7 +156,7 @@ std::vector<MatrixXd> CentredSteps::propagators(const std::vector<MatrixXd>& jac
     for (std::size_t k = 0; k < count; ++k) {
         const MatrixXd here = 0.25 * jacobians[k].bottomRightCorner(n, n);
         const MatrixXd there = 0.25 * jacobians[(k + 1) % count].bottomRightCorner(n, n);
-        factors.push_back((one - there).partialPivLu().solve(one + here));
+        factors.push_back(models::LuFactor(one - there).solve(MatrixXd(one + here)));
     }
     return factors;
 }

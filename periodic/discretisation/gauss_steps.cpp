@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include <Eigen/LU>
+#include "models/arithmetic/lu_factor.hpp"
 
 namespace orbid::periodic {
 
@@ -46,7 +46,7 @@ MatrixXd GaussSteps::slopes(Index j, const VectorXd& z, double time) const {
         const FieldValues g = field_.values(states(j, z, k), instants, time, {});
         if (!g.value.allFinite() || !g.by_state.allFinite()) return {};
         const VectorXd gap = (g.value - k).reshaped();
-        const VectorXd step = matrix(j, g.by_state).partialPivLu().solve(gap);
+        const VectorXd step = models::LuFactor(matrix(j, g.by_state)).solve(gap);
         k += step.reshaped(k.rows(), m);
         const double size = step.norm() / (k.norm() + std::numeric_limits<double>::min());
         // What is left after a step of 1e-9 is its square.
@@ -73,7 +73,7 @@ StepImage GaussSteps::advance(Index j, const VectorXd& z, double time, std::span
         if (f > 0) right.block(n * i, n, n, f) = g.by_parameters.middleCols(f * i, f);
         if (unknown_time()) right.block(n * i, n + f, n, 1) = g.value.col(i);
     }
-    const MatrixXd slope = matrix(j, g.by_state).partialPivLu().solve(right);
+    const MatrixXd slope = models::LuFactor(matrix(j, g.by_state)).solve(right);
     MatrixXd derivative = MatrixXd::Zero(n, right.cols());
     for (Index i = 0; i < m; ++i)
         derivative += width(j) * method_.weights(i) * slope.middleRows(n * i, n);

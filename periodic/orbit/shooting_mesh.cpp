@@ -7,8 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include <Eigen/SVD>
-
+#include "models/arithmetic/singular_values.hpp"
 #include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
@@ -35,7 +34,7 @@ void require(bool holds, const std::string& message) {
 /// ln of the ratio of the largest to the smallest growth of an error under X. A direction that is lost altogether
 /// (sticking) has no growth backwards.
 double ln_growth(const MatrixXd& x) {
-    const VectorXd values = Eigen::JacobiSVD<MatrixXd>(x).singularValues();
+    const VectorXd values = models::singular_values(x);
     const double largest = values(0);
     const double smallest = values(values.size() - 1);
     if (!(largest > 0.0) || !std::isfinite(largest)) return 0.0;

@@ -6,9 +6,8 @@
 #include <numeric>
 #include <utility>
 
-#include <Eigen/LU>
-#include <Eigen/QR>
-
+#include "models/arithmetic/lu_factor.hpp"
+#include "models/arithmetic/orthogonal_factor.hpp"
 #include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
@@ -23,7 +22,7 @@ SectionChart::SectionChart(const ModelSection& section, VectorXd size)
     basis_ = MatrixXd::Identity(n, n);
     if (!section.section) return;
     const VectorXd normal = size_.asDiagonal() * section.section->normal;
-    const MatrixXd orthogonal = Eigen::HouseholderQR<MatrixXd>(normal).householderQ();
+    const MatrixXd orthogonal = models::HouseholderFactor(normal).q();
     basis_ = orthogonal.rightCols(n - 1);
 }
 
@@ -103,7 +102,7 @@ std::optional<MatrixXd> stabilised_start(const SectionChart& chart, const Vector
         const double size = image.gap.norm();
         if (k > 0 && size < options.closed) return image.points;
         const MatrixXd matrix = options.beta * size * c.transpose() - (image.jacobian - one);
-        const VectorXd step = matrix.partialPivLu().solve(image.gap);
+        const VectorXd step = models::LuFactor(matrix).solve(image.gap);
         way += step;
         if (!step.allFinite() || !(way.norm() < farthest)) return std::nullopt;
         x = chart.moved(x, step);

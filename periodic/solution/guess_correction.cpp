@@ -5,13 +5,12 @@
 #include <cstddef>
 #include <utility>
 
-#include <Eigen/SparseCholesky>
+#include "periodic/solution/closing_equations.hpp"
 
 namespace orbid::periodic {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::SparseMatrix;
 using Eigen::VectorXd;
 
 namespace {
@@ -66,13 +65,10 @@ public:
         return place.z.cwiseProduct(weights_).squaredNorm() + weight * place.error.squaredNorm();
     }
     [[nodiscard]] VectorXd step(const Place& place, double weight) const {
-        const SparseMatrix<double> jacobian = scaled_jacobian(place.closing, scale_);
-        SparseMatrix<double> normal = weight * SparseMatrix<double>(jacobian.transpose() * jacobian);
-        normal.diagonal() += weights_;
-        const Eigen::SimplicialLDLT<SparseMatrix<double>> factorised(normal);
-        const VectorXd pull = weights_.cwiseProduct(place.z) + weight * (jacobian.transpose() * place.error);
-        if (factorised.info() != Eigen::Success) return VectorXd::Zero(place.z.size());
-        return -factorised.solve(pull);
+        const ClosingEquations equations(place.closing, scale_, weight, weights_);
+        if (!equations.regular()) return VectorXd::Zero(place.z.size());
+        const VectorXd pull = weights_.cwiseProduct(place.z) + weight * equations.pulled(place.error);
+        return -equations.solve(pull);
     }
     /// One damped step; false when none makes the cost smaller.
     [[nodiscard]] bool advance(Place& place, double weight, double& length_of_step) const {
@@ -102,33 +98,11 @@ private:
 
 }  // namespace
 
-SparseMatrix<double> scaled_jacobian(const ClosingError& closing, const VectorXd& scale) {
-    const Index d = closing.error.rows(), count = closing.error.cols();
-    std::vector<Eigen::Triplet<double>> entries;
-    entries.reserve(static_cast<std::size_t>(count * d * (d + 2)));
-    for (Index j = 0; j < count; ++j) {
-        const MatrixXd& x = closing.jacobians[static_cast<std::size_t>(j)];
-        for (Index row = 0; row < d; ++row) {
-            for (Index column = 0; column < d; ++column)
-                entries.emplace_back(d * j + row, d * j + column, x(row, column) * scale(column) / scale(row));
-            entries.emplace_back(d * j + row, d * ((j + 1) % count) + row, -1.0);
-            if (closing.by_ln_time.cols() > 0)
-                entries.emplace_back(d * j + row, d * count, closing.by_ln_time(d * j + row, 0) / scale(row));
-        }
-    }
-    SparseMatrix<double> jacobian(d * count, d * count + closing.by_ln_time.cols());
-    jacobian.setFromTriplets(entries.begin(), entries.end());
-    return jacobian;
-}
-
 double shortest_correction(const ClosingError& closing, const VectorXd& scale, double weight) {
-    const SparseMatrix<double> jacobian = scaled_jacobian(closing, scale);
-    SparseMatrix<double> normal = weight * SparseMatrix<double>(jacobian.transpose() * jacobian);
-    normal.diagonal().array() += 1.0;
-    const Eigen::SimplicialLDLT<SparseMatrix<double>> factorised(normal);
+    const ClosingEquations equations(closing, scale, weight);
     const VectorXd error = (closing.error.array().colwise() / scale.array()).matrix().reshaped();
-    const VectorXd pull = weight * (jacobian.transpose() * error);
-    const VectorXd move = -factorised.solve(pull);
+    const VectorXd pull = weight * equations.pulled(error);
+    const VectorXd move = -equations.solve(pull);
     return std::sqrt(std::max(weight * error.squaredNorm() + pull.dot(move), 0.0));
 }
 

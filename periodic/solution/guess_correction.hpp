@@ -3,16 +3,11 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/SparseCore>
 
 #include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/discretisation.hpp"
 
 namespace orbid::periodic {
-
-/// dF_j / dz_j beside -1, the derivative of all closing errors by all nodes (and by ln T behind them), rows and columns
-/// in units of the scales: shape (d N, d N + k).
-[[nodiscard]] Eigen::SparseMatrix<double> scaled_jacobian(const ClosingError& closing, const Eigen::VectorXd& scale);
 
 /// Square root of min_d |d|^2 + weight |J d + r|^2: how far the guess has to move, as far as the linearised equations
 /// tell, until it closes but for a rest that the weight makes expensive. All in units of the scales.

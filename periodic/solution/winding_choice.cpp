@@ -3,16 +3,14 @@
 #include <cmath>
 #include <cstddef>
 
-#include <Eigen/SparseCholesky>
-
 #include "periodic/orbit/full_turn.hpp"
+#include "periodic/solution/closing_equations.hpp"
 #include "periodic/solution/guess_correction.hpp"
 
 namespace orbid::periodic {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::SparseMatrix;
 using Eigen::VectorXd;
 
 namespace {
@@ -47,22 +45,19 @@ MatrixXd likely_turns(const ClosingError& closing, const MatrixXd& nearest, cons
     if (rows.empty()) return turns;
 
     // The smallest correction costs r^T C r, C = weight (1 - weight J A^-1 J^T), A = 1 + weight J^T J.
-    const SparseMatrix<double> jacobian = scaled_jacobian(closing, scale);
-    SparseMatrix<double> normal = weight * SparseMatrix<double>(jacobian.transpose() * jacobian);
-    normal.diagonal().array() += 1.0;
-    const Eigen::SimplicialLDLT<SparseMatrix<double>> factorised(normal);
-    if (factorised.info() != Eigen::Success) return turns;
+    const ClosingEquations equations(closing, scale, weight);
+    if (!equations.regular()) return turns;
     const auto open = static_cast<Index>(rows.size());
-    MatrixXd change = MatrixXd::Zero(jacobian.rows(), open);  // of r by each of the turns
+    MatrixXd change = MatrixXd::Zero(closing.error.size(), open);  // of r by each of the turns
     for (Index k = 0; k < open; ++k) {
         const auto slot = static_cast<std::size_t>(k);
         change(rows[slot], k) = -directions[slot] * full_turn / scale(rows[slot] % d);
     }
-    const MatrixXd along = jacobian.transpose() * change;
-    const MatrixXd corrections = factorised.solve(along);
+    const MatrixXd along = equations.pulled(change);
+    const MatrixXd corrections = equations.solve(along);
     const MatrixXd costs = weight * (change.transpose() * change - weight * along.transpose() * corrections);
     const VectorXd r = ((closing.error - full_turn * turns).array().colwise() / scale.array()).matrix().reshaped();
-    VectorXd slopes = weight * (change.transpose() * r - weight * corrections.transpose() * (jacobian.transpose() * r));
+    VectorXd slopes = weight * (change.transpose() * r - weight * corrections.transpose() * equations.pulled(r));
     std::vector<bool> changed(rows.size(), false);
     const auto apply = [&](Index k) {
         const auto slot = static_cast<std::size_t>(k);

@@ -8,8 +8,8 @@
 #include <string>
 
 #include <tbb/parallel_for.h>
-#include <Eigen/SVD>
 
+#include "models/arithmetic/singular_values.hpp"
 #include "periodic/stability/floquet_vector.hpp"
 
 namespace orbid::periodic {
@@ -86,7 +86,7 @@ private:
     }
     [[nodiscard]] int pieces(const MatrixXd& jacobian) const {
         if (system_.kind() == models::Kind::map) return 1;
-        const VectorXd values = Eigen::JacobiSVD<MatrixXd>(jacobian).singularValues();
+        const VectorXd values = models::singular_values(jacobian);
         const double growth = values(0) / values(values.size() - 1);
         if (!std::isfinite(growth)) return 1;
         return std::clamp(static_cast<int>(std::ceil(std::log(growth) / std::log(piece_growth))), 1, most_pieces);

@@ -20,7 +20,8 @@ FORBIDDEN = re.compile(
 # Dear to compile: they stand behind plain functions, each compiled once.
 DECOMPOSITION = re.compile(r"^(unsupported/)?Eigen/(Cholesky|QR|LU|SVD|Eigenvalues|Dense|Eigen|Sparse.*)$")
 MAY_DECOMPOSE = {*(f"models/arithmetic/{kind}.cpp" for kind in (
-    "cholesky_factor", "eigenvalues", "lu_factor", "orthogonal_factor", "singular_values"))}
+    "cholesky_factor", "eigenvalues", "lu_factor", "orthogonal_factor", "singular_values")),
+    "periodic/solution/closing_equations.cpp"}
 LARGEST_FOLDER = 45
 LONGEST_README = 8
 

@@ -1,9 +1,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
 #include "apps/job/job_parts.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::apps {
 
@@ -172,7 +171,7 @@ void read_wishart(const ValueReader& value, CovarianceJob& covariance) {
     if (const auto matrix = object.find("matrix")) {
         covariance.psi = read_matrix(*matrix, size).value_or(Eigen::MatrixXd::Identity(size, size));
         const Eigen::MatrixXd& psi = covariance.psi;
-        if (psi != psi.transpose() || Eigen::LLT<Eigen::MatrixXd>(psi).info() != Eigen::Success) {
+        if (psi != psi.transpose() || !models::CholeskyFactor(psi).positive_definite()) {
             matrix->report("must be symmetric and positive definite");
         }
     }
