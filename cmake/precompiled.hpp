@@ -20,9 +20,5 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-#include <Eigen/QR>
 #include <nlohmann/json.hpp>
