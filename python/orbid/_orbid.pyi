@@ -1,5 +1,5 @@
 import os
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, Final, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -21,90 +21,53 @@ def _finite_vector(values: object, name: str, size: Optional[int] = None) -> Arr
 # Models
 
 class Parameter:
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def domain(self) -> str: ...
-    @property
-    def default(self) -> float: ...
-    @property
-    def description(self) -> str: ...
-    @property
-    def typical_size(self) -> float: ...
+    name: Final[str]
+    unit: Final[str]
+    domain: Final[str]
+    default: Final[float]
+    description: Final[str]
+    typical_size: Final[float]
 
 class Coordinate:
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def angle(self) -> bool: ...
+    name: Final[str]
+    unit: Final[str]
+    angle: Final[bool]
 
 class Flow:
-    @property
-    def status(self) -> str: ...
-    @property
-    def ok(self) -> bool: ...
-    @property
-    def states(self) -> Array: ...
-    @property
-    def sensitivities(self) -> Array: ...
-    @property
-    def directions(self) -> List[str]: ...
-    @property
-    def stopped_after(self) -> float: ...
-    @property
-    def stopped_state(self) -> Array: ...
-    @property
-    def steps(self) -> int: ...
-    @property
-    def crossings(self) -> int: ...
-    @property
-    def stickings(self) -> int: ...
+    status: Final[str]
+    ok: Final[bool]
+    states: Final[Array]
+    sensitivities: Final[Array]
+    directions: Final[List[str]]
+    stopped_after: Final[float]
+    stopped_state: Final[Array]
+    steps: Final[int]
+    crossings: Final[int]
+    stickings: Final[int]
 
 class Crossings:
-    @property
-    def status(self) -> str: ...
-    @property
-    def times(self) -> Array: ...
-    @property
-    def states(self) -> Array: ...
-    @property
-    def sensitivities(self) -> Array: ...
-    @property
-    def time_sensitivities(self) -> Array: ...
-    @property
-    def directions(self) -> List[str]: ...
+    status: Final[str]
+    times: Final[Array]
+    states: Final[Array]
+    sensitivities: Final[Array]
+    time_sensitivities: Final[Array]
+    directions: Final[List[str]]
 
 class Ensemble:
-    @property
-    def sections(self) -> List[Array]: ...
-    @property
-    def times(self) -> List[Array]: ...
-    @property
-    def status(self) -> List[str]: ...
+    sections: Final[List[Array]]
+    times: Final[List[Array]]
+    status: Final[List[str]]
 
 class System:
-    @property
-    def name(self) -> str: ...
-    @property
-    def variant(self) -> str: ...
-    @property
-    def kind(self) -> str: ...
-    @property
-    def dimension(self) -> int: ...
-    @property
-    def coordinates(self) -> List[Coordinate]: ...
-    @property
-    def parameters(self) -> List[Parameter]: ...
-    @property
-    def inputs(self) -> List[Coordinate]: ...
-    @property
-    def stiff(self) -> bool: ...
-    @property
-    def symmetry(self) -> Optional[Tuple[List[float], float]]: ...
+    name: Final[str]
+    variant: Final[str]
+    kind: Final[str]
+    dimension: Final[int]
+    coordinates: Final[List[Coordinate]]
+    parameters: Final[List[Parameter]]
+    inputs: Final[List[Coordinate]]
+    stiff: Final[bool]
+    symmetry: Final[Optional[Tuple[List[float], float]]]
     def values(self, parameters: Parameters = None) -> Array: ...
     def flow(self, x0: Numbers, t: Numbers, parameters: Parameters = None, *, sensitivities: Names = False,
              phase: float = 0.0, clock: str = "time", rtol: float = 1e-12, atol: float = 1e-12,
@@ -147,110 +110,64 @@ def system_from_text(
 # Periodic orbits
 
 class PeriodicOrbit:
-    @property
-    def status(self) -> str: ...
-    @property
-    def converged(self) -> bool: ...
-    @property
-    def period(self) -> int: ...
-    @property
-    def rotation(self) -> List[int]: ...
-    @property
-    def points(self) -> Array: ...
-    @property
-    def times(self) -> Array: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def multipliers(self) -> npt.NDArray[np.complex128]: ...
-    @property
-    def trivial_multiplier(self) -> complex: ...
-    @property
-    def jacobians(self) -> List[Array]: ...
-    @property
-    def sensitivities(self) -> Array: ...
-    @property
-    def time_sensitivities(self) -> Array: ...
-    @property
-    def residual(self) -> float: ...
-    @property
-    def iterations(self) -> int: ...
-    @property
-    def distance(self) -> float: ...
-    @property
-    def sticking(self) -> bool: ...
-    @property
-    def repeats(self) -> int: ...
-    @property
-    def discretisation_error(self) -> float: ...
+    status: Final[str]
+    converged: Final[bool]
+    period: Final[int]
+    rotation: Final[List[int]]
+    points: Final[Array]
+    times: Final[Array]
+    time: Final[float]
+    multipliers: Final[npt.NDArray[np.complex128]]
+    trivial_multiplier: Final[complex]
+    jacobians: Final[List[Array]]
+    sensitivities: Final[Array]
+    time_sensitivities: Final[Array]
+    residual: Final[float]
+    iterations: Final[int]
+    distance: Final[float]
+    sticking: Final[bool]
+    repeats: Final[int]
+    discretisation_error: Final[float]
 
 class Stability:
-    @property
-    def simulated(self) -> bool: ...
-    @property
-    def unstable(self) -> int: ...
-    @property
-    def nearest(self) -> str: ...
-    @property
-    def distance(self) -> float: ...
-    @property
-    def directions(self) -> List[npt.NDArray[np.complex128]]: ...
-    @property
-    def ln_multiplier_sensitivities(self) -> Array: ...
+    simulated: Final[bool]
+    unstable: Final[int]
+    nearest: Final[str]
+    distance: Final[float]
+    directions: Final[List[npt.NDArray[np.complex128]]]
+    ln_multiplier_sensitivities: Final[Array]
 
 class FoundOrbit:
-    @property
-    def orbit(self) -> PeriodicOrbit: ...
-    @property
-    def origin(self) -> str: ...
-    @property
-    def mirror(self) -> int: ...
-    @property
-    def hits(self) -> int: ...
+    orbit: Final[PeriodicOrbit]
+    origin: Final[str]
+    mirror: Final[int]
+    hits: Final[int]
 
 class OrbitSearch:
-    @property
-    def orbits(self) -> List[FoundOrbit]: ...
-    @property
-    def settled(self) -> Dict[int, bool]: ...
-    @property
-    def starts(self) -> int: ...
-    @property
-    def captured(self) -> int: ...
-    @property
-    def interrupted(self) -> bool: ...
+    orbits: Final[List[FoundOrbit]]
+    settled: Final[Dict[int, bool]]
+    starts: Final[int]
+    captured: Final[int]
+    interrupted: Final[bool]
 
 class BranchPoint:
-    @property
-    def parameter(self) -> float: ...
-    @property
-    def arclength(self) -> float: ...
-    @property
-    def orbit(self) -> PeriodicOrbit: ...
-    @property
-    def unstable(self) -> int: ...
-    @property
-    def bifurcation(self) -> str: ...
-    @property
-    def parameter_error(self) -> float: ...
+    parameter: Final[float]
+    arclength: Final[float]
+    orbit: Final[PeriodicOrbit]
+    unstable: Final[int]
+    bifurcation: Final[str]
+    parameter_error: Final[float]
 
 class Branch:
-    @property
-    def values(self) -> Array: ...
-    @property
-    def points(self) -> List[BranchPoint]: ...
-    @property
-    def first(self) -> str: ...
-    @property
-    def last(self) -> str: ...
-    @property
-    def origin(self) -> Optional[Tuple[int, int]]: ...
+    values: Final[Array]
+    points: Final[List[BranchPoint]]
+    first: Final[str]
+    last: Final[str]
+    origin: Final[Optional[Tuple[int, int]]]
 
 class BifurcationDiagram:
-    @property
-    def start_status(self) -> str: ...
-    @property
-    def branches(self) -> List[Branch]: ...
+    start_status: Final[str]
+    branches: Final[List[Branch]]
 
 def periodic_orbit(system: System, guess: Numbers, period: Optional[float] = None, parameters: Parameters = None, *,
                    method: str = "multiple_shooting", sensitivities: Names = False,
@@ -290,118 +207,66 @@ class Residual:
 class Estimated:
     """One estimated or derived number with its uncertainty."""
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def value(self) -> float: ...
-    @property
-    def start(self) -> float: ...
-    @property
-    def sd(self) -> float: ...
-    @property
-    def interval95(self) -> Tuple[float, float]: ...
-    @property
-    def interval_method(self) -> str: ...
-    @property
-    def at_bound(self) -> str: ...
-    @property
-    def laplace_sd(self) -> float: ...
-    @property
-    def data_share(self) -> float: ...
+    name: Final[str]
+    unit: Final[str]
+    value: Final[float]
+    start: Final[float]
+    sd: Final[float]
+    interval95: Final[Tuple[float, float]]
+    interval_method: Final[str]
+    at_bound: Final[str]
+    laplace_sd: Final[float]
+    data_share: Final[float]
 
 class EstimatedScale:
     """Error scale of a group of records."""
 
-    @property
-    def group(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def factor(self) -> bool: ...
-    @property
-    def estimated(self) -> bool: ...
-    @property
-    def value(self) -> float: ...
-    @property
-    def sd(self) -> float: ...
-    @property
-    def interval95(self) -> Tuple[float, float]: ...
-    @property
-    def interval_method(self) -> str: ...
-    @property
-    def count(self) -> int: ...
-    @property
-    def rms(self) -> float: ...
-    @property
-    def lag1(self) -> float: ...
-    @property
-    def effective_count(self) -> float: ...
-    @property
-    def distribution(self) -> str: ...
-    @property
-    def shape(self) -> Dict[str, Estimated]: ...
+    group: Final[str]
+    unit: Final[str]
+    factor: Final[bool]
+    estimated: Final[bool]
+    value: Final[float]
+    sd: Final[float]
+    interval95: Final[Tuple[float, float]]
+    interval_method: Final[str]
+    count: Final[int]
+    rms: Final[float]
+    lag1: Final[float]
+    effective_count: Final[float]
+    distribution: Final[str]
+    shape: Final[Dict[str, Estimated]]
 
 class Estimate:
     """Result of estimate(); profiles, marginals and samples are asked of it."""
 
-    @property
-    def status(self) -> str: ...
-    @property
-    def message(self) -> str: ...
-    @property
-    def parameters(self) -> Dict[str, Estimated]: ...
-    @property
-    def derived(self) -> Dict[str, Estimated]: ...
-    @property
-    def theta(self) -> Array: ...
-    @property
-    def scales(self) -> Dict[str, EstimatedScale]: ...
-    @property
-    def covariances(self) -> List[Dict[str, Any]]: ...
-    @property
-    def covariance(self) -> Array: ...
-    @property
-    def correlation(self) -> Array: ...
-    @property
-    def singular_values(self) -> Array: ...
-    @property
-    def latents(self) -> List[List[Array]]: ...
-    @property
-    def latent_sds(self) -> List[List[Array]]: ...
-    @property
-    def residuals(self) -> List[List[Array]]: ...
-    @property
-    def null_directions(self) -> List[Array]: ...
-    @property
-    def sloppy_directions(self) -> List[Dict[str, Any]]: ...
-    @property
-    def counts(self) -> List[Dict[str, Any]]: ...
-    @property
-    def history(self) -> List[Dict[str, Any]]: ...
-    @property
-    def trust_normal(self) -> bool: ...
-    @property
-    def distrust(self) -> str: ...
-    @property
-    def objective(self) -> float: ...
-    @property
-    def log_likelihood(self) -> float: ...
-    @property
-    def log_integral(self) -> float: ...
-    @property
-    def degrees_of_freedom(self) -> float: ...
-    @property
-    def effective_count(self) -> float: ...
-    @property
-    def iterations(self) -> int: ...
-    @property
-    def evaluations(self) -> int: ...
-    @property
-    def rounds(self) -> int: ...
-    @property
-    def remaining(self) -> float: ...
+    status: Final[str]
+    message: Final[str]
+    parameters: Final[Dict[str, Estimated]]
+    derived: Final[Dict[str, Estimated]]
+    theta: Final[Array]
+    scales: Final[Dict[str, EstimatedScale]]
+    covariances: Final[List[Dict[str, Any]]]
+    covariance: Final[Array]
+    correlation: Final[Array]
+    singular_values: Final[Array]
+    latents: Final[List[List[Array]]]
+    latent_sds: Final[List[List[Array]]]
+    residuals: Final[List[List[Array]]]
+    null_directions: Final[List[Array]]
+    sloppy_directions: Final[List[Dict[str, Any]]]
+    counts: Final[List[Dict[str, Any]]]
+    history: Final[List[Dict[str, Any]]]
+    trust_normal: Final[bool]
+    distrust: Final[str]
+    objective: Final[float]
+    log_likelihood: Final[float]
+    log_integral: Final[float]
+    degrees_of_freedom: Final[float]
+    effective_count: Final[float]
+    iterations: Final[int]
+    evaluations: Final[int]
+    rounds: Final[int]
+    remaining: Final[float]
     def to_dict(self) -> Dict[str, Any]: ...
     def profiles(
         self,
@@ -471,14 +336,10 @@ def multi_start(
 class Segment:
     """One uninterrupted piece of a Series."""
 
-    @property
-    def label(self) -> str: ...
-    @property
-    def values(self) -> Array: ...
-    @property
-    def times(self) -> Array: ...
-    @property
-    def deviations(self) -> Array: ...
+    label: Final[str]
+    values: Final[Array]
+    times: Final[Array]
+    deviations: Final[Array]
     def __len__(self) -> int: ...
 
 Coordinates = Union[System, Sequence[Union[str, Mapping[str, Any]]]]
@@ -499,20 +360,13 @@ class Series:
         phase: float = 0.0,
         origin: str = "",
     ) -> None: ...
-    @property
-    def sampling(self) -> str: ...
-    @property
-    def coordinates(self) -> List[Dict[str, Any]]: ...
-    @property
-    def segments(self) -> List[Segment]: ...
-    @property
-    def phase(self) -> float: ...
-    @property
-    def origin(self) -> str: ...
-    @property
-    def timed(self) -> bool: ...
-    @property
-    def scale(self) -> Array: ...
+    sampling: Final[str]
+    coordinates: Final[List[Dict[str, Any]]]
+    segments: Final[List[Segment]]
+    phase: Final[float]
+    origin: Final[str]
+    timed: Final[bool]
+    scale: Final[Array]
     def __len__(self) -> int: ...
 
 def read_csv(
@@ -538,14 +392,10 @@ def write_hdf5(file: Union[str, "os.PathLike[str]"], series: Series) -> None: ..
 class VirtualExperiment:
     """A simulated record and what happened."""
 
-    @property
-    def series(self) -> Series: ...
-    @property
-    def events(self) -> List[Dict[str, Any]]: ...
-    @property
-    def complete(self) -> bool: ...
-    @property
-    def message(self) -> str: ...
+    series: Final[Series]
+    events: Final[List[Dict[str, Any]]]
+    complete: Final[bool]
+    message: Final[str]
 
 def simulate(
     system: System,
@@ -585,50 +435,30 @@ class Cycle:
         time: float = ...,
         time_sd: float = ...,
     ) -> None: ...
-    @property
-    def period(self) -> int: ...
-    @property
-    def rotation(self) -> List[int]: ...
-    @property
-    def points(self) -> Array: ...
-    @property
-    def covariance(self) -> Array: ...
-    @property
-    def multipliers(self) -> npt.NDArray[np.complex128]: ...
-    @property
-    def ln_multiplier(self) -> Array: ...
-    @property
-    def ln_multiplier_covariance(self) -> Array: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def time_sd(self) -> float: ...
-    @property
-    def code(self) -> str: ...
-    @property
-    def recurrences(self) -> int: ...
-    @property
-    def mirror(self) -> Optional[int]: ...
-    @property
-    def quality(self) -> List[str]: ...
+    period: Final[int]
+    rotation: Final[List[int]]
+    points: Final[Array]
+    covariance: Final[Array]
+    multipliers: Final[npt.NDArray[np.complex128]]
+    ln_multiplier: Final[Array]
+    ln_multiplier_covariance: Final[Array]
+    time: Final[float]
+    time_sd: Final[float]
+    code: Final[str]
+    recurrences: Final[int]
+    mirror: Final[Optional[int]]
+    quality: Final[List[str]]
 
 class CycleSearch:
     """What a search for cycles found."""
 
-    @property
-    def cycles(self) -> List[Cycle]: ...
-    @property
-    def missing(self) -> List[int]: ...
-    @property
-    def candidates(self) -> int: ...
-    @property
-    def rejected(self) -> int: ...
-    @property
-    def patch_map(self) -> bool: ...
-    @property
-    def reading_covariance(self) -> Array: ...
-    @property
-    def remarks(self) -> List[str]: ...
+    cycles: Final[List[Cycle]]
+    missing: Final[List[int]]
+    candidates: Final[int]
+    rejected: Final[int]
+    patch_map: Final[bool]
+    reading_covariance: Final[Array]
+    remarks: Final[List[str]]
 
 def find_cycles(
     series: Series,
@@ -734,8 +564,7 @@ class ShootingResidual(Residual):
         atol: float = ...,
         maximum_steps: int = ...,
     ) -> None: ...
-    @property
-    def interval(self) -> int: ...
+    interval: Final[int]
 
 class CycleResidual(Residual):
     """Measured cycles against re-solved periodic orbits of the model."""
@@ -766,5 +595,4 @@ class CycleResidual(Residual):
         atol: float = ...,
         maximum_steps: int = ...,
     ) -> None: ...
-    @property
-    def at_rest(self) -> List[int]: ...
+    at_rest: Final[List[int]]
