@@ -105,7 +105,11 @@ void check_shape(const Series& series, const std::optional<std::vector<double>>&
 
 }  // namespace
 
-SectionPoints::SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs) {
+SectionPoints::SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs)
+    : SectionPoints(series, signs, {}) {}
+
+SectionPoints::SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs,
+                             Eigen::VectorXd scale) {
     check_shape(series, signs);
     const auto n = static_cast<std::size_t>(series.dimension());
     if (signs) signs_ = Eigen::Map<const Eigen::VectorXd>(signs->data(), static_cast<Eigen::Index>(n));
@@ -113,7 +117,7 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
         angle_.push_back(coordinate.angle ? 1 : 0);
         angle_count_ += coordinate.angle ? 1 : 0;
     }
-    scale_ = series.scale();
+    scale_ = scale.size() > 0 ? std::move(scale) : series.scale();
     turns_known_ = angle_count_ > 0;
     const Blocks blocks(series);
     const Eigen::VectorXd ranges = ranges_of(blocks, series.dimension());

@@ -25,6 +25,8 @@ public:
     /// @throws std::invalid_argument for a series of time samples, one without coordinates, segments of another
     ///         dimension, coordinates without spread, signs of wrong length or other than +1 and -1.
     explicit SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs = std::nullopt);
+    /// The same in given units, shape (n), > 0.
+    SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs, Eigen::VectorXd scale);
 
     [[nodiscard]] Eigen::Index dimension() const { return scale_.size(); }
     [[nodiscard]] std::size_t size() const { return size_; }

@@ -159,7 +159,7 @@ TEST_CASE("harvest: crossings of a plane, of which the series lacks a coordinate
             CHECK(std::abs(error(k % 2, k / 2)) < 4.0 * std::sqrt(cycle.covariance(k, k)) + 1e-8);
         CHECK(std::abs(cycle.time / orbit.time - 1.0) < 1e-4);
     }
-    CHECK(harvest(series, *system, theta, found.cycles, options).candidates == 0);
+    CHECK(model_guided_search(series, *system, theta, found.cycles, options).candidates == 0);
 }
 
 TEST_CASE("harvest: wrong calls are refused", "[orbits]") {
@@ -169,25 +169,28 @@ TEST_CASE("harvest: wrong calls are refused", "[orbits]") {
     orbits::ModelGuidedSearchOptions options = henon_options();
 
     options.search.periods.clear();
-    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), tests::ContainsSubstring("periods"));
+    CHECK_THROWS_WITH(model_guided_search(series, *system, theta, {}, options), tests::ContainsSubstring("periods"));
     options = henon_options();
     options.covariance = Eigen::MatrixXd::Identity(2, 2);
-    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), tests::ContainsSubstring("0 free parameters"));
+    CHECK_THROWS_WITH(model_guided_search(series, *system, theta, {}, options),
+                      tests::ContainsSubstring("0 free parameters"));
     options = henon_options();
     options.free = {0};
     options.covariance = Eigen::MatrixXd::Constant(1, 1, -1.0);
-    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), tests::ContainsSubstring("variances"));
+    CHECK_THROWS_WITH(model_guided_search(series, *system, theta, {}, options), tests::ContainsSubstring("variances"));
     options = henon_options();
     options.search.method = orbits::CycleSearchOptions::Method::closest_return;
-    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), tests::ContainsSubstring("closest_return"));
+    CHECK_THROWS_WITH(model_guided_search(series, *system, theta, {}, options),
+                      tests::ContainsSubstring("closest_return"));
     options = henon_options();
     options.section = models::Section{Eigen::Vector2d(1.0, 0.0), 0.0, 1};
-    CHECK_THROWS_WITH(harvest(series, *system, theta, {}, options), tests::ContainsSubstring("not autonomous"));
+    CHECK_THROWS_WITH(model_guided_search(series, *system, theta, {}, options),
+                      tests::ContainsSubstring("not autonomous"));
     auto other = series;
     other.coordinates[0].name = "u";
-    CHECK_THROWS_WITH(harvest(other, *system, theta, {}, henon_options()), tests::ContainsSubstring("'u'"));
-    CHECK_THROWS_WITH(harvest(series, *models::make_system("lorenz"),
-                              models::make_system("lorenz")->default_parameters(), {}, henon_options()),
+    CHECK_THROWS_WITH(model_guided_search(other, *system, theta, {}, henon_options()), tests::ContainsSubstring("'u'"));
+    CHECK_THROWS_WITH(model_guided_search(series, *models::make_system("lorenz"),
+                                          models::make_system("lorenz")->default_parameters(), {}, henon_options()),
                       tests::ContainsSubstring("plane"));
 }
 
