@@ -147,8 +147,8 @@ ManifoldMap ManifoldMapFits::fit(const Support& support, int order, std::size_t 
         map.thickness = std::max(
             map.thickness, found.residual(n + 1 + d, n + 1 + d) / (1.0 + found.slope.row(n + 1 + d).squaredNorm()));
     const Eigen::MatrixXd images = values.leftCols(n);
-    const double spread = (images.rowwise() - images.colwise().mean()).squaredNorm() / static_cast<double>(kept);
-    map.unexplained = spread > 0.0 ? std::sqrt(map.image_covariance.topLeftCorner(n, n).trace() / spread) : 1.0;
+    const double variance = (images.rowwise() - images.colwise().mean()).squaredNorm() / static_cast<double>(kept);
+    map.unexplained = variance > 0.0 ? std::sqrt(map.image_covariance.topLeftCorner(n, n).trace() / variance) : 1.0;
     map.significance = (1.0 / (map.unexplained * map.unexplained) - 1.0) * static_cast<double>(kept) /
                        static_cast<double>(coefficient_count(k, order));
     const double below = (t.col(0).array() < 0.0).cast<double>().mean();
