@@ -13,7 +13,7 @@
 #include "models/arithmetic/triangular_solve.hpp"
 #include "tests/catch.hpp"
 
-namespace orbid::models {
+namespace orbid::models::matrix_decomposition_test {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -285,4 +285,4 @@ TEST_CASE("singular values of a product of known factors come back", "[models][f
     CHECK((a.transpose() * right.v.rightCols(3)).norm() < rounding);
 }
 
-}  // namespace orbid::models
+}  // namespace orbid::models::matrix_decomposition_test
