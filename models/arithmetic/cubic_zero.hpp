@@ -4,10 +4,10 @@
 
 namespace orbid::models {
 
-/// Zero in (0, 1) of the cubic c with c(0) = v0, c(1) = v1, c'(0) = a0, c'(1) = a1, by four steps of Newton's method: a
-/// guess, to be held inside a bracket by whoever uses it.
+/// Zero in (0, 1) of the cubic c with c(0) = v0, c(1) = v1, c'(0) = a0, c'(1) = a1, by four steps of Newton's method.
+/// It is a guess: the caller must keep it inside a bracket.
 ///
-/// For v0 and v1 of opposite signs; @param from  where Newton's method begins: the zero of the chord unless given.
+/// v0 and v1 have opposite signs. @param from  where Newton's method begins: the zero of the chord unless given.
 [[nodiscard]] inline double cubic_zero(double v0, double v1, double a0, double a1, double from) {
     const double c2 = 3.0 * (v1 - v0) - 2.0 * a0 - a1, c3 = 2.0 * (v0 - v1) + a0 + a1;
     double at = from;
@@ -20,15 +20,15 @@ namespace orbid::models {
     return cubic_zero(v0, v1, a0, a1, v0 / (v0 - v1));
 }
 
-/// The same for a cubic that may rise first and then falls through zero (v0 >= 0): the zero is nearer to the end then,
-/// and the chord would lead Newton's method beyond the maximum.
+/// The same for a cubic that may rise first and then falls through zero (v0 >= 0). The zero then lies nearer to the
+/// end, and a start on the chord would lead Newton's method beyond the maximum.
 [[nodiscard]] inline double falling_cubic_zero(double v0, double v1, double a0, double a1) {
     return cubic_zero(v0, v1, a0, a1, a0 > 0.0 ? 1.0 : v0 / (v0 - v1));
 }
 
-/// Zero in (0, 1), likewise, of the polynomial of degree 4 with these end values, end slopes and integral over (0, 1):
-/// what a step knows about a velocity. The cubic with the end values and slopes has the integral
-/// (v0 + v1)/2 + (a0 - a1)/12; x^2 (1 - x)^2 has 1/30.
+/// The same zero for the polynomial of degree 4 with these end values, end slopes and integral over (0, 1): what a step
+/// knows about a velocity. The cubic with the end values and slopes has the integral (v0 + v1)/2 + (a0 - a1)/12; x^2 (1
+/// - x)^2 has 1/30.
 template <class T>
 [[nodiscard]] T quartic_zero(const T& v0, const T& v1, const T& a0, const T& a1, const T& integral) {
     using std::max;

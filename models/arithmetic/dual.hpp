@@ -6,8 +6,8 @@
 
 namespace orbid::models {
 
-/// a b + c, rounded once where the machine does so at no cost. Written out wherever it is used, so that values are the
-/// same with and without derivatives.
+/// a b + c, rounded once where the machine does so at no cost. Explicit, so that values are the same with and without
+/// derivatives.
 [[gnu::always_inline]] inline double multiply_add(double a, double b, double c) {
 #if defined(__FMA__) || defined(FP_FAST_FMA)
     return std::fma(a, b, c);
@@ -21,7 +21,7 @@ constexpr double value_of(double x) {
     return x;
 }
 
-/// True when nothing at all depends on it: 0, with derivatives 0.
+/// True when it depends on nothing: 0, with derivatives 0.
 constexpr bool vanishes(double x) {
     return x == 0.0;
 }
@@ -30,11 +30,11 @@ constexpr bool vanishes(double x) {
 ///
 ///     f(a + sum_i a_i e_i) = f(a) + f'(a) sum_i a_i e_i,   e_i e_j = 0
 ///
-/// The value is computed by exactly the operations that plain B would use, so programs that branch on values only give
-/// bit-identical values in both. Comparisons look at the value. Trivially copyable: value first, then N partials.
-/// Arithmetic is inlined by force: compilers give up on long right hand sides, and calls cost more than the sums.
-/// B = double; or a dual number itself, for second derivatives: in Dual<1, Dual<N>> the partial holds the derivative in
-/// one direction, and its derivatives in N.
+/// The value is computed by exactly the operations that plain B would use. Programs that branch on values only
+/// therefore give bit-identical values in both. Comparisons look at the value. Trivially copyable: value first, then N
+/// partials. Arithmetic is inlined by force: compilers give up on long right hand sides, and calls cost more than the
+/// sums. B = double, or a dual number itself for second derivatives. In Dual<1, Dual<N>> the partial holds the
+/// derivative in one direction and its derivatives in N.
 template <std::size_t N, class B = double>
 struct Dual {
     B value;
@@ -238,7 +238,7 @@ struct Dual {
         Dual r;
         r.value = power;
         for (std::size_t i = 0; i < N; ++i) {
-            // A constant exponent has no share in the derivative, even where ln a is undefined (a < 0).
+            // A constant exponent contributes nothing to the derivative, even where ln a is undefined (a < 0).
             const B share = vanishes(b.partial[i]) ? B(0.0) : by_exponent * b.partial[i];
             r.partial[i] = by_base * a.partial[i] + share;
         }
@@ -272,8 +272,8 @@ struct ScalarOf<0, 1> {
 };
 }  // namespace detail
 
-/// double for 0 directions, Dual<N> otherwise. Of order 2 it also holds the derivative in one more direction, with its
-/// derivatives in the N: Dual<1, Dual<N>>, as the loops over the N are what vector instructions are for.
+/// double for 0 directions, Dual<N> otherwise. Order 2 adds the derivative in one more direction, with its own
+/// derivatives in the N. The nesting is Dual<1, Dual<N>> because loops over the N suit vector instructions.
 template <std::size_t N, std::size_t order = 1>
 using Scalar = typename detail::ScalarOf<N, order>::type;
 

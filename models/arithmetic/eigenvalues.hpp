@@ -10,8 +10,8 @@ struct SymmetricEigen {
     Eigen::MatrixXd vectors;  ///< orthonormal columns
 };
 
-/// Eigenvalues and eigenvectors of a symmetric matrix, shape (n, n); its lower triangle is read.
-/// Of a matrix that is not finite the result is not finite or meaningless; nothing is thrown.
+/// Eigenvalues and eigenvectors of a symmetric matrix, shape (n, n); its lower triangle is read. For a matrix that is
+/// not finite the result is not finite or meaningless; nothing is thrown.
 [[nodiscard]] SymmetricEigen symmetric_eigen(const Eigen::MatrixXd& a);
 
 /// Eigenvalues of a symmetric matrix, ascending, without the vectors.

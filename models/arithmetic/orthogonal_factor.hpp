@@ -18,7 +18,7 @@ public:
     HouseholderFactor(HouseholderFactor&&) noexcept;
     HouseholderFactor& operator=(HouseholderFactor&&) noexcept;
 
-    /// Factorises another matrix in the memory that is there.
+    /// Factorises another matrix in the memory already allocated.
     void compute(const Eigen::MatrixXd& a);
 
     /// R in and above the diagonal; reflectors below it. Shape (m, n).
@@ -34,7 +34,7 @@ private:
     std::unique_ptr<Factor> factor_;
 };
 
-/// A P = Q R of a matrix of shape (m, n) by Householder reflections, the longest column that is left first.
+/// A P = Q R of a matrix of shape (m, n) by Householder reflections; each pivot is the longest remaining column.
 class PivotedFactor {
 public:
     PivotedFactor();  ///< of nothing
@@ -52,7 +52,7 @@ public:
     void apply_transposed_q(Eigen::MatrixXd& x) const;                            ///< x becomes Q^T x
     [[nodiscard]] Eigen::MatrixXd permuted(const Eigen::MatrixXd& x) const;       ///< P x
     [[nodiscard]] Eigen::MatrixXd permuted_back(const Eigen::MatrixXd& x) const;  ///< P^T x
-    /// A solution of least squares; components of pivots that vanish are zero.
+    /// A least-squares solution; components of vanishing pivots are zero.
     [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& b) const;
     [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& b) const;
 
@@ -74,7 +74,7 @@ public:
     void compute(const Eigen::Ref<const Eigen::MatrixXd>& a, double threshold);
 
     [[nodiscard]] Eigen::Index rank() const;
-    /// The shortest of all solutions of least squares.
+    /// The least-squares solution of smallest norm.
     [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& b) const;
     [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& b) const;
     [[nodiscard]] Eigen::MatrixXd pseudo_inverse() const;

@@ -11,19 +11,19 @@
 
 namespace orbid::models {
 
-/// Numbers that are computed with side by side: the scalar of `Pack::width` independent trajectories.
+/// Numbers that are computed side by side: the scalar of `Pack::width` independent trajectories.
 ///
-/// R registers of the vector instructions that the file is compiled for (Arch), worked on in turn, so that each
-/// instruction finds operands that are ready. The same model code serves double, Dual and Pack. A lane of a result
-/// depends on the same lane of the arguments only and is computed by the same operations in every lane and for every R,
-/// so it makes no difference which trajectories share a pack.
+/// R registers of the vector instructions that the file is compiled for (Arch). They are used in turn, so that each
+/// instruction finds its operands ready. The same model code serves double, Dual and Pack. A lane of a result depends
+/// only on the same lane of the arguments. The operations are the same in every lane and for every R, so it makes no
+/// difference which trajectories share a pack.
 ///
-/// All is inlined by force: what GCC 12 leaves out of line passes packs through memory, in halves of a register, and
-/// reading whole what was written in halves makes the processor wait (measured: twice the time of a step).
+/// All is inlined by force. GCC 12 passes packs to functions through memory, in halves of a register. Reading whole
+/// what was written in halves stalls the processor (measured: twice the time of a step).
 ///
-/// Comparisons give a Mask, which has no truth value: where a model would branch, it has to select(). Functions are
-/// accurate to 2 ulp, as the tests measure. sin and cos of |x| > 2^50 are nan, which sends a trajectory back to plain
-/// doubles.
+/// Comparisons give a Mask, which has no truth value: where a model would branch, it has to call select(). Functions
+/// are accurate to 2 ulp, as the tests measure. sin and cos of |x| > 2^50 are nan; that trajectory is then computed in
+/// plain doubles.
 template <std::size_t R, class Arch = xsimd::default_arch>
 class Pack {
 public:
@@ -67,7 +67,7 @@ public:
             return r;
         }
 
-        /// There is none: the lanes may differ. Where a model branches all the same, its author is told.
+        /// Does not exist, as lanes may differ; it only gives the author of a model that branches a message.
         template <std::same_as<bool> B>
         explicit operator B() const {
             static_assert(sizeof(B) == 0,
@@ -236,8 +236,8 @@ private:
             r.part_[i] = xsimd::select(mask.part_[i], a.part_[i], b.part_[i]);
         return r;
     }
-    /// Functions that models seldom use, by the standard library: those of xsimd 8.1 are wrong by more than 2 ulp (tan
-    /// 2.5, atan 2.2, pow 33) or reduce an argument in a way that depends on the other lanes.
+    /// Rarely used functions, by the standard library. Those of xsimd 8.1 are wrong by more than 2 ulp (tan 2.5, atan
+    /// 2.2, pow 33) or reduce an argument in a way that depends on the other lanes.
     template <class F, class... Packs>
     static Pack lanewise(const F& f, const Packs&... packs) {
         std::array<double, width> result;

@@ -4,8 +4,8 @@
 
 namespace orbid::models {
 
-/// Solutions with triangular matrices R (upper) and L (lower), shape (n, n); the other half is not read.
-/// Vectors and matrices take different kernels, which round differently: one column is solved for as a vector.
+/// Solutions with triangular matrices R (upper) and L (lower), shape (n, n); the other half is not read. Vectors and
+/// matrices use different kernels with different rounding. One column is solved for as a vector.
 
 /// x becomes R^-1 x.
 void solve_upper_in_place(const Eigen::Ref<const Eigen::MatrixXd>& r, Eigen::VectorXd& x);

@@ -10,7 +10,7 @@
 
 namespace orbid::models {
 
-/// Two rigid arms on joints with friction, read by encoders whose zeros are off: what the variants share.
+/// Two rigid arms on joints with friction, read by encoders with an offset: base of the variants.
 ///
 /// The variant `viscous`:
 ///
@@ -21,13 +21,12 @@ namespace orbid::models {
 ///
 /// State, shape (4): phi1, phi2 [rad], both measured from hanging straight down (absolute, not relative to each other),
 /// on the circle; phi1_dot, phi2_dot [rad/s]. For data that count from upright, pi = hanging, either subtract pi from
-/// the columns or set the offsets to pi. Symmetric under reversal of all signs.
-/// Arm i: mass mi, centre of mass ai from its upper joint, moment of inertia Ii about the centre of mass; L1 from joint
-/// to joint. Only the six quotients of `reduced` can be told from motion: with free masses and lengths g, I1 and I2
-/// (say) have to be given.
-/// Source: Lagrange's equations. Defaults: the estimates for the real arms of K. Kaheman, U. Fasel, J. J. Bramburger,
-/// B. Strom, J. N. Kutz, S. L. Brunton, "The Experimental Multi-Arm Pendulum on a Cart: A Benchmark System for Chaos,
-/// Learning, and Control" (2022), arXiv:2205.06231.
+/// the columns or set the offsets to pi. Symmetric under reversal of all signs. Arm i: mass mi, centre of mass ai from
+/// its upper joint, moment of inertia Ii about the centre of mass; L1 from joint to joint. Motion determines only the
+/// six quotients of `reduced`: with free masses and lengths g, I1 and I2 (say) have to be given. Source: Lagrange's
+/// equations. Defaults: the estimates for the real arms of K. Kaheman, U. Fasel, J. J. Bramburger, B. Strom, J. N.
+/// Kutz, S. L. Brunton, "The Experimental Multi-Arm Pendulum on a Cart: A Benchmark System for Chaos, Learning, and
+/// Control" (2022), arXiv:2205.06231.
 struct ArmsOnJoints {
     static constexpr std::string_view name = "double_pendulum";
     static constexpr std::string_view summary = "two arms on joints with friction";
@@ -108,12 +107,12 @@ struct ViscousJoints : ArmsOnJoints {
 ///     readings: phi1 + offset1 + E1, phi2 + offset2 + E1 + E2,   E1 = e1_cos (cos phi1 - 1) + e1_sin sin phi1,
 ///         E2 = e2_cos (cos q - 1) + e2_sin sin q,   q = phi2 - phi1
 ///
-/// The encoders sit in the joints: the angle of the lower arm is the sum of both. An encoder whose code wheel runs
-/// eccentrically errs by the first harmonic of its angle; the cosine is counted from hanging, so that the offset stays
-/// the reading there, and velocities are read as the readings' rates. Surfaces: phi1' = 0 and phi2' = phi1'; both held
-/// at once is the end of a flow (FlowStatus::held_twice).
-/// Source: Lagrange's equations; drag of strips of a body across the stream, drag = (1/2) density C_d width; four
-/// strips at Gauss's points per arm: for one sign of w along the arm they are exact.
+/// The encoders sit in the joints: the angle of the lower arm is the sum of both. An encoder with an eccentric code
+/// wheel errs by the first harmonic of its angle. The cosine is counted from hanging, so that the offset stays the
+/// reading there. Velocities are read as the readings' rates. Surfaces: phi1' = 0 and phi2' = phi1'; both held at once
+/// is the end of a flow (FlowStatus::held_twice). Source: Lagrange's equations; drag of strips of a body across the
+/// stream, drag = (1/2) density C_d width. Four strips at Gauss's points per arm: for one sign of w along the arm they
+/// are exact.
 struct JointsWithDryFriction : ArmsOnJoints {
     static constexpr std::string_view variant = "friction_and_drag";
     // Typical: 1e-4 N m is the friction of a miniature ball bearing; 0.01 kg/m^2 that of a bar of a centimetre or two

@@ -9,7 +9,7 @@
 
 namespace orbid::models {
 
-/// Pendulum swinging freely, with friction, read by an encoder whose zero is off: what the variants share.
+/// Freely swinging pendulum with friction, read by an encoder with an offset: base of the variants.
 ///
 /// State, shape (2): phi [rad], 0 = hanging, on the circle; phi_dot [rad/s].
 /// Source: torque balance about the pivot, divided by the moment of inertia.
@@ -58,7 +58,7 @@ struct PendulumWithQuadraticFriction : PendulumOnBearing {
     }
 };
 
-/// The variant `extended`: laws of friction to choose from by how well they predict, each 0 unless given.
+/// The variant `extended`: several laws of friction, to be compared by how well they predict; each is 0 unless given.
 ///
 ///     phi'' = -w0sq sin(phi) - s [c1 + c_load |cos phi + v^2/w0sq| + c_angle (1 - cos phi) + c_slow e^(-(v/v_slow)^2)]
 ///             - c2 v - c3 v|v| - c5 v^3 - cp v (v^2 + v0^2)^((p - 1)/2),      v = phi', s = sgn v, v0 = 0.05 rad/s
@@ -66,8 +66,8 @@ struct PendulumWithQuadraticFriction : PendulumOnBearing {
 ///
 /// c_load: dry friction in proportion to the force along the rod, in units of the weight (all mass in one point).
 /// c_angle: dry friction that grows with the angle. c_slow: Stribeck's rise of the dry friction at low speed. cp: a
-/// power of the speed; below v0, where the other terms are all there is, it turns linear, so that no power of a number
-/// near 0 is taken. e_cos, e_sin: a code wheel that runs eccentrically; counted from hanging.
+/// power of the speed. Below v0, where the other terms dominate, it turns linear, so that no power of a number near 0
+/// is taken. e_cos, e_sin: an eccentric code wheel; counted from hanging.
 struct PendulumWithExtendedFriction : PendulumOnBearing {
     static constexpr std::string_view variant = "extended";
     static constexpr std::array parameters{

@@ -16,14 +16,13 @@ namespace orbid::models {
 ///     F_gas = p0 area [V0 / (V0 - area s)]^kappa
 ///     F_oil = c_compression s'|s'| for s' > 0, c_rebound s'|s'| for s' < 0
 ///
-/// State, shape (2): stroke s [m], 0 = gas column at its full length, positive when compressed; stroke_rate [m/s].
-/// Stops are no part of the model: s < 0 is a gas column that pulls, and at s = V0 / area, where the gas has no room
-/// left, the state stops being finite. Source: forces of gas and oil as in B. Milwitzky, F. E. Cook, "Analysis of
-/// landing-gear behavior", NACA Report 1154 (1953): polytropic gas; flow through an orifice, c = rho A^3 / (2 (C_d
-/// A_o)^2) with the density of the oil, the area of the piston and the discharge coefficient and area of the orifice,
-/// which a valve makes smaller in rebound. Here with Coulomb friction of the seals, a foot that follows the ground, and
-/// no wing lift. Defaults: a strut of a light aircraft in round numbers; static stroke 0.142 m of 0.2 m, natural
-/// frequency 2.2 Hz.
+/// State, shape (2): stroke s [m], 0 = gas column at its full length, positive when compressed; stroke_rate [m/s]. The
+/// model has no stops: for s < 0 the gas column pulls. At s = V0 / area, where the gas has no room left, the state is
+/// no longer finite. Source: forces of gas and oil as in B. Milwitzky, F. E. Cook, "Analysis of landing-gear behavior",
+/// NACA Report 1154 (1953): polytropic gas; flow through an orifice, c = rho A^3 / (2 (C_d A_o)^2). rho is the density
+/// of the oil, A the area of the piston, C_d and A_o the discharge coefficient and area of the orifice, which a valve
+/// makes smaller in rebound. Here with Coulomb friction of the seals, a foot that follows the ground, and no wing lift.
+/// Defaults: a strut of a light aircraft in round numbers; static stroke 0.142 m of 0.2 m, natural frequency 2.2 Hz.
 struct Strut {
     static constexpr std::string_view name = "landing_gear_damper";
     static constexpr std::string_view summary = "mass on an oleo-pneumatic strut over moving ground";
@@ -57,7 +56,7 @@ struct Strut {
 
 protected:
     /// g, p0 area / m, area / V0, kappa; mean and half difference of the oil's coefficients over m; friction / m: all
-    /// that does not belong to the ground. Parameters in the order above.
+    /// that does not depend on the ground. Parameters in the order above.
     template <class T, std::size_t q>
     static Values<T, 7> strut_constants(const Values<T, q>& p) {
         const T &m = p[0], &g = p[1], &p0 = p[2], &V0 = p[3], &cross_section = p[4], &kappa = p[5];

@@ -22,9 +22,9 @@ enum class Support {
 ///     P(t) = g/l - (A w^2 / l) [cos wt + e (cos 2wt + e^2 sin^4 wt) / (1 - e^2 sin^2 wt)^(3/2)]               (M2)
 ///
 /// State, shape (2): phi [rad], 0 = hanging, on the circle; phi_dot [rad/s]. The support is at its highest at phase 0.
-/// Source: van de Wouw, Verbeek, van Campen (1995), (P1) to (P3); (M2) is the second derivative of the crank height
-/// A cos wt + L sqrt(1 - e^2 sin^2 wt), e = A/L, whose misprint in (P3) is the variant `crank_as_printed`.
-/// e >= 1 is no mechanism (the rod is not longer than the crank): the state is then not finite.
+/// Source: van de Wouw, Verbeek, van Campen (1995), (P1) to (P3). (M2) is the second derivative of the crank height A
+/// cos wt + L sqrt(1 - e^2 sin^2 wt), e = A/L; the misprint in (P3) is the variant `crank_as_printed`. e >= 1 is no
+/// mechanism (the rod is not longer than the crank): the state is then not finite.
 template <Support support>
 struct PendulumOn {
     static constexpr std::string_view name = "parametric_pendulum";
@@ -43,7 +43,7 @@ struct PendulumOn {
     static constexpr std::array coordinates{angle("phi", "rad"), real("phi_dot", "rad/s")};
     static constexpr std::array parameters{
         Parameter{"m", "kg", positive, 0.0858, "mass"}, Parameter{"l", "m", positive, 0.317, "length"},
-        // 1e-3 N m is the friction of a poor bearing; the paper's pendulum has none that it could detect.
+        // 1e-3 N m is the friction of a poor bearing; the paper's pendulum has no detectable friction.
         Parameter{"k1", "N m", nonnegative, 0.0, "dry friction", typical(1e-3)},
         Parameter{"k2", "N m s", nonnegative, 4.85e-4, "linear damping"},
         Parameter{"k3", "N m s^2", nonnegative, 1.90e-4, "quadratic damping"},
@@ -64,8 +64,8 @@ struct PendulumOn {
         return {k1 / inertia, k2 / inertia, k3 / inertia, g / l, A * w * w / l, mechanism(e)};
     }
 
-    /// The same e, or nan for a rod that cannot follow the crank: said at once, as the approach to the phase where the
-    /// root vanishes takes a million steps.
+    /// The same e, or nan for a rod that cannot follow the crank. It is tested first, as stepping towards the phase
+    /// where the root vanishes takes a million steps.
     template <class T>
     static T mechanism(const T& e) {
         using std::sqrt;

@@ -22,7 +22,7 @@ struct ModelSize {
     std::size_t standard;  ///< when none is chosen
 };
 
-/// What the registry knows of a model without building it.
+/// What the registry knows about a model without building it.
 struct ModelEntry {
     std::string_view name;
     std::string_view summary;                ///< one line
@@ -35,8 +35,8 @@ struct ModelEntry {
 [[nodiscard]] std::span<const ModelEntry> registered_models();
 
 /// The system of a model by name, variant ("" = the default variant) and number of cells (nothing = the standard size).
-/// @throws std::invalid_argument naming what exists when there is no such model or variant, what is allowed when the
-///         size is not, and when a size is given to a model that has none to choose.
+/// @throws std::invalid_argument naming the choices when there is no such model or variant, and the allowed sizes when
+///         the size is wrong. Also when a size is given to a model of fixed size.
 [[nodiscard]] std::shared_ptr<const System> make_system(std::string_view name, std::string_view variant = "",
                                                         std::optional<std::size_t> size = std::nullopt);
 

@@ -7,7 +7,7 @@
 
 namespace orbid::models {
 
-/// Self-excited oscillator: energy comes in while |x| < 1 and goes out beyond.
+/// Self-excited oscillator: it gains energy while |x| < 1 and loses it beyond.
 ///
 ///     x'' - mu (1 - x^2) x' + x = 0
 ///

@@ -33,7 +33,7 @@ public:
 
     /// Piece [times[i], times[i + 1]) that t lies in; clamped to the first and the last piece.
     [[nodiscard]] std::size_t piece_at(double t) const;
-    /// Values at t of the polynomials of a piece (also a little outside of it), shape (count).
+    /// Values at t of the polynomials of a piece (also slightly outside of it), shape (count).
     void evaluate(std::size_t piece, double t, double* values) const;
     /// Value, u' and u'' / 2 at t of the polynomials of a piece, shape (3, count): three numbers for each input.
     void expand(std::size_t piece, double t, double* terms) const;

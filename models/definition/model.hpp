@@ -37,8 +37,9 @@ concept ModelTables = requires {
     0;
 };
 
-/// The equations read constants that are reduced from the parameters once per flow: quotients and products that would
-/// otherwise be computed at every evaluation. `rhs` then takes these constants in the place of the parameters.
+/// The equations read constants that are reduced from the parameters once per flow. They are quotients and products
+/// that would otherwise be computed at every evaluation. `rhs` then takes these constants in the place of the
+/// parameters.
 template <class M>
 concept ReducedModel = ModelTables<M> && requires(const Values<double, parameter_count_of<M>>& p) {
     {M::reduced(p)};
@@ -68,7 +69,7 @@ Constants<M, T> constants_from(const Values<T, parameter_count_of<M>>& p) {
 }
 
 /// Measured inputs u(t) beside the state: a table `inputs` of their names and units. rhs takes their values, an array
-/// of the scalar, as its last argument; its first argument is then the time t [s] on the clock of the signal.
+/// of the scalar, as its last argument. Its first argument is then the time t [s] on the clock of the signal.
 template <class M>
 concept InputTable = ModelTables<M> && requires {
     { M::inputs[0] } -> std::convertible_to<const Coordinate&>;
@@ -106,8 +107,8 @@ inline constexpr std::size_t input_count_of = detail::input_count<M>();
 template <class M>
 inline constexpr std::size_t surface_count_of = detail::surface_count<M>();
 
-/// The sides of the switching surfaces on which the equations are read: one number for a SwitchingModel (and for models
-/// that ignore it), an array for a SurfaceModel.
+/// The sides of the switching surfaces on which the equations are evaluated. One number for a SwitchingModel (and for
+/// models that ignore it), an array for a SurfaceModel.
 template <class M>
 using Side = std::conditional_t<SurfaceTable<M>, std::array<double, surface_count_of<M>>, double>;
 
@@ -136,15 +137,15 @@ concept MapModel = ModelTables<M> &&
     { M::map(dual_x, dual_c) } -> std::same_as<State<Dual<2>, dimension_of<M>>>;
 };
 
-/// x' = f(x, t; theta), as one struct that holds the tables `coordinates` and `parameters` and the equations as a
-/// function template `rhs` on the scalar. The first argument of rhs is the phase omega t [rad] for a forced model, and
-/// is not to be used otherwise (but see InputTable). Or a map. What the compiler cannot check: rhs is pure, and never
+/// x' = f(x, t; theta), as one struct. It holds the tables `coordinates` and `parameters`, and the equations as a
+/// function template `rhs` on the scalar. For a forced model the first argument of rhs is the phase omega t [rad];
+/// other models must not use it (but see InputTable). Or a map. What the compiler cannot check: rhs is pure, and never
 /// throws.
 template <class M>
 concept Model = MapModel<M> ||(ModelTables<M> && ((detail::PlainRhs<M, double> && detail::PlainRhs<M, Dual<2>>) ||
                                                   (detail::OneSidedRhs<M, double> && detail::OneSidedRhs<M, Dual<2>>)));
 
-/// Reads measured inputs. Forced models have a clock of their own, and none.
+/// Reads measured inputs. Forced models have a clock of their own and read none.
 template <class M>
 concept InputModel = Model<M> && InputTable<M> && !requires {
     M::forcing_frequency;
@@ -166,10 +167,10 @@ concept ForcedModel = Model<M> && requires {
 };
 
 /// One degree of freedom (position, velocity) with friction: the acceleration jumps where the velocity changes sign.
-/// rhs takes the side, +1 or -1, as its last argument and puts it wherever the equations say sgn(velocity), also in
-/// |velocity| = side velocity, so that it is smooth across the surface. `const auto& side` lets the trajectories of a
-/// pack have sides of their own. What the compiler cannot check: position' = velocity, and friction opposes the motion
-/// (acceleration on side +1 <= acceleration on side -1 at velocity 0).
+/// rhs takes the side, +1 or -1, as its last argument. The side replaces sgn(velocity) everywhere in the equations,
+/// also in |velocity| = side velocity, so that rhs is smooth across the surface. `const auto& side` lets the
+/// trajectories of a pack have sides of their own. What the compiler cannot check: position' = velocity, and friction
+/// opposes the motion (acceleration on side +1 <= acceleration on side -1 at velocity 0).
 template <class M>
 concept SwitchingModel =
     Model<M> && !SurfaceTable<M> && !MapModel<M> && detail::OneSidedRhs<M, double> && detail::OneSidedRhs<M, Dual<2>> &&
@@ -185,8 +186,8 @@ concept SwitchingModel =
 ///     to
 ///                              zero, x+ = reset(j, t, x, c), and the solution stays on the side h_j > 0
 ///
-/// Where both one-sided fields point at a surface the solution slides along it (Filippov). What the compiler cannot
-/// check: h_j is differentiable and f+ and f- are transversal to it but at single points.
+/// Where both one-sided fields point at a surface, the solution slides along it (Filippov). What the compiler cannot
+/// check: h_j is differentiable, and f+ and f- are transversal to it except at isolated points.
 template <class M>
 concept SurfaceModel = Model<M> && SurfaceTable<M> && !SwitchingModel<M> &&
                        requires(const double& t, const State<double, dimension_of<M>>& x, const Constants<M, double>& c,
@@ -232,13 +233,13 @@ concept Texts = requires {
 };
 }  // namespace detail
 
-/// Can be put into the registry.
+/// Can be registered.
 template <class M>
 concept DescribedModel = Model<M> && detail::Texts<M>;
 
-/// x' = f(x; theta) for a number n of equal cells that is chosen at run time, such as a ring: in the place of a table
-/// of coordinates the one `coordinate` of a cell, whose name is numbered from 1 (x1, ..., xn), `smallest_size` and
-/// `default_size`, and equations that write f for x.size() cells:
+/// x' = f(x; theta) for a number n of equal cells that is chosen at run time, such as a ring. Instead of a table of
+/// coordinates it has the one `coordinate` of a cell, whose name is numbered from 1 (x1, ..., xn). It also has
+/// `smallest_size`, `default_size`, and equations that write f for x.size() cells:
 ///
 ///     template <class T>
 ///     static void rhs(const T& t, std::span<const T> x, const Values<T, q>& p, std::span<T> f)

@@ -8,9 +8,8 @@
 
 namespace orbid::models {
 
-// What a model misses, said by the compiler in one sentence: the concepts of model.hpp as questions, in the order in
-// which an author would answer them. The first that fails ends the compilation with its text, and what depends on it is
-// not looked at, so that there is one error instead of a page.
+// Tells in one sentence what a model lacks. The concepts of model.hpp are asked in the order in which an author would
+// meet them. The first that fails ends the compilation with its text, so there is one error instead of a page.
 //
 // Formatted by hand: one question, one answer.
 // clang-format off
@@ -107,7 +106,7 @@ consteval bool map_is_complete() {
     return false;
 }
 
-/// What stands beside the equations of a flow and decides their arguments.
+/// Members beside the equations of a flow, which decide their arguments.
 template <class M>
 consteval bool tables_of_flow_are_complete() {
     using namespace detail;
@@ -206,7 +205,7 @@ consteval bool equations_are_complete() {
         return rhs_is_complete<M>();
 }
 
-/// What any model may have besides.
+/// Optional members of any model.
 template <class M>
 consteval bool extras_are_complete() {
     using namespace detail;
@@ -287,8 +286,8 @@ consteval bool variants_are_complete(std::type_identity<std::tuple<First, Others
     return false;
 }
 
-/// True for a model that can be compiled and registered; otherwise the compilation ends with a sentence that says what
-/// it misses.
+/// True for a model that can be compiled and registered. Otherwise the compilation ends with a sentence that says what
+/// is missing.
 template <class M>
 consteval bool is_complete() {
     if constexpr (requires { typename M::variants; })

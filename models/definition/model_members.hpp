@@ -12,15 +12,15 @@
 
 namespace orbid::models {
 
-/// Which members a model has, whether they are of use or not: the questions of model_check.hpp.
+/// Which members a model has, valid or not: the questions of model_check.hpp.
 namespace detail {
 
-/// False for every model, but only once there is one.
+/// False for every model, but evaluated only when the template is instantiated.
 template <class M>
 inline constexpr bool never = false;
 
-/// Names of functions that a model may have. Whether it has one, whatever its arguments, is found by adding a second
-/// one: the name is then ambiguous, and its address cannot be taken.
+/// Names of functions that a model may have. A function is found, whatever its arguments, by adding a second one of
+/// that name. The name is then ambiguous, and its address cannot be taken.
 struct FunctionNames {
     int rhs, map, smooth, surfaces, reset, instrument, reduced, forcing, rhs_forced;
 };
@@ -122,7 +122,7 @@ constexpr bool are_different(std::initializer_list<std::string_view> names) {
     return true;
 }
 
-/// rhs can be called with such arguments; what it returns is another question.
+/// rhs can be called with such arguments; its return type is checked separately.
 template <class M, class T, class... Extra>
 concept Callable = requires(const T& t, const State<T, dimension_of<M>>& x, const Constants<M, T>& c,
                             const Extra&... extra) {

@@ -19,8 +19,7 @@ inline constexpr Domain nonnegative = Domain::nonnegative;
 /// The rule in words, for messages: "a finite number", "> 0", ">= 0".
 [[nodiscard]] std::string_view rule(Domain domain);
 
-/// Size of a parameter when its value says nothing (default 0): the unit in which steps and null directions are
-/// measured.
+/// Size of a parameter when its value gives none (default 0): the unit of steps and null directions.
 struct Typical {
     double size;
 };
@@ -28,7 +27,7 @@ constexpr Typical typical(double size) {
     return {size};
 }
 
-/// One parameter of a model: what it is called, measured in, allowed to be.
+/// One parameter of a model: name, unit, domain and default.
 struct Parameter {
     std::string_view name;
     std::string_view unit;

@@ -12,7 +12,7 @@
 
 namespace orbid::models {
 
-/// A reading that is a formula of the state: it stands in the place of one coordinate.
+/// A reading that is a formula of the state; it replaces one coordinate.
 struct FunctionReading {
     std::size_t coordinate = 0;  ///< index of the coordinate in whose place it stands
     Expression expression;       ///< in the names that reading_names() lists
@@ -27,9 +27,9 @@ struct FunctionReading {
 /// function          formulas of the coordinates of the STATE (not of what the model's instrument makes of them) and of
 ///                   the parameters; coordinates without a formula as in `state`
 ///
-/// A formula is a real number: two readings differ by their plain difference, also in the place of an angle, whose
-/// readings are otherwise compared modulo 2 pi. An angle that it reads is the one the flow arrives at, which is not
-/// wrapped: after a turn phi + 0.01 phi^2 reads what it reads at phi + 2 pi.
+/// A formula is a real number: two readings differ by their plain difference, even in the place of an angle, whose
+/// readings are otherwise compared modulo 2 pi. Angles in a formula are those of the flow, not wrapped. After a turn
+/// phi + 0.01 phi^2 reads what it reads at phi + 2 pi.
 struct Sensor {
     enum class Type { state, angle_difference, function };
     enum class Rounding { none, nearest };
@@ -43,7 +43,7 @@ struct Sensor {
     std::vector<FunctionReading> functions = {};  ///< of type function: at least one, of different coordinates
 };
 
-/// The formula that a sensor reads in the place of a coordinate; nullptr when it has none there.
+/// The formula that a sensor reads in the place of a coordinate; nullptr when there is none.
 [[nodiscard]] const Expression* reading_function(const Sensor& sensor, std::size_t coordinate);
 
 /// Readings in the place of this coordinate are angles: equal when they differ by whole turns.

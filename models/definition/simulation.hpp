@@ -16,7 +16,7 @@ enum class Kind { forced, autonomous, map };
 /// time   t [s]; iterations (whole numbers) for maps.
 enum class Clock { phase, time };
 
-/// How a flow ended. Everything but ok means "cannot be simulated here": states after `stopped_after` are undefined.
+/// How a flow ended. Anything but ok means "cannot be simulated here": states after `stopped_after` are undefined.
 enum class FlowStatus {
     ok,
     step_budget,  ///< maximum_steps were taken

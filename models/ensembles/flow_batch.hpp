@@ -14,10 +14,10 @@
 namespace orbid::models {
 
 /// Many flows of a model over the same durations in packs, with derivatives by the start and by four parameters at
-/// once; more parameters take several passes, which take the same steps.
+/// once. More parameters take several passes with the same steps.
 ///
-/// Of a forced model whose flows all begin at the same phase the steps are shared, and the forcing at their nodes is
-/// computed once. Their number per period follows from the tolerance and from what some of the flows make of it.
+/// Flows of a forced model that all begin at the same phase share their steps, and the forcing at the nodes is computed
+/// once. The number of steps per period follows from the tolerance and from trial flows.
 template <FlowPackModel M, class Arch = xsimd::default_arch>
 class PackedFlows final : public FlowBatch {
 public:
@@ -100,7 +100,7 @@ private:
         if (durations_.back() / period * count > most) return;
         auto& shared = passes_.front()->shared;
         shared = shared_steps(passes_.front()->steps, phase, period / count);
-        // A trial takes as long as some fifty flows.
+        // A trial takes as long as about fifty flows.
         if (starts_.count >= 512) {
             std::vector<std::size_t> some;
             for (std::size_t i = 0; i < samples; ++i)
@@ -118,7 +118,7 @@ private:
         for (std::size_t i = 1; i < passes_.size(); ++i)
             passes_[i]->shared = shared_steps(passes_[i]->steps, phase, period / count);
     }
-    /// Of a flow, in shared steps: a step that is too coarse for its trajectory takes about four.
+    /// Cost of a flow in units of a shared step. A step that is too coarse for its trajectory costs about four.
     double cost(const std::vector<SharedStep<Steps>>& shared, const std::vector<std::size_t>& some) const {
         FlowBlock<M, N, Arch> block(passes_.front()->steps, starts_, some);
         block.run(durations_, shared, [](std::size_t, std::size_t) {});
@@ -143,7 +143,7 @@ private:
         }
         return shared;
     }
-    // Of the parametric pendulum 27 leave many steps too coarse, 32 few; a trial finds what others need.
+    // For the parametric pendulum 27 leave many steps too coarse, 32 few; a trial finds what other models need.
     static constexpr double steps_at_1e12 = 32.0;
     static constexpr double root = 1.189207115002721;  ///< 2^(1/4)
     static constexpr std::size_t samples = 8;

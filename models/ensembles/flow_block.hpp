@@ -13,7 +13,7 @@
 
 namespace orbid::models {
 
-/// A step that all trajectories take which began at the same phase.
+/// A step shared by all trajectories that began at the same phase.
 template <class Steps>
 struct SharedStep {
     double start, length, end;  ///< in units of the clock
@@ -21,16 +21,16 @@ struct SharedStep {
     typename Steps::Forcing forcing;
 };
 
-/// Some of many flows over the same durations, on their way in packs with N directions of derivative.
+/// Some of many flows over the same durations, advanced in packs with N directions of derivative.
 ///
-/// Along shared steps all lanes go through the same table of the forcing. Those whose step is not good enough, or meets
-/// the switching surface, walk through it by themselves: in packs too, but each lane with steps of its own length,
-/// controlled as those of a Trajectory, and through the surface where it comes; a step that does not tell clearly where
-/// is halved. Without shared steps all walk from one duration to the next. What no pack decides (a start on the
-/// surface, sticking, grazing, a state that is not finite, a step budget spent) is left to a flow of its own from the
-/// start.
+/// Along shared steps all lanes use the same table of the forcing. Lanes whose step was rejected, or meets the
+/// switching surface, go through it in packs of their own. There each lane has its own step length, controlled as in a
+/// Trajectory, and crosses the surface where it comes. A step in which the crossing is not clearly located is halved.
+/// Without shared steps all lanes go this way from one duration to the next. What no pack can decide is computed by a
+/// separate flow from the start: a start on the surface, sticking, grazing, a state that is not finite, an exhausted
+/// step budget.
 ///
-/// What becomes of a trajectory depends on itself and the shared steps, not on who shares its packs.
+/// A trajectory depends on itself and the shared steps only, not on who shares its packs.
 template <FlowPackModel M, std::size_t N, class Arch = xsimd::default_arch>
 class FlowBlock {
 public:
@@ -89,7 +89,7 @@ public:
     }
 
     [[nodiscard]] std::size_t count() const { return lanes_.size(); }
-    /// Left to a flow of its own.
+    /// Computed by a separate flow.
     [[nodiscard]] bool failed(std::size_t i) const { return lanes_[i].failed; }
     [[nodiscard]] std::size_t steps(std::size_t i) const { return lanes_[i].steps; }
     [[nodiscard]] std::size_t crossings(std::size_t i) const { return lanes_[i].crossings; }
@@ -256,7 +256,7 @@ private:
         for (std::size_t l = 0; l < width; ++l) {
             const Walker& walker = active[std::min(l, count - 1)];
             const double remaining = target - walker.s;
-            // Two equal steps instead of a full one and a crumb; a crumb of 1e-6 is taken along.
+            // Two equal steps instead of a full one and a tiny rest; a rest of 1e-6 is included in the step.
             ds[l] = walker.to_surface > 0.0                     ? walker.to_surface
                     : walker.length >= remaining * (1.0 - 1e-6) ? remaining
                                                                 : std::min(walker.length, 0.5 * remaining);
@@ -309,7 +309,7 @@ private:
     void shorten(Walker& walker, double length) {
         walker.to_surface = 0.0;
         walker.length = length;
-        // Twenty tries in a row: what makes it so is not to be found out here.
+        // Give up after twenty tries in a row.
         lanes_[walker.lane].failed = ++walker.rejected == 20 || !(walker.s + length > walker.s);
     }
     void accept(Walker& walker, const Unpacked& step, std::size_t l, double ds, double target) {
@@ -320,7 +320,7 @@ private:
             if (met == SurfaceMeeting::once) {
                 walker.to_surface = part_before_meeting(v) * ds;
                 walker.crossed = ds;
-                // It begins so close to the surface that no step leads there.
+                // The start is too close to the surface for any step to reach it.
                 if (!(walker.s + walker.to_surface > walker.s)) lanes_[walker.lane].failed = true;
                 return;
             }
@@ -329,12 +329,12 @@ private:
         walker.s = ds == target - walker.s ? target : walker.s + ds;
         walker.rejected = 0;
         const double next = ds * factor(step.ratio[l]);
-        // A step that was cut to land must not shorten the next one.
+        // A step shortened to end at a target must not shorten the next one.
         walker.length = ds < walker.length ? std::max(walker.length, next) : next;
     }
 
-    /// A twentieth of the forcing's period, or what the ninth root of the tolerance says of the time in which the state
-    /// changes by its own size. The first error estimate corrects it.
+    /// A twentieth of the forcing's period, or the time in which the state changes by its own size, times the ninth
+    /// root of the tolerance. The first error estimate corrects it.
     void set_first_lengths(std::array<Walker, width>& active, std::size_t count, const Numbers& x, const P& phase,
                            const P& side) const {
         bool all = true;

@@ -19,7 +19,7 @@ namespace orbid::models {
 template <FlowPackModel M, std::size_t N, class Arch = xsimd::default_arch>
 class FlowField {
 public:
-    /// One register: with so many numbers per lane their sums hide the time an operation takes. Two took as long per
+    /// One register: with so many numbers per lane their sums hide the latency of an operation. Two took as long per
     /// trajectory and leave more lanes idle at a crossing.
     using P = Pack<1, Arch>;
     static constexpr std::size_t n = dimension_of<M>;
@@ -28,7 +28,7 @@ public:
     /// Directions that are parameters.
     static constexpr std::size_t free = N - n;
 
-    /// Values and derivatives of a point: first what step control looks at, values and derivatives by the start, then
+    /// Values and derivatives of a point. First those that step control uses, values and derivatives by the start; then
     /// the derivatives by parameters.
     static constexpr std::size_t size = n * (N + 1);
     static constexpr std::size_t controlled = n * (n + 1);
@@ -40,8 +40,8 @@ public:
     /// A number that depends on parameters: its value, then its partials.
     using Parametric = std::array<P, 1 + free>;
 
-    /// What the phase enters f through at the nodes of a step, with its partials by the parameters: the same for all
-    /// lanes that take this step.
+    /// The forcing at the nodes of a step, with its partials by the parameters: the same for all lanes that take this
+    /// step.
     using Forcing = std::array<std::array<double, 1 + free>, verner98.stages>;
 
     /// @param p  with partials in the N directions
@@ -52,7 +52,7 @@ public:
             omega_ = p[M::forcing_frequency];
             if (clock == Clock::phase) {
                 seconds_ = 1.0 / omega_.value;
-                // The speed of the clock, over what it is where omega is not free.
+                // The speed of the clock, divided by its value where omega is not free.
                 const Dual<N> rate = omega_.value / omega_;
                 rate_ = in_all_lanes(rate);
                 rate_depends_ =

@@ -12,11 +12,10 @@
 
 namespace orbid::models {
 
-/// Steps of a model with N directions of derivative in packs, each lane on its way with a time, a length and a side of
-/// its own.
+/// Steps of a model with N directions of derivative in packs. Each lane has a time, a length and a side of its own.
 ///
-/// Derivatives come from the same steps as the values (M4): the method is linear in the stages, so that value and
-/// partials of a lane are stepped as numbers of equal right. What a lane becomes depends on itself alone.
+/// Derivatives come from the same steps as the values (M4). The method is linear in the stages, so value and partials
+/// of a lane are stepped in the same way. The result of a lane depends on that lane alone.
 template <FlowPackModel M, std::size_t N, class Arch = xsimd::default_arch>
 class FlowSteps {
 public:
@@ -74,9 +73,9 @@ public:
 
     /// From the end of a step, close to the switching surface, to the surface and through it.
     ///
-    /// The way there by the midpoint rule with the step that makes the velocity 0; the cube of its length is below all
-    /// tolerances as long as it is less than 1e-4 of a step of `length`. Then (M5): the event time made a dual number
-    /// by one Newton step, dt* = -v / a-, multiplies the partials of the velocity by a+ / a-; the slopes of the
+    /// The way there by the midpoint rule with the step that makes the velocity 0. The cube of its length is below all
+    /// tolerances as long as it is less than 1e-4 of a step of `length`. Then (M5): one Newton step, dt* = -v / a-,
+    /// makes the event time a dual number. It multiplies the partials of the velocity by a+ / a-; the slopes of the
     /// position agree.
     [[gnu::noinline]] void pass(const Numbers& near, const P& phase, const P& s, const P& length, const P& side,
                                 Surface& surface) const requires SwitchingModel<M> {
@@ -96,8 +95,8 @@ public:
         const typename Field::Parametric through = field_.forcing_at(phase, surface.s);
         field_.slope(through, surface.x, side, P(1.0), f);
         field_.slope(through, surface.x, -side, P(1.0), between);
-        // Through, and not held or grazing: the accelerations of both sides point across, and clearly so where they
-        // differ (1e-6 of the jump; a Trajectory decides on what is closer).
+        // Crossed, neither held nor grazing. The accelerations of both sides point across, and clearly so where they
+        // differ (1e-6 of the jump; a Trajectory decides closer cases).
         const P arriving = side * f[v], leaving = side * between[v];
         const P margin = 1e-6 * abs(leaving - arriving);
         surface.close = abs(way) <= 1e-4 * length;

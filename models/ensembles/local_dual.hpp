@@ -14,11 +14,11 @@ namespace orbid::models {
 
 /// A number P with its partials by those of L local variables on which it depends.
 ///
-/// Right hand sides depend on few things at a time: most partials are known to be zero when the model is compiled.
-/// Which are not is a number of its own that the compiler carries along and resolves, once all is inlined and all loops
-/// are written out; nothing is computed or stored for the others. Against dual numbers that carry every direction of a
-/// flow, one evaluation of right hand side and derivatives takes 0.4 of the time (parametric pendulum with four
-/// parameters 63 against 25 ns, double pendulum with four 208 against 77, Lorenz with three 52 against 20, per pack).
+/// Right hand sides depend on few variables at a time: most partials are known to be zero at compile time. A bit mask
+/// tells the others. The compiler resolves it once all is inlined and all loops are unrolled, so nothing is computed or
+/// stored for zeros. One evaluation with derivatives takes 0.4 of the time of dual numbers that carry every direction
+/// of a flow. Measured per pack: parametric pendulum with four parameters 63 against 25 ns, double pendulum with four
+/// 208 against 77, Lorenz with three 52 against 20.
 ///
 /// As with Pack, comparisons give no truth value: a model that branches on its numbers says `packs = false`.
 template <std::size_t L, class P>
@@ -68,7 +68,7 @@ public:
         const P quotient = a.value / b.value, inverse = P(1.0) / b.value;
         return linear(quotient, a, inverse, b, -quotient * inverse);
     }
-    // Factors without derivatives, such as the side of a switching surface: nothing else could be meant.
+    // Factors without derivatives, such as the side of a switching surface.
     [[gnu::always_inline]] friend LocalDual operator*(const P& a, const LocalDual& b) {
         return b.chained(a * b.value, a);
     }
@@ -129,8 +129,8 @@ public:
     [[gnu::always_inline]] friend LocalDual pow(const LocalDual& a, const LocalDual& b) {
         const P power = pow(a.value, b.value), zero(0.0);
         const P by_base = select(b.value == zero, zero, b.value * pow(a.value, b.value - 1.0));
-        // d/db a^b = a^b ln a; at a = 0 its limit is 0. A constant exponent asks for it too, and may have a < 0: what
-        // does not depend on anything has no partial that it could spoil.
+        // d/db a^b = a^b ln a; at a = 0 its limit is 0. It is also evaluated for a constant exponent, where a may be <
+        // 0: a constant has no partial that nan could spoil.
         return linear(power, a, by_base, b, select(a.value == zero, zero, power * log(a.value)));
     }
 
@@ -193,9 +193,9 @@ concept TabulatedFlowModel = ForcedModel<M> &&
     { M::rhs_forced(phase, x, c, side) } -> std::same_as<State<LocalDual<2, P>, dimension_of<M>>>;
 };
 
-/// Flows with derivatives can be computed in packs: smooth, or with a velocity that switches; explicit steps; no
-/// measured inputs; coordinates, constants and forcing are 64 numbers at most. A model whose equations branch on their
-/// scalar says `packs = false`.
+/// Flows with derivatives can be computed in packs. Conditions: smooth, or with a velocity that switches; explicit
+/// steps; no measured inputs; coordinates, constants and forcing are 64 numbers at most. A model whose equations branch
+/// on their scalar says `packs = false`.
 template <class M>
 concept FlowPackModel = Model<M> && !MapModel<M> && !SurfaceTable<M> && !StiffModel<M> && !InputTable<M> &&
                         dimension_of<M> + std::tuple_size_v<Constants<M, double>> < 64 &&

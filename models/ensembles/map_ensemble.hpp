@@ -11,9 +11,9 @@
 
 namespace orbid::models {
 
-/// Iterates of many points under a map, in packs. What is not finite in a pack (its functions know smaller ranges) is
-/// computed once more in double; so the iterates of a point are the same whatever others share the call. A map that
-/// branches on its scalar says `packs = false` and is iterated in double.
+/// Iterates of many points under a map, in packs. What is not finite in a pack (its functions have a smaller range) is
+/// computed once more in double. The iterates of a point therefore do not depend on what else is in the call. A map
+/// that branches on its scalar says `packs = false` and is iterated in double.
 template <MapModel M, class Arch = xsimd::default_arch>
 class MapEnsemble {
 public:
@@ -41,11 +41,11 @@ public:
         }
     }
 
-    /// Points that one call of advance() likes best: some packs.
+    /// Preferred number of points in one call of advance(): some packs.
     static constexpr std::size_t block = 64;
 
 private:
-    /// Four registers hide the time of an operation.
+    /// Four registers hide the latency of an operation.
     using P = Pack<4, Arch>;
 
     void pack(std::size_t count, std::size_t iterations, double* const* sections, std::size_t* columns,

@@ -16,11 +16,11 @@
 
 namespace orbid::models {
 
-/// A block of trajectories of a forced model on their way through whole periods, in packs.
+/// A block of trajectories of a forced model, advanced through whole periods in packs.
 ///
-/// All lanes take the steps of the period's table together. Those whose step is not good enough, or who meet the
-/// switching surface in it, are picked out of the whole block after each step and go through it once more, in packs of
-/// their own with steps of their own length:
+/// All lanes take the steps of the period's table together. After each step the lanes that were rejected, or met the
+/// switching surface, are picked out of the whole block. They repeat the step in packs of their own with steps of their
+/// own length:
 ///
 ///     tolerance not kept    two half steps
 ///     one crossing          a step to where a quartic through the ends of the step puts it, a correction to where
@@ -28,8 +28,8 @@ namespace orbid::models {
 ///     all else              (two crossings in a step, sticking, grazing, a start on the surface, a tolerance not kept
 ///                           by half steps) a Trajectory, which refines and sticks
 ///
-/// So the error control is that of a flow. What happens to a trajectory depends on itself alone: results are the same
-/// bytes whatever others share the block, in whatever order.
+/// So the error control is that of a flow. Each trajectory depends on itself alone: results are the same bytes whatever
+/// else is in the block, in whatever order.
 template <PackModel M, class Arch = xsimd::default_arch>
 class PackBlock {
 public:
@@ -105,9 +105,9 @@ private:
         double first_rise, last_rise;  ///< accelerations times duration
     };
 
-    /// Refinement by 2^5 at most: what is still too coarse then is better served by steps of free length.
+    /// Refinement by 2^5 at most: beyond that, steps of free length are better.
     static constexpr std::size_t finest = 10;
-    /// The table of a level: 2^(level/2) times the coarsest one's steps, two levels twice as many exactly.
+    /// The table of a level: 2^(level/2) times the coarsest one's steps; two levels double it exactly.
     const PeriodSteps& period_at(std::size_t level) {
         if (level == 0) return coarsest_;
         std::optional<PeriodSteps>& period = finer_[level - 1];
@@ -128,7 +128,7 @@ private:
         std::copy(lane.section.begin(), lane.section.end(), sections_[lane.trajectory] + columns * n);
         ++columns;
         // A halved step costs about four times one of the table: from an eighth of them on a finer table is cheaper.
-        // After eight periods without one the coarser table has another chance.
+        // After eight periods without one, the coarser table is tried again.
         if (8 * lane.halved > period_at(lane.level).count) {
             lane.level = std::min(lane.level + 1, finest);
             lane.calm = 0;
@@ -156,7 +156,7 @@ private:
                 if (!some) return;
             }
             std::size_t i = first;
-            // A wide pack takes about the time of two narrow ones: it is worth it from more than one on.
+            // A wide pack takes about the time of two narrow ones, so it pays for more than one.
             for (; i + Wide::width <= end; i += Wide::width)
                 step<Wide>(steps, k, i, Wide::width);
             if (i + Narrow::width < end)
@@ -207,7 +207,7 @@ private:
         sort_out(step, x, first, count, steps.start(k), steps.length);
     }
 
-    /// What becomes of the lanes of a pack that are not all smooth.
+    /// Classifies the lanes of a pack in which at least one step was rejected.
     template <class P>
     void sort_out(const PackStep<P, n>& step, const State<P, n>& x, std::size_t first, std::size_t count, double s,
                   double length) {
@@ -276,7 +276,7 @@ private:
         most_additional_ = std::max(most_additional_, lanes_[i].additional);
     }
 
-    /// Steps that were too coarse, once more in two halves, from the table that has them.
+    /// Rejected steps, repeated in two halves from the finer table.
     void halve(std::size_t k, const PeriodSteps& halves) {
         for (std::size_t first = 0; first < halved_.size(); first += Narrow::width) {
             const std::size_t count = std::min(Narrow::width, halved_.size() - first);
@@ -337,8 +337,8 @@ private:
         const Narrow guess = quartic_zero(x[velocity], each(&Crossing::v1), each(&Crossing::first_rise),
                                           each(&Crossing::last_rise), integral);
         const auto to = steps_.free(x, s, guess * length, side);
-        // From there to the zero of the velocity by the midpoint rule with the step that makes it zero. The way is
-        // the error of the guess; its cube is below all tolerances as long as it is less than 1e-4 of the step.
+        // From there to the zero of the velocity by the midpoint rule, with the step that makes it zero. The distance
+        // is the error of the guess. Its cube is below all tolerances as long as it is less than 1e-4 of the step.
         const Narrow near = s + guess * length;
         const State<Narrow, n> f = steps_.slope(to.end, near, side);
         const Narrow about = -to.end[velocity] / f[velocity];
@@ -350,8 +350,8 @@ private:
         State<Narrow, n> surface{to.end[0] + correction * g[0], Narrow(0.0)};
         const Narrow at = min(near + steps_.omega() * correction, Narrow(until));
         auto good = to.kept & (abs(correction) * steps_.omega() <= 1e-4 * length);
-        // Through, and not held or grazing: the accelerations of both sides point across, and clearly so where they
-        // differ (1e-6 of the jump; a Trajectory decides on what is closer).
+        // Crossed, neither held nor grazing. The accelerations of both sides point across, and clearly so where they
+        // differ (1e-6 of the jump; a Trajectory decides closer cases).
         const Narrow arriving = side * steps_.slope(surface, at, side)[velocity];
         const Narrow leaving = side * steps_.slope(surface, at, -side)[velocity];
         const Narrow margin = 1e-6 * abs(leaving - arriving);
@@ -374,8 +374,7 @@ private:
         }
     }
 
-    /// The step k of one lane by a trajectory of its own, always begun afresh: what it remembers of earlier steps must
-    /// not depend on whose steps they were.
+    /// The step k of one lane by a new trajectory. A reused one would remember steps of other lanes.
     void follow(std::size_t i, std::size_t k, const PeriodSteps& steps) {
         const std::size_t taken = k + lanes_[i].additional;
         FlowOptions options = options_;

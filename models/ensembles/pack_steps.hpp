@@ -37,7 +37,7 @@ concept PackModel = ForcedModel<M> && !SurfaceTable<M> && !StiffModel<M> &&
     requires !M::packs;
 };
 
-/// One period cut into equal steps, with the forcing at all nodes of all steps: the same for all trajectories.
+/// One period divided into equal steps, with the forcing at all nodes of all steps: the same for all trajectories.
 struct PeriodSteps {
     std::size_t count;
     double length;  ///< of a step [rad]
@@ -50,12 +50,12 @@ struct PeriodSteps {
     [[nodiscard]] double end(std::size_t k) const { return k + 1 == count ? 2.0 * std::numbers::pi : start(k + 1); }
 };
 
-/// A step of the trajectories in a pack, and what it says about itself.
+/// A step of the trajectories in a pack, with its diagnostics.
 template <class P, std::size_t n>
 struct PackStep {
     State<P, n> end;
     typename P::Mask kept;  ///< estimated error allowed, end finite
-    /// The velocity keeps its sign, at the ends and as far as the tangents tell in between (switching models).
+    /// The velocity keeps its sign at the ends and, judged by the tangents, in between (switching models).
     typename P::Mask same_side;
     P first_rise, last_rise;  ///< acceleration times duration at the start and close to the end (switching models)
 };
@@ -69,7 +69,7 @@ class PackSteps {
 public:
     static constexpr std::size_t n = dimension_of<M>;
     static constexpr std::size_t q = parameter_count_of<M>;
-    /// As many registers in turn as hide the time an operation takes, as long as the sums of a stage stay in registers.
+    /// As many registers in turn as hide the latency of an operation, as long as the sums of a stage stay in registers.
     /// Measured for n = 2, nanoseconds per stage and trajectory: 3.3 (one register), 1.9, 1.5, 1.4 (four).
     using Wide = Pack<(n <= 2 ? 4 : n <= 4 ? 2 : 1), Arch>;
     using Narrow = Pack<1, Arch>;
@@ -206,7 +206,7 @@ private:
             step.last_rise = duration * slopes[verner98.stages - 1][velocity];
             step.same_side = (v0 > P(0.0)) & (v1 > P(0.0));
             // Slower in between than at both ends: two crossings may hide in the step. The tangents bound the dip of a
-            // convex curve; only one that stays above half of the smaller end is left alone.
+            // convex curve. A dip is accepted only if it stays above half of the smaller end.
             const P fall = side * step.first_rise, rise = side * step.last_rise;
             const auto dips = (fall < P(0.0)) & (rise > P(0.0));
             if (dips.any()) {

@@ -29,7 +29,7 @@ public:
             status[i] = one(starts + i * n, periods, sections[i], columns[i]);
     }
 
-    /// Trajectories that one call of advance() likes best.
+    /// Preferred number of trajectories in one call of advance().
     static constexpr std::size_t block = 1;
 
 private:
@@ -70,7 +70,7 @@ public:
     SectionEnsemble(const Values<double, q>& p, double phase, const FlowOptions& options)
         : SectionEnsemble(p, phase, options, steps_for(options)) {}
 
-    /// With a number of steps per period of one's own.
+    /// With a given number of steps per period.
     SectionEnsemble(const Values<double, q>& p, double phase, const FlowOptions& options, std::size_t steps)
         : p_(p), phase_(phase), options_(options), steps_(p, phase, options), period_(steps_.period_in(steps)) {}
 
@@ -80,8 +80,8 @@ public:
             .advance(periods);
     }
 
-    /// In each step some hundredths of the trajectories meet the switching surface, and have to fill a pack; 256 states
-    /// of two coordinates and what a step of a pack holds fit the first-level cache.
+    /// In each step some hundredths of the trajectories meet the switching surface; they should fill a pack. 256 states
+    /// of two coordinates and the data of a step fit the first-level cache.
     static constexpr std::size_t block = 256;
 
 private:

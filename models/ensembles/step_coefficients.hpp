@@ -10,10 +10,9 @@
 
 namespace orbid::models {
 
-/// The coefficients of an explicit method that are not zero, row by row, times the length of a step: what the step
-/// reads from memory while it goes through its stages. A loop over this list, with a body of a few registers' width,
-/// runs twice as fast on packs as stages written out one by one, which GCC 12 spills (1.4 against 2.9 ns a stage and
-/// trajectory).
+/// The nonzero coefficients of an explicit method, row by row, times the step length: what the step reads in its
+/// stages. A short loop over this list runs twice as fast on packs as stages written out one by one, which GCC 12
+/// spills (1.4 against 2.9 ns a stage and trajectory).
 template <const auto& method>
 class StepCoefficients {
 public:
@@ -47,7 +46,7 @@ public:
     /// registers. Those of the next stage lie `stride` further.
     template <std::size_t count, std::size_t stride, class P>
     [[gnu::always_inline]] void accumulate(std::size_t row, const P* at, const P* slopes, P* result) const {
-        // Written out, as GCC makes loops of copies calls of memcpy.
+        // Written out, as GCC turns loops of copies into calls of memcpy.
         [&]<std::size_t... c>(std::index_sequence<c...>) {
             P sum[count] = {at[c]...};
             for (std::size_t k = first_[row]; k < first_[row + 1]; ++k) {

@@ -13,7 +13,7 @@
 
 namespace orbid::models {
 
-/// A model written as text, as a job has it.
+/// A model written as text, as a job gives it.
 struct EquationText {
     struct Quantity {
         std::string name;
@@ -40,8 +40,8 @@ struct EquationText {
     std::vector<Quantity> definitions;  ///< further names, each of what stands before it
     std::vector<Parameter> parameters;
     std::optional<Forcing> forcing = {};
-    /// Expressions whose sign the equations may jump with; nothing: the arguments of all sign() and abs() that the
-    /// state or the phase decides.
+    /// Expressions at whose sign the equations may jump. Nothing: the arguments of all sign() and abs() that depend on
+    /// the state or the phase.
     std::optional<std::vector<std::string>> switching = {};
     std::vector<Quantity> inputs = {};  ///< measured; name and unit
     std::optional<Symmetry> symmetry = {};
@@ -57,11 +57,11 @@ struct EquationProblem {
     std::string rule;
 };
 
-/// A model written as text as a system, evaluated instruction by instruction: no compiler is needed, for a share of the
-/// speed of a model in C++ (up to four times slower).
+/// A model written as text as a system, evaluated instruction by instruction. No compiler is needed, but it is up to
+/// four times slower than a model in C++.
 ///
-/// @return nothing when there are problems; all that can be found at once are added. Models beyond what can be
-///         interpreted (many coordinates with general switching surfaces, stiff equations) are a problem of the model.
+/// @return nothing when there are problems; all that can be found at once are added. Models that cannot be interpreted
+///         (many coordinates with general switching surfaces, stiff equations) count as a problem of the model.
 [[nodiscard]] std::shared_ptr<const System> system_from_text(const EquationText& text,
                                                              std::vector<EquationProblem>& problems);
 

@@ -15,19 +15,19 @@
 
 namespace orbid::models {
 
-/// A model written as text, checked and understood: its formulas as one graph.
+/// A model written as text, checked and parsed: its formulas as one graph.
 ///
-/// Flows: a sign() or abs() that decides by a switching surface h is replaced by the side of h, +1 or -1, and by the
-/// side times h, so that the equations are smooth on each side. The surface of one degree of freedom (x' = v, and v the
-/// only surface) is dry friction, with sticking, where the jump opposes the motion at the parameters given; all others
-/// are general surfaces with sliding.
+/// Flows: for a sign() or abs() with a switching surface h, the sign becomes the side of h, +1 or -1, and abs the side
+/// times h. The equations are then smooth on each side. A surface is dry friction, with sticking, if the model has one
+/// degree of freedom (x' = v), v is its only surface, and the jump opposes the motion at the parameters given. All
+/// others are general surfaces with sliding.
 class Equations {
 public:
     using Node = ExpressionGraph::Node;
     static constexpr std::size_t most_coordinates = 64;
     static constexpr std::size_t most_parameters = EquationProgram::most_parameters;
     static constexpr std::size_t most_surfaces = 8;
-    /// Of all formulas together. The largest model of the registry has three hundred.
+    /// For all formulas together. The largest model of the registry has three hundred.
     static constexpr std::size_t most_operations = 5000;
 
     /// @return nothing when there are problems; all that can be found at once are added.
@@ -51,7 +51,7 @@ public:
     [[nodiscard]] std::span<const Parameter> parameters() const { return parameters_; }
     [[nodiscard]] std::span<const Coordinate> inputs() const { return inputs_; }
 
-    /// No jump of f on any surface at these parameters: both sides agree in some states on it, whatever these are.
+    /// f does not jump on any surface at these parameters: both sides agree in some arbitrary states on it.
     [[nodiscard]] bool smooth(const double* theta) const;
 
     Equations(const Equations&) = delete;

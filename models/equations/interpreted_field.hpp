@@ -15,8 +15,8 @@ template <class M>
 concept InterpretedPackModel =
     FlowPackModel<M> && std::same_as<std::remove_cvref_t<decltype(M::coordinates)>, CoordinatesInUse<dimension_of<M>>>;
 
-/// FlowField of an interpreted model: what the compiler finds out in LocalDual, which partials are not zero, the
-/// program knows; so it computes those alone, by formulas of their own.
+/// FlowField of an interpreted model. LocalDual leaves it to the compiler to find which partials are not zero. Here the
+/// program knows, and computes only those, by formulas of their own.
 template <InterpretedPackModel M, std::size_t N, class Arch>
 class FlowField<M, N, Arch> {
 public:

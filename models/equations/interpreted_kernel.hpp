@@ -12,12 +12,12 @@
 
 namespace orbid::models {
 
-/// A model written as text, evaluated instruction by instruction: no compiler is needed, for a share of the speed.
+/// A model written as text, evaluated instruction by instruction. No compiler is needed, but it is slower.
 ///
-/// The flows are computed by one of a few shapes of models that were compiled with the library (interpreted_model.hpp);
-/// one with more coordinates than asked for leaves the last ones at 0.
+/// The flows are computed by one of a few shapes of models that were compiled with the library (interpreted_model.hpp).
+/// A shape with more coordinates than asked for leaves the last ones at 0.
 ///
-/// @return nothing where no shape fits; `why` then says what is beyond them.
+/// @return nothing where no shape fits; `why` then says what is too much for them.
 [[nodiscard]] std::shared_ptr<const Kernel> interpreted_kernel(const std::shared_ptr<const Equations>& equations,
                                                                std::string& why);
 

@@ -12,15 +12,15 @@
 
 namespace orbid::models {
 
-/// What the interpreted models of this thread compute with.
+/// The program that the interpreted models of this thread evaluate.
 struct EquationsInUse {
     const EquationProgram* program = nullptr;
     const Coordinate* coordinates = nullptr;  ///< as many as the model's shape has
 };
 
 /// A model is a type: its equations are static functions. Those of a program that is known at run time only read it
-/// from here. InterpretedKernel sets it at the beginning of each of its calls and takes it back at their end; within
-/// them nothing is left to other threads.
+/// from here. InterpretedKernel sets it at the beginning of each call and resets it at the end. Within a call no work
+/// is given to other threads.
 inline constinit thread_local EquationsInUse equations_in_use{};
 
 /// The coordinates of the program in use, in the place of a table.
@@ -39,8 +39,8 @@ constexpr std::array<Parameter, q> numbered_parameters(std::index_sequence<i...>
 }
 }  // namespace detail
 
-/// What all shapes of interpreted models share: n coordinates, of which programs with fewer leave the last ones alone,
-/// and room for parameters and constants.
+/// Common base of all shapes of interpreted models: n coordinates, of which smaller programs leave the last ones
+/// unused, and room for parameters and constants.
 template <std::size_t n>
 struct InterpretedShape {
     static constexpr std::string_view name = "equations";
@@ -159,7 +159,7 @@ struct InterpretedForcedFriction : InterpretedShape<2> {
     }
 };
 
-/// General switching surfaces, up to the number of them; those that a program does not have are never met.
+/// General switching surfaces, up to a fixed number; unused ones are never met.
 template <std::size_t n>
 struct InterpretedSurfaces : InterpretedShape<n> {
     using Shape = InterpretedShape<n>;
@@ -190,7 +190,7 @@ struct InterpretedForcedSurfaces : InterpretedSurfaces<n> {
     static constexpr std::size_t forcing_frequency = 0;
 };
 
-/// With measured inputs, up to the number of them; others are 0.
+/// With measured inputs, up to a fixed number; unused ones are 0.
 template <std::size_t n>
 struct InterpretedInputs : InterpretedShape<n> {
     using Shape = InterpretedShape<n>;

@@ -15,7 +15,7 @@ struct InterpretedShapeChoice {
     std::size_t size = 0;                  ///< its number of coordinates
 };
 
-/// The smallest shape that a model fits into; where there is none, `why` says what is beyond them.
+/// The smallest shape that fits a model; without one, `why` says what is too much for them.
 [[nodiscard]] InterpretedShapeChoice interpreted_shape_for(const Equations& equations, std::string& why);
 
 }  // namespace orbid::models

@@ -7,8 +7,8 @@
 
 namespace orbid::models {
 
-/// A kernel made from equations, with the names, units and claims of their text: what computes knows numbers only.
-/// The kernel behind has the coordinates, parameters and inputs of the text, in its order.
+/// A kernel made from equations, with the names, units and claims of their text. The kernel behind it knows numbers
+/// only; its coordinates, parameters and inputs have the order of the text.
 class NamedKernel final : public Kernel {
 public:
     NamedKernel(std::shared_ptr<const Equations> equations, std::shared_ptr<const Kernel> computing)

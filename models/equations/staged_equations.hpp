@@ -8,8 +8,8 @@
 
 namespace orbid::models {
 
-/// The formulas of a model by how often they have to be computed: constants once per flow, the forcing once per
-/// instant, the rest at every state.
+/// The formulas of a model by how often they are computed: constants once per flow, the forcing once per instant, the
+/// rates at every state.
 ///
 ///     c = constants(parameters),   force = forcing(phase, c),   f = rates(force, x, inputs, sides, c)
 struct StagedEquations {
@@ -17,7 +17,8 @@ struct StagedEquations {
 
     ExpressionGraph graph;
     std::vector<Node> constants;  ///< of parameters
-    /// Of the phase and the constants, when the phase enters through one number only; else the rates read the phase.
+    /// As a function of the phase and the constants, when the phase enters through one number only; else the rates read
+    /// the phase.
     std::optional<Node> forcing;
     std::vector<Node> rates;     ///< of coordinates, inputs, sides, constants and the forcing or the phase
     std::vector<Node> surfaces;  ///< of coordinates, the phase and constants
@@ -28,7 +29,7 @@ struct StagedEquations {
         Node variable;
         Node derivative;
     };
-    /// By the coordinates, the constants and the forcing or phase: in the order of the rates, then of these.
+    /// By the coordinates, the constants and the forcing or phase. Sorted by the rates, then by these.
     [[nodiscard]] std::vector<Derivative> derivatives();
 };
 

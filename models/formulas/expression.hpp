@@ -16,7 +16,7 @@
 
 namespace orbid::models {
 
-/// A text that is no expression. `position` counts characters from 0; what() says what was expected there.
+/// A text that is not an expression. `position` counts characters from 0; what() says what was expected there.
 class ExpressionError : public std::invalid_argument {
 public:
     ExpressionError(const std::string& message, std::size_t position_)
@@ -32,13 +32,13 @@ public:
 ///     power   = atom [ ^ signed ]                     right to left: 2^3^2 = 512, 2^-1 = 0.5
 ///     atom    = number | pi | name | function ( sum ) | ( sum )
 ///
-/// Functions: sin cos tan asin acos atan sinh cosh tanh exp log (natural) sqrt abs sign. A name of the given list hides
-/// pi and the functions never: those words are reserved. Where the formula has no value (log of a negative number,
+/// Functions: sin cos tan asin acos atan sinh cosh tanh exp log (natural) sqrt abs sign. pi and the functions are
+/// reserved words: a name of the given list never hides them. Where the formula has no value (log of a negative number,
 /// division by zero) it evaluates to nan or an infinity; nothing is thrown.
 class Expression {
 public:
-    /// Longer texts are refused: a formula that a person wrote is a hundredth of that, and it bounds what is built
-    /// from it.
+    /// Longer texts are refused. Formulas written by a person are a hundredth of that, and it bounds what is built from
+    /// them.
     static constexpr std::size_t longest_text = 20000;
 
     /// @param names  the quantities that may occur, in the order of the values given to evaluate().
@@ -52,14 +52,14 @@ public:
     /// Indices of the names that occur, ascending, without duplicates.
     [[nodiscard]] const std::vector<std::size_t>& used() const { return used_; }
 
-    /// Value at the given quantities; any scalar with + - * / pow and the functions above found by its own namespace
-    /// (double, dual numbers).
+    /// Value at the given quantities, for any scalar with + - * / pow and the functions above found by its own
+    /// namespace (double, dual numbers).
     template <class T>
     [[nodiscard]] T evaluate(std::span<const T> values) const {
         std::vector<T> stack;
         return evaluate(values, stack);
     }
-    /// The same on a stack that is kept from one evaluation to the next: what it holds does not matter.
+    /// The same on a stack that is reused between evaluations; its content does not matter.
     template <class T>
     [[nodiscard]] T evaluate(std::span<const T> values, std::vector<T>& stack) const;
 

@@ -13,10 +13,10 @@
 
 namespace orbid::models {
 
-/// Formulas as one graph in which every subexpression stands once, whichever formulas it occurs in.
+/// Formulas as one graph in which every subexpression occurs once, even if several formulas share it.
 ///
-/// Numbers are folded as they come; whole powers become products (x^3 = x x x), halves of them square roots. Values are
-/// otherwise computed by the operations of the text in its order: nothing is rearranged that would round differently.
+/// Numbers are folded. Whole powers become products (x^3 = x x x), halves of them square roots. All other operations
+/// and their order are those of the text: nothing is rearranged that would round differently.
 class ExpressionGraph {
 public:
     using Node = std::uint32_t;
@@ -58,7 +58,7 @@ public:
     };
 
     [[nodiscard]] const Entry& operator[](Node node) const { return entries_[node]; }
-    /// Operands always stand before what is made of them.
+    /// Operands always come before the nodes that use them.
     [[nodiscard]] std::size_t size() const { return entries_.size(); }
 
     Node number(double value);
@@ -71,17 +71,18 @@ public:
     /// A parsed formula whose names stand for these nodes.
     Node insert(const Expression& expression, std::span<const Node> names);
 
-    /// The same formula over other operands: replaced(node) where it gives one, else the node's own operation on what
-    /// its operands became. `known` keeps what has been replaced from one call to the next.
+    /// The same formula over other operands: replaced(node) where it gives one, else the node's own operation on its
+    /// replaced operands. `known` keeps replacements from one call to the next.
     Node replace(Node node, const std::function<std::optional<Node>(Node)>& replaced, std::map<Node, Node>& known);
 
-    /// d node / d variable; nothing where it is 0 everywhere. A side is constant, that of |x| at 0 is the right one's.
+    /// d node / d variable; nothing where it is 0 everywhere. A side is constant; |x| at 0 has the derivative of its
+    /// right side.
     std::optional<Node> derivative(Node node, Node variable);
 
     /// True when the formula contains this node.
     [[nodiscard]] bool contains(Node node, Node part) const;
 
-    /// Values of all nodes that `wanted` are made of, in double, given those of the variables. For checks, not loops.
+    /// Values in double of all nodes that `wanted` depend on, given those of the variables. For checks, not loops.
     [[nodiscard]] std::vector<double> values(std::span<const Node> wanted,
                                              const std::function<double(const Entry&)>& variable) const;
 
@@ -102,11 +103,11 @@ private:
 [[nodiscard]] constexpr bool is_binary(ExpressionGraph::Operation operation) {
     return operation >= ExpressionGraph::Operation::add && operation <= ExpressionGraph::Operation::power;
 }
-/// An operation on one.
+/// An operation on one operand.
 [[nodiscard]] constexpr bool is_unary(ExpressionGraph::Operation operation) {
     return operation > ExpressionGraph::Operation::power;
 }
-/// What an operation gives for numbers; b is read by those of two operands.
+/// The result of an operation on numbers; b is read by those with two operands.
 [[nodiscard]] double value_of_operation(ExpressionGraph::Operation operation, double a, double b);
 
 }  // namespace orbid::models

@@ -13,17 +13,17 @@
 
 namespace orbid::models {
 
-/// Formulas as a list of instructions on registers, carried out in the arithmetic of any scalar of the project: double,
+/// Formulas as a list of instructions on registers. They run in the arithmetic of any scalar of the project: double,
 /// dual numbers of both orders, packs. Const and thread-safe.
 class FormulaCode {
 public:
-    /// Where an operand stands: results so far, or one of the arrays of variables.
+    /// Where an operand is stored: results so far, or one of the arrays of variables.
     enum Segment : std::uint8_t { registers, coordinates, constants, forcing, inputs, segment_count };
     struct Operand {
         std::uint8_t segment = registers;
         std::uint16_t index = 0;
     };
-    /// The graph's operations, and those with a number or a side as operand.
+    /// The graph's operations, and variants with a number or a side as operand.
     enum class Operation : std::uint8_t {
         number,  ///< literal
         side,    ///< of surface b
@@ -212,7 +212,7 @@ template <class T, class S>
     }
 }
 
-/// A model written as text, ready to be evaluated without compiling it.
+/// A model written as text, ready to be evaluated without a compiler.
 struct EquationProgram {
     /// Constants of a flow; with the coordinates they are fewer than the 64 local variables of a LocalDual.
     static constexpr std::size_t most_constants = 40;

@@ -11,8 +11,8 @@ namespace orbid::models {
 
 /// Formulas as C++: a statement for each part that is used more than once, and one formula for each result.
 ///
-/// What is used once is not named: a number of LocalDual that has a name is stored and read again, which took 1.4 times
-/// as long (flows of Lorenz's equations).
+/// A part used once gets no name: a named LocalDual is stored and read again, which took 1.4 times as long (flows of
+/// Lorenz's equations).
 class FormulaText {
 public:
     using Node = ExpressionGraph::Node;

@@ -75,7 +75,7 @@ public:
 
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                  const FlowOutput& output) const override {
-        // The values come first and alone when nothing else is asked for; every pass finds the same ones.
+        // The values are computed first, and alone if nothing else is asked for; every pass reproduces them.
         if (output.sensitivities == nullptr) return flow_pass<1>(start, durations, free, 0, output);
         const std::size_t directions = coordinates_.size() + free.size();
         FlowEnd end;
@@ -110,14 +110,14 @@ public:
             derivative[i * n + i] = 1.0;
     }
 
-    /// Sections by phase do not exist for an autonomous flow: KernelSystem refuses them.
+    /// KernelSystem refuses this: an autonomous flow has no sections by phase.
     void ensemble(const double* /*starts*/, std::size_t /*count*/, double /*phase*/, std::size_t /*periods*/,
                   const double* /*theta*/, const FlowOptions& /*options*/, double* const* /*sections*/,
                   std::size_t* /*columns*/, FlowStatus* /*status*/) const override {}
     std::size_t ensemble_block() const override { return 1; }
 
 private:
-    /// Directions carried at once, the probe of the step control and seven others: two of the widest vector registers
+    /// Directions carried at once: the probe of the step control and seven others. Two of the widest vector registers
     /// hold the eight partials.
     static constexpr std::size_t chunk = 8;
 

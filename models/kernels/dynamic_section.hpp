@@ -9,7 +9,7 @@
 
 namespace orbid::models {
 
-/// Crossings of a plane by a solution of a DynamicModel, one after the other, with derivatives of point and time.
+/// Successive crossings of a plane by a solution of a DynamicModel, with derivatives of point and time.
 ///
 /// With h(x) = direction (normal . x - offset), a crossing is where h rises through 0. The steps are those of the
 /// solution without a section; a crossing is located inside the step that passes it.
@@ -20,7 +20,7 @@ public:
 
     DynamicSection(const SectionPlane& plane, DynamicTrajectory<M, N>& trajectory)
         : plane_(plane), trajectory_(trajectory), x_(trajectory.state()), f_(x_.size()) {
-        // A start on the section is no crossing, nor is one that rounding has put a little below it.
+        // A start on the section, or one that rounding has put slightly below it, is no crossing.
         h_ = height(trajectory.state());
         if (std::abs(h_) <= rounding(trajectory.state())) h_ = 0.0;
     }
@@ -62,7 +62,7 @@ private:
             sum += plane_.normal[i] * x[i].value;
         return plane_.direction * sum;
     }
-    /// What rounding leaves open of h: 1e-14 of the terms of the sum.
+    /// Rounding error of h: 1e-14 of the terms of the sum.
     [[nodiscard]] double rounding(const std::vector<T>& x) const {
         double terms = std::abs(plane_.offset);
         for (std::size_t i = 0; i < x.size(); ++i)
@@ -77,11 +77,11 @@ private:
         return plane_.direction * sum;
     }
 
-    /// Both ends of the step lie on the same side and h turns in between: whether the turning point lies beyond the
-    /// plane; [lo, hi] is then narrowed to the rise through 0. When rounding decides whether it does, touched_ is set;
-    /// but leaving a start on the plane is no touch.
+    /// Both ends of the step lie on the same side and h turns in between. Returns whether the turning point lies beyond
+    /// the plane; [lo, hi] is then narrowed to the rise through 0. If rounding decides this, touched_ is set, unless
+    /// the solution is leaving a start on the plane.
     bool turns_beyond(double from, double to, double slope_from, double slope_to, double& lo, double& hi) {
-        // The tangents at both ends bound a curve that bends one way; only one that may come near is looked at.
+        // The tangents at both ends bound a curve that bends one way; others are examined only if they may come near.
         const double side = from < 0.0 ? -1.0 : 1.0;
         const double meet = (to - from - slope_to * hi) / (slope_from - slope_to);
         const double bound = side * (from + slope_from * std::clamp(meet, 0.0, hi));
@@ -106,7 +106,7 @@ private:
     /// length of the step, held inside the bracket by bisection.
     void locate(double lo, double hi) {
         at_ = 0.5 * (lo + hi);
-        // Newton needs about five; 200 is what bisection alone may need to shrink any bracket to neighbouring doubles.
+        // Newton needs about five. 200 is what bisection alone may need to shrink any bracket to neighbouring doubles.
         for (int i = 0; i < 200; ++i) {
             trajectory_.after(at_, x_);
             trajectory_.evaluate(x_, f_);
@@ -115,14 +115,14 @@ private:
             (h < 0.0 ? lo : hi) = at_;
             double next = at_ - h / rise(f_);
             if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
-            // The step that is left is below the rounding of the state.
+            // The remaining step is below the rounding of the state.
             if (std::abs(next - at_) <= 4e-16 * hi) return;
             at_ = next;
         }
     }
 
-    /// The solution at a fixed time becomes the point of crossing: the time is made a dual number by one Newton step,
-    /// t_j = -(normal . x_j) / (normal . f), and the point moves along with it.
+    /// Turns the solution at a fixed time into the point of crossing. One Newton step, t_j = -(normal . x_j) / (normal
+    /// . f), makes the time a dual number, and the point moves along with it.
     FlowStatus crossing_at(double start, double bend) {
         // Without rounding h would pass 0 by speed^2 / (2 bend): a touch when rounding decides.
         const double rising = rise(f_);

@@ -11,7 +11,7 @@
 
 namespace orbid::models {
 
-/// A model as the registry takes it: its texts and one kernel per variant, the default first.
+/// A model in the form the registry takes: its texts and one kernel per variant, the default first.
 struct ModelInstance {
     std::string_view name;
     std::string_view summary;
@@ -23,9 +23,9 @@ struct ModelInstance {
     std::size_t default_size = 0;
 };
 
-/// The instance of model M, a struct that satisfies DescribedModel or DynamicModel, or lists such structs as satisfy
-/// the former as its `variants`. Defined in model_kernel.hpp and compiled once per model, in a file that the build
-/// writes for each line of registry.cpp; so the registry needs no more than the name of the struct.
+/// The instance of model M, a struct that satisfies DescribedModel or DynamicModel, or lists structs that satisfy the
+/// former as its `variants`. Defined in model_kernel.hpp. The build writes one file for each line of registry.cpp and
+/// compiles each model once; the registry needs only the name of the struct.
 template <class M>
 ModelInstance instance_of();
 

@@ -20,7 +20,7 @@
 
 namespace orbid::models {
 
-/// The templates of a model M behind Kernel: the one place where they are instantiated.
+/// The templates of a model M behind Kernel. They are instantiated here and nowhere else.
 template <DescribedModel M>
 class ModelKernel final : public Kernel {
 public:
@@ -109,7 +109,7 @@ public:
                                                 [[maybe_unused]] std::span<const double> durations,
                                                 [[maybe_unused]] std::span<const std::ptrdiff_t> free) const override {
         if constexpr (FlowPackModel<M>) {
-            // Sums in packs are rounded as they come; single flows keep what is lost.
+            // Sums in packs are rounded without correction; single flows carry the rounding error along.
             if (std::min(starts.options.relative_tolerance, starts.options.absolute_tolerance) >= 1e-13)
                 return std::make_unique<PackedFlows<M>>(*this, starts, durations, free);
         }
@@ -121,9 +121,9 @@ public:
                       [[maybe_unused]] std::span<const std::ptrdiff_t> free,
                       [[maybe_unused]] const FlowOutput& output) const override {
         FlowEnd end;
-        // KernelSystem asks autonomous models only.
+        // KernelSystem calls this for autonomous models only.
         if constexpr (!MapModel<M> && !ForcedModel<M>) {
-            // Many returns are asked for without derivatives, which would leave the range of numbers on chaotic motion.
+            // Many returns are computed without derivatives, which would overflow on chaotic motion.
             if (output.sensitivities == nullptr)
                 return crossing_pass<M, 0>(start, plane, count, longest, {}, 0, output);
             in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
@@ -193,7 +193,7 @@ struct VariantsOf<M> {
 
 template <class M>
 ModelInstance instance_of() {
-    // Whatever a model misses ends here, with one sentence.
+    // Any defect of a model is reported here, with one sentence.
     if constexpr (!is_complete<M>()) {
         return {};
     } else if constexpr (DynamicModel<M>) {

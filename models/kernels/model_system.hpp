@@ -7,7 +7,7 @@
 
 namespace orbid::models {
 
-/// A model that is not in the registry behind the plain types of System; one of any size has its default size.
+/// A model that is not in the registry as a System; one of any size has its default size.
 template <class M>
 class ModelSystem final : public KernelSystem {
 public:

@@ -16,8 +16,8 @@ struct DerivativeCheckOptions {
     FlowOptions flow{};  ///< for all flows
 };
 
-/// What became of the comparison, and the entry that agrees worst: the one with the largest |derivative - difference|
-/// over `allowed`.
+/// Result of the comparison, and the entry that agrees worst: the one with the largest |derivative - difference| over
+/// `allowed`.
 struct DerivativeCheck {
     bool passed = true;            ///< no entry differs by more than allowed; also when none could be compared
     std::size_t compared = 0;      ///< entries with a difference quotient that is good enough
@@ -32,18 +32,19 @@ struct DerivativeCheck {
     std::string message;           ///< one sentence with names and figures
 };
 
-/// Compares the sensitivities of a flow with difference quotients of the flow: a model whose equations lose
-/// derivatives (a branch that looks at values only, a table, a constant that should have been a parameter) disagrees.
+/// Compares the sensitivities of a flow with difference quotients of the flow. They disagree for a model whose
+/// equations lose derivatives: a branch that looks at values only, a table, a constant that should have been a
+/// parameter.
 ///
 /// Each direction is differenced with seven steps from 1 % of its size down by factors of 4, to second order, centrally
-/// and to either side, and extrapolated. Which of them counts follows from their own estimated errors: how far three
-/// steps and their extrapolations are apart, and what the integration error of the flow makes of a small step. So
-/// chaos, where only small steps are good, and loose tolerances, where only large ones are, are told from wrong
-/// derivatives. Three estimated errors, and what ten times the tolerances change in the derivative, are allowed.
-/// Not compared, and counted as inconclusive, are entries where this exceeds a thousandth of the entry (of a small
-/// entry: 1e-6 of the size of its coordinate over that of its direction). Flows that end with another status than ok,
-/// with another number of switching events than the one through x0, or far from it, are left out. At a start on a
-/// switching surface the derivative is one-sided: an entry that agrees with the quotient to one side passes.
+/// and to either side, and extrapolated. The quotient that counts is chosen by its estimated error. This combines how
+/// far three steps and their extrapolations are apart with the effect of the flow's integration error on a small step.
+/// Chaos, where only small steps are good, and loose tolerances, where only large ones are, are thus distinguished from
+/// wrong derivatives. Three estimated errors are allowed, plus the change that ten times the tolerances make in the
+/// derivative. Entries where this exceeds a thousandth of the entry are not compared and count as inconclusive. (For a
+/// small entry: 1e-6 of the size of its coordinate over that of its direction.) Flows are left out if their status is
+/// not ok, their number of switching events differs from that of the flow through x0, or they end far from it. At a
+/// start on a switching surface the derivative is one-sided: an entry that agrees with the quotient to one side passes.
 ///
 /// @param free  parameters to differentiate with respect to; those at the edge of their domain are differenced inwards
 /// @return a status other than ok of the flow itself leaves everything inconclusive, and the message says so.

@@ -32,12 +32,13 @@ struct Quotient {
 /// Difference quotients of a flow in one direction, of second order, from large to small steps.
 class DifferenceQuotients {
 public:
-    /// A quotient with step h, shape (n, m), nan where it is of no use; its integration error is `noise` / h times the
+    /// A quotient with step h, shape (n, m), nan where it is unusable. Its integration error is `noise` / h times the
     /// error of the states. Steps come in the order 1, 1/4, 1/16 ...
     void add(double h, double noise, std::optional<Eigen::MatrixXd> quotient);
 
-    /// The extrapolated entry whose estimated error is smallest: how far the extrapolation is from what it started from
-    /// and from the one before. Three steps have to agree, as two do by chance. None where no three steps are of use.
+    /// The extrapolated entry with the smallest estimated error: its distance from the quotient it started from and
+    /// from the extrapolation before. Three steps have to agree, as two do by chance. None where fewer than three steps
+    /// are usable.
     /// @param state_error  shape (n, m): error of the states of a flow
     [[nodiscard]] std::optional<Quotient> best(Eigen::Index row, Eigen::Index column,
                                                const Eigen::MatrixXd& state_error) const;
@@ -56,8 +57,8 @@ private:
 ///
 ///     (x(h) - x(-h)) / (2 h),     +-(16 x(+-h) - x(+-4 h) - 15 x(0)) / (12 h)
 ///
-/// Of no use are flows at parameters outside their domain, that end with another status than ok, have another number of
-/// switching events than `base`, or are a tenth of its size away from it.
+/// Unusable are flows at parameters outside their domain, with another status than ok, with another number of switching
+/// events than `base`, or a tenth of its size away from it.
 ///
 /// @param direction  0 to n - 1: coordinate of the start; then the parameters `free`
 /// @param sizes      of all directions, > 0: what counts as a change of 1

@@ -32,7 +32,7 @@ struct FlowStart {
     const InputSignal* input = nullptr;  ///< of a model with measured inputs; `phase` is then the time [s] at the start
 };
 
-/// Where many flows start that have all else in common.
+/// Common start data of many flows.
 struct FlowStarts {
     const double* states;  ///< n x count
     const double* phases;  ///< count
@@ -42,7 +42,7 @@ struct FlowStarts {
     FlowOptions options;
 };
 
-/// How a flow ended, and what it took.
+/// How a flow ended, and its counts.
 struct FlowEnd {
     FlowStatus status = FlowStatus::ok;
     double stopped_after = 0.0;
@@ -51,8 +51,8 @@ struct FlowEnd {
     std::size_t stickings = 0;
 };
 
-/// Where results go: arrays in column-major order, n rows; nullptr where they are not asked for. Directions are the n
-/// of the start and the d - n free parameters.
+/// Where results are stored: arrays in column-major order, n rows; nullptr where they are not asked for. Directions are
+/// the n of the start and the d - n free parameters.
 struct FlowOutput {
     double* states;              ///< n x m
     double* stopped_state;       ///< n
@@ -62,11 +62,11 @@ struct FlowOutput {
     double* time_sensitivities = nullptr;  ///< m d: their derivatives (crossings only)
 };
 
-/// Many flows over the same durations, with what they have in common computed. Const, thread-safe.
+/// Many flows over the same durations that share what they have in common. Const, thread-safe.
 class FlowBatch {
 public:
     virtual ~FlowBatch() = default;
-    /// Those from column `first` on, one output and end for each. What a flow gives does not depend on which others
+    /// Flows from column `first` on, one output and end for each. The result of a flow does not depend on which others
     /// share the call.
     virtual void run(std::size_t first, std::size_t count, const FlowOutput* outputs, FlowEnd* ends) const = 0;
 
@@ -78,9 +78,8 @@ protected:
 
 /// The compiled part of a model behind plain pointers: const, thread-safe, holds no parameter values.
 ///
-/// No type of Eigen occurs here or in what stands behind: its types change their alignment with the vector
-/// instructions of a machine, and a model is compiled for those of the machine it runs on. Nothing is checked here;
-/// KernelSystem does that.
+/// No Eigen type occurs here or behind it. Their alignment changes with the vector instructions of a machine, and a
+/// model is compiled for those of the machine it runs on. Nothing is checked here; KernelSystem does that.
 class Kernel {
 public:
     virtual ~Kernel() = default;
@@ -108,8 +107,8 @@ public:
     [[nodiscard]] virtual FlowEnd flow(const FlowStart& start, std::span<const double> durations,
                                        std::span<const std::ptrdiff_t> free, const FlowOutput& output) const = 0;
 
-    /// Many flows, as flow() to the tolerance; nullptr where they are better computed one by one. The starts (and what
-    /// they point at) must outlive the batch.
+    /// Many flows, as flow() to the tolerance; nullptr where they are better computed one by one. The starts and the
+    /// arrays they point to must outlive the batch.
     [[nodiscard]] virtual std::unique_ptr<const FlowBatch> flow_batch(const FlowStarts& /*starts*/,
                                                                       std::span<const double> /*durations*/,
                                                                       std::span<const std::ptrdiff_t> /*free*/) const {
@@ -126,13 +125,13 @@ public:
     virtual void instrument(const double* state, const double* theta, std::span<const std::ptrdiff_t> free,
                             double* reading, double* derivative) const = 0;
 
-    /// Sections over whole periods (forced) or iterations (map) of `count` trajectories whose starts are the columns of
+    /// Sections over whole periods (forced) or iterations (map) of `count` trajectories that start at the columns of
     /// `starts`. sections[i] has room for n x (periods + 1) values, column 0 the start; columns[i] of them are valid.
     /// The results of a trajectory do not depend on which others share the call.
     virtual void ensemble(const double* starts, std::size_t count, double phase, std::size_t periods,
                           const double* theta, const FlowOptions& options, double* const* sections,
                           std::size_t* columns, FlowStatus* status) const = 0;
-    /// Trajectories that one call of ensemble() likes best.
+    /// Preferred number of trajectories in one call of ensemble().
     [[nodiscard]] virtual std::size_t ensemble_block() const = 0;
 
 protected:

@@ -9,8 +9,7 @@
 
 namespace orbid::models {
 
-/// A kernel behind the plain types of System: checks every call, gives results their shapes, and runs what is
-/// independent in parallel.
+/// A kernel as a System: checks every call, gives results their shapes, and runs what is independent in parallel.
 class KernelSystem : public System {
 public:
     /// @param signal  the measured inputs of a model that has some; nullptr: none given yet

@@ -32,8 +32,8 @@ struct FlowResult {
     double stopped_after = 0.0;     ///< duration reached, in the units of the clock (the last instant when ok)
     Eigen::VectorXd stopped_state;  ///< shape (n): the state there
     Eigen::MatrixXd states;         ///< shape (n, m): column k = state after duration k; angles are NOT wrapped
-    /// Shape (n, m * d): columns [k d, (k + 1) d) = d state_k / d(x0, free parameters), d = n + number of free
-    /// parameters, or d = 0 when no sensitivities were asked for. Exact derivatives of the computed states.
+    /// Shape (n, m * d): columns [k d, (k + 1) d) = d state_k / d(x0, free parameters). d = n + number of free
+    /// parameters, or 0 when no sensitivities were asked for. Exact derivatives of the computed states.
     Eigen::MatrixXd sensitivities;
     std::size_t steps = 0;      ///< integrator steps, accepted and rejected
     std::size_t crossings = 0;  ///< switching events located
@@ -57,7 +57,7 @@ struct Section {
     int direction = 1;  ///< +1: crossings with normal . x' > 0, -1: with normal . x' < 0
 };
 
-/// Crossings of a section, one after the other, with derivatives when asked for (d = 0 columns otherwise).
+/// Successive crossings of a section, with derivatives when asked for (d = 0 columns otherwise).
 struct CrossingResult {
     FlowStatus status = FlowStatus::ok;
     Eigen::VectorXd times;               ///< shape (m): time of each crossing since the start [s]
@@ -86,9 +86,9 @@ struct EnsembleResult {
 };
 
 /// A model behind plain types: const, thread-safe, holds no parameter values. Everything above `models/` is compiled
-/// against this. The functions with a body here are refused with std::logic_error by systems that do not offer them.
-/// theta always has the full length parameters().size(), in that order; values outside their domain are
-/// a wrong call (std::invalid_argument).
+/// against this. The functions with a body here are optional: a system that does not offer them throws
+/// std::logic_error. theta always has the full length parameters().size(), in that order; values outside their domain
+/// are a wrong call (std::invalid_argument).
 ///
 /// Directions of sensitivities: the n coordinates of the start, then the parameters listed in `free` (indices into
 /// parameters(), any order, no duplicates).
@@ -106,17 +106,17 @@ public:
     [[nodiscard]] virtual bool stiff() const { return false; }
     /// Measured inputs u(t) that the equations read; empty for most models.
     [[nodiscard]] virtual std::span<const Coordinate> inputs() const { return {}; }
-    /// The same model reading this signal. A system with inputs that was given none cannot be simulated
+    /// The same model with this signal as its inputs. A system whose inputs were not given cannot be simulated
     /// (std::logic_error); its phase argument is the time [s] of the start on the clock of the signal.
     /// @throws std::invalid_argument unless the signal has as many inputs as the model
     [[nodiscard]] virtual std::shared_ptr<const System> with_input(std::shared_ptr<const InputSignal> signal) const;
-    /// No jump in f or in the state at these parameters: finite differences and collocation apply.
+    /// Neither f nor the state jumps at these parameters: finite differences and collocation apply.
     [[nodiscard]] virtual bool smooth(const Eigen::VectorXd& theta) const = 0;
     /// Period of the forcing in the given clock: 2 pi rad, or 2 pi / omega s. Throws std::logic_error unless forced.
     [[nodiscard]] virtual double period(const Eigen::VectorXd& theta, Clock clock) const = 0;
     /// Index of the parameter omega whose phase omega t the forcing has; none unless forced.
     [[nodiscard]] virtual std::optional<Eigen::Index> forcing_frequency() const { return std::nullopt; }
-    /// At rest for ever in this state (sticking that the forcing cannot end, or an equilibrium): used to notice
+    /// At rest forever in this state (sticking that the forcing cannot end, or an equilibrium): used to notice
     /// standstill.
     [[nodiscard]] virtual bool at_rest(const Eigen::VectorXd& state, const Eigen::VectorXd& theta) const = 0;
 
@@ -129,8 +129,8 @@ public:
                                                           const Eigen::VectorXd& theta,
                                                           std::span<const Eigen::Index> free) const;
 
-    /// States after each duration, from x0 at the given phase (forced; ignored otherwise). Durations ascend, >= 0,
-    /// equal to 0 allowed; duplicates allowed.
+    /// States after each duration, from x0 at the given phase (forced; ignored otherwise). Durations are >= 0 and
+    /// ascend; duplicates are allowed.
     [[nodiscard]] virtual FlowResult flow(const Eigen::VectorXd& x0, double phase, std::span<const double> durations,
                                           const Eigen::VectorXd& theta, Clock clock,
                                           const FlowOptions& options = {}) const = 0;
@@ -142,23 +142,23 @@ public:
                                                              std::span<const Eigen::Index> free, Clock clock,
                                                              const FlowOptions& options = {}) const = 0;
 
-    /// Many short flows at once, column k from starts.col(k) at phases[k] (one per column, also of models that ignore
-    /// it), all over the same durations; with sensitivities when `free` is given. The values of flow() and
+    /// Many short flows at once, all over the same durations; with sensitivities when `free` is given. Column k starts
+    /// from starts.col(k) at phases[k] (one per column, also for models that ignore it). Values agree with flow() and
     /// flow_with_sensitivities() to the tolerance. Parallel over columns, the same bytes with any number of threads.
     [[nodiscard]] virtual std::vector<FlowResult> flows(const Eigen::MatrixXd& starts, std::span<const double> phases,
                                                         std::span<const double> durations, const Eigen::VectorXd& theta,
                                                         std::optional<std::span<const Eigen::Index>> free, Clock clock,
                                                         const FlowOptions& options = {}) const;
 
-    /// flow_with_sensitivities() with second derivatives as well, at d + 1 times its cost. The steps, and so the last
-    /// digits of the values, are its own.
+    /// flow_with_sensitivities() with second derivatives as well, at d + 1 times its cost. It takes steps of its own,
+    /// so the last digits of the values differ.
     [[nodiscard]] virtual SecondOrderResult flow_with_second_derivatives(
         const Eigen::VectorXd& x0, double phase, std::span<const double> durations, const Eigen::VectorXd& theta,
         std::span<const Eigen::Index> free, Clock clock, const FlowOptions& options = {}) const;
 
     /// The next `count` crossings of a section by an autonomous flow, located to the accuracy of the flow; derivatives
     /// of return map and return times when `free` is given. A start on the section is no crossing.
-    /// @param longest  [s], > 0: without a crossing for so long the status is no_crossing
+    /// @param longest  [s], > 0: if there is no crossing for this long, the status is no_crossing
     /// @throws std::logic_error unless the model is autonomous
     [[nodiscard]] virtual CrossingResult crossings(const Eigen::VectorXd& x0, const Section& section, std::size_t count,
                                                    double longest, const Eigen::VectorXd& theta,

@@ -10,14 +10,14 @@
 
 namespace orbid::models {
 
-/// The solution of one field on its way: the state at s, the slope there, and error-controlled steps. What lies behind
-/// the end of a step (switching, sections) is the business of its users: a step is first found, then accepted.
+/// The solution of one field: the state at s, the slope there, and error-controlled steps. Events inside a step
+/// (switching, sections) are left to the user of the class: a step is first found, then accepted.
 ///
 ///     FlowStatus status = walk.attempt(target);     // tries until the tolerance is kept; nothing has moved
 ///     ... walk.end(), walk.attempted() ...          // look for events between walk.state() and walk.end()
 ///     walk.accept();                                // or walk.restart(x, s) with the event inside it
 ///
-/// All decisions look at what error_ratio() looks at, so that they are the same for every N >= n.
+/// All decisions use the same directions as error_ratio(), so that they are the same for every N >= n.
 ///
 /// F is the field, or one derived from it.
 template <Model M, std::size_t N, std::size_t order = 1, class F = Field<M, N, order>>
@@ -54,8 +54,8 @@ public:
         return field_;
     }
 
-    /// A step length to begin with: a fortieth of the forcing's period, or a hundredth of the time in which the state
-    /// would change by its own size. The first error estimate corrects it.
+    /// A first step length: a fortieth of the forcing's period, or a hundredth of the time in which the state would
+    /// change by its own size. The first error estimate corrects it.
     [[nodiscard]] double first_length() {
         if constexpr (ForcedModel<M>) {
             const double period = 2.0 * std::numbers::pi;
@@ -74,7 +74,7 @@ public:
             if (steps_ >= options_.maximum_steps) return FlowStatus::step_budget;
             ++steps_;
             const double remaining = target - s_;
-            // Two equal steps instead of a full one and a crumb; a crumb of 1e-6 is taken along.
+            // Two equal steps instead of a full one and a tiny rest; a rest of 1e-6 is included in the step.
             const double wanted = std::min(step_, longest_);
             ds_ = wanted >= remaining * (1.0 - 1e-6) ? remaining : std::min(wanted, 0.5 * remaining);
             if (!(s_ + ds_ > s_)) return FlowStatus::not_finite;
@@ -93,7 +93,7 @@ public:
             constexpr double exponent = -1.0 / flow_method.error_order;
             factor_ = ratio > 0.0 ? std::clamp(0.9 * std::pow(ratio, exponent), 0.2, 5.0) : 5.0;
             if (ratio <= 1.0) {
-                // The very target, whatever rounding would make of s + (target - s).
+                // The exact target, whatever rounding would make of s + (target - s).
                 s_end_ = ds_ == remaining ? target : s_ + ds_;
                 return FlowStatus::ok;
             }
@@ -109,7 +109,7 @@ public:
         slope_known_ = end_slope_known_;
         if (slope_known_) slope_ = end_slope_;
         end_slope_known_ = false;
-        // A step that was cut to land must not shorten the next one.
+        // A step shortened to end at the target must not shorten the next one.
         step_ = ds_ < step_ ? std::max(step_, ds_ * factor_) : ds_ * factor_;
     }
 

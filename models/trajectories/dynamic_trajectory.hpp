@@ -16,15 +16,15 @@
 
 namespace orbid::models {
 
-/// One solution of a DynamicModel on its way, with N >= 1 directions of derivative (of order 2 also their derivatives
-/// in one more): error-controlled steps of the method of all flows. A step is first found, then accepted, as in
+/// One solution of a DynamicModel, with N >= 1 directions of derivative (of order 2 also their derivatives in one
+/// more). Its error-controlled steps use the method of all flows. A step is first found, then accepted, as in
 /// ControlledStep.
 ///
-/// Derivatives with respect to all n coordinates of the start are too many to be carried along always, so the steps do
-/// not look at them. Nor may they look at the values alone, which allow any step at an equilibrium (see error_ratio in
-/// stepper.hpp). Direction 0 is therefore a probe: one tangent vector that has a part in every direction, whose
-/// relative error counts beside that of the values. Every trajectory carries it, so all take the same steps and have
-/// bit-identical values, whatever the other directions are.
+/// Derivatives with respect to all n coordinates of the start are too many to be always carried, so step control does
+/// not use them. Nor can it use the values alone, which allow any step at an equilibrium (see error_ratio in
+/// stepper.hpp). Direction 0 is therefore a probe: one tangent vector with a component in every direction, whose
+/// relative error counts beside that of the values. Every trajectory carries it. All therefore take the same steps and
+/// have bit-identical values, whatever the other directions are.
 ///
 /// Memory is allocated when a trajectory is made, and not again.
 template <DynamicModel M, std::size_t N, std::size_t order = 1>
@@ -39,8 +39,8 @@ public:
         : p_(p), options_(options), x_(std::move(x0)), end_(x_.size()), sum_(x_.size()) {
         for (auto& slope : slopes_)
             slope.resize(x_.size());
-        // A chirp, whose spectrum is flat: no Fourier mode of a ring or a chain is missing in it. The golden ratio is
-        // the number whose multiples stay away most from whole numbers.
+        // A chirp, whose spectrum is flat: it contains every Fourier mode of a ring or a chain. The multiples of the
+        // golden ratio stay farthest from whole numbers.
         for (std::size_t i = 0; i < x_.size(); ++i) {
             const double turns = static_cast<double>((i + 1) * (i + 1)) * (std::numbers::phi - 1.0);
             probe(x_[i]) = 2.0 * (turns - std::floor(turns)) - 1.0;
@@ -69,7 +69,7 @@ public:
             if (steps_ >= options_.maximum_steps) return FlowStatus::step_budget;
             ++steps_;
             const double remaining = target - time_;
-            // Two equal steps instead of a full one and a crumb; a crumb of 1e-6 is taken along.
+            // Two equal steps instead of a full one and a tiny rest; a rest of 1e-6 is included in the step.
             dt_ = step_ >= remaining * (1.0 - 1e-6) ? remaining : std::min(step_, 0.5 * remaining);
             if (!(time_ + dt_ > time_)) return FlowStatus::not_finite;
             step(dt_, end_);
@@ -77,7 +77,7 @@ public:
             // Safety 0.9, change at most 5 times.
             factor_ = ratio > 0.0 ? std::clamp(0.9 * std::pow(ratio, -1.0 / method.error_order), 0.2, 5.0) : 5.0;
             if (ratio <= 1.0) {
-                // The very target, whatever rounding would make of time + (target - time).
+                // The exact target, whatever rounding would make of time + (target - time).
                 time_at_end_ = dt_ == remaining ? target : time_ + dt_;
                 return FlowStatus::ok;
             }
@@ -91,7 +91,7 @@ public:
         time_ = time_at_end_;
         rescale_probe();
         evaluate(x_, slopes_[0]);
-        // A step that was cut to land must not shorten the next one.
+        // A step shortened to end at the target must not shorten the next one.
         step_ = dt_ < step_ ? std::max(step_, dt_ * factor_) : dt_ * factor_;
     }
 
@@ -142,9 +142,8 @@ private:
         }
     }
 
-    /// Largest ratio of estimated to allowed local error: of a value, absolute + relative |x|, where an angle counts
-    /// with at most pi; of the probe, ten times relative, as its largest entry is about 1. Infinite when a value is not
-    /// finite.
+    /// Largest ratio of estimated to allowed local error. Value: absolute + relative |x|, where an angle counts with at
+    /// most pi. Probe: ten times relative, as its largest entry is about 1. Infinite when a value is not finite.
     [[nodiscard]] double error_ratio() const {
         double worst = 0.0;
         const auto judge = [&worst, this](double slope, double allowed) {
@@ -163,8 +162,8 @@ private:
         return worst;
     }
 
-    /// Keeps the largest entry of the probe in [1/2, 1): on a chaotic solution it would overflow in the end. A power of
-    /// 2 leaves its digits as they are.
+    /// Keeps the largest entry of the probe in [1/2, 1): on a chaotic solution it would otherwise overflow. A power of
+    /// 2 leaves its digits unchanged.
     void rescale_probe() {
         double size = 0.0;
         for (const T& x : x_)

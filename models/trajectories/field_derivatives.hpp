@@ -24,8 +24,8 @@ Side<M> side_of([[maybe_unused]] double phase, [[maybe_unused]] const State<doub
     return side;
 }
 
-/// d f / d(x, free parameters) at a fixed phase, n x (n + f) in column-major order: the equations in dual numbers. Of a
-/// model that switches: on the side that the state is on. Of a map: of its image.
+/// d f / d(x, free parameters) at a fixed phase, n x (n + f) in column-major order: the equations in dual numbers. For
+/// a model that switches: on the side that the state is on. For a map: of its image.
 template <Model M>
 void store_field_derivatives(double phase, const double* state, const double* theta,
                              [[maybe_unused]] const double* input, std::span<const std::ptrdiff_t> free,

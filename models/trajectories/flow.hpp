@@ -11,8 +11,8 @@
 
 namespace orbid::models {
 
-/// Directions carried at once: those of the start (they are part of the step control) and two or six parameters. Few
-/// parameters do not pay for eight directions, more are taken in several passes.
+/// Directions carried at once: those of the start (they are part of the step control) and two or six parameters. Eight
+/// directions do not pay for few parameters; more are taken in several passes.
 template <Model M>
 inline constexpr std::size_t narrow_chunk = dimension_of<M> + 2;
 template <Model M>
@@ -42,8 +42,8 @@ void seed_second(State<Scalar<N, 2>, n>& x, Values<Scalar<N, 2>, q>& p, std::spa
     (direction < n ? x[direction] : p[static_cast<std::size_t>(free[direction - n])]).partial[0].value = 1.0;
 }
 
-/// Copies the partials of a pass that began with the free parameter `first` into columns of a matrix of n rows: column
-/// j of the start's directions, column first + j of the others.
+/// Copies the partials of a pass that began with the free parameter `first` into columns of a matrix of n rows. Column
+/// j holds those of the start's directions, column first + j the others.
 template <std::size_t N, std::size_t n, class T>
 void store_partials(const State<T, n>& x, std::size_t first, std::size_t directions, double* columns) {
     for (std::size_t j = 0; j < N && (j < n || first + j < directions); ++j)
@@ -51,7 +51,7 @@ void store_partials(const State<T, n>& x, std::size_t first, std::size_t directi
             columns[(j < n ? j : first + j) * n + i] = first_order(x[i]).partial[j];
 }
 
-/// The same of the derivatives of the partial in the one direction of second derivatives.
+/// The same for the derivatives of the partial in the one direction of second derivatives.
 template <std::size_t N, std::size_t n>
 void store_second(const State<Scalar<N, 2>, n>& x, std::size_t first, std::size_t directions, double* columns) {
     State<Dual<N>, n> partial;
@@ -60,7 +60,7 @@ void store_second(const State<Scalar<N, 2>, n>& x, std::size_t first, std::size_
     store_partials<N, n>(partial, first, directions, columns);
 }
 
-/// Calls pass<N>(first) until all free parameters have had their turn.
+/// Calls pass<N>(first) until all free parameters are done.
 template <Model M, class Pass>
 void in_passes(std::size_t free, const Pass& pass) {
     constexpr std::size_t n = dimension_of<M>;
@@ -76,8 +76,8 @@ void in_passes(std::size_t free, const Pass& pass) {
     } while (first < free);
 }
 
-/// Calls pass<N>(first, direction) for every direction of second derivatives until all free parameters have had their
-/// turn. One width only: what is compiled here is large.
+/// Calls pass<N>(first, direction) for every direction of second derivatives until all free parameters are done. One
+/// width only, as this compiles to much code.
 template <Model M, class Pass>
 void in_second_order_passes(std::size_t free, const Pass& pass) {
     constexpr std::size_t n = dimension_of<M>;
@@ -103,13 +103,13 @@ requires(StiffModel<M> && !SurfaceModel<M>) struct TrajectoryChoice<M, N, order>
 };
 }  // namespace detail
 
-/// What follows the solutions of a model.
+/// The class that computes the solutions of a model.
 template <Model M, std::size_t N, std::size_t order = 1>
 using TrajectoryOf = typename detail::TrajectoryChoice<M, N, order>::type;
 
-/// One solution at all durations; the columns of the sensitivities for the start and the free parameters
-/// [first, first + N - n), where they are asked for. Of order 2 also the second derivatives in `second` and those
-/// directions. Everything else in the output is overwritten with the same values at each pass.
+/// One solution at all durations, with the columns of the sensitivities for the start and the free parameters [first,
+/// first + N - n), if asked for. For order 2 also the second derivatives in `second` and those directions. Each pass
+/// overwrites everything else in the output with the same values.
 template <Model M, std::size_t N, std::size_t order = 1>
 FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                   std::size_t first, const FlowOutput& output, [[maybe_unused]] std::size_t second = 0) {
@@ -136,8 +136,8 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
                                output.second_derivatives + (k * directions + second) * directions * n);
     }
     if constexpr (N > 0) {
-        // Derivatives that nobody asked for, but that take part in the choice of steps, leave the range of numbers on
-        // long chaotic motion (Lorenz: after 768 s): the values alone need not.
+        // Derivatives that were not asked for still take part in the choice of steps. On long chaotic motion they
+        // overflow (Lorenz: after 768 s), while the values alone need not.
         if (output.sensitivities == nullptr && end.status == FlowStatus::not_finite)
             return flow_pass<M, 0>(start, durations, free, first, output);
     }

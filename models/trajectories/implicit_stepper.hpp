@@ -33,10 +33,10 @@ struct RadauMethod {
 
 /// One step of the method, on values with N directions of derivative (of first or second order).
 ///
-/// The stages are found by a simplified Newton method with the Jacobian at the start, then by Newton's method with the
-/// exact Jacobian of every stage until the values are as good as rounding. The same exact matrix in dual arithmetic
-/// gives the derivatives of the solution of these equations: every iteration one order of them. So derivatives are
-/// those of the computed step, and the value part goes through the same operations whatever N is.
+/// The stages are found by a simplified Newton method with the Jacobian at the start. Then Newton's method with the
+/// exact Jacobian of every stage iterates until the values are accurate to rounding. The same exact matrix in dual
+/// arithmetic gives the derivatives of the solution: each iteration one order of them. So derivatives are those of the
+/// computed step, and the values are the same whatever N is.
 template <Model M, std::size_t N, std::size_t order = 1>
 class ImplicitStepper {
 public:
@@ -54,7 +54,7 @@ public:
     [[nodiscard]] Point slope(const Point& x, double s) const { return field_(x, s); }
 
     /// @param scale   what counts as an error of size one in each coordinate: allowed local errors
-    /// @param stages  Z_i to begin with; becomes those of the step
+    /// @param stages  initial values of Z_i; overwritten by those of the step
     /// @return false where the iterations do not converge: the step is too long
     [[nodiscard]] bool step(const Point& x, double s, double ds, const State<double, n>& scale, Stages& stages,
                             Point& end) {
@@ -78,15 +78,15 @@ public:
         return true;
     }
 
-    /// Difference to a formula of order 3 in the last step, as it is and filtered.
+    /// Difference to a formula of order 3 in the last step, unfiltered and filtered.
     struct Difference {
         Point plain;
         Point filtered;  ///< by (1 - h / gamma f_x)^-1: stiff directions count as they should
     };
 
     /// @param slope   dx/ds at the start
-    /// @param refine  filter once more: at the first step, and after a step that failed, stiff directions are not yet
-    ///                where they belong
+    /// @param refine  filter once more: at the first step, and after a rejected step, stiff directions have not settled
+    ///                yet
     [[nodiscard]] Difference difference(const Point& x, double s, double ds, const Point& slope, bool refine) const {
         State<T, n> change;
         for (std::size_t k = 0; k < n; ++k) {
@@ -198,7 +198,7 @@ private:
                 filter[i][k] = (i == k ? RadauMethod::real_eigenvalue / ds : 0.0) - j[i][k];
         if (!start_lu_.factor(filter) || !factor({j, j, j}, ds, stage_lu_)) return false;
         double before = 0.0;
-        // The book's seven iterations are for one that has to stay cheap with large matrices.
+        // The book's limit of seven iterations keeps the cost low for large matrices.
         for (int i = 0; i < 10; ++i) {
             const auto change = correction<double>(values_, stage_lu_, x, s, ds, z);
             const double size = size_of(change, scale);
@@ -235,7 +235,7 @@ private:
                 size[k] = std::abs(x[k]) + std::abs(z[0][k]) + std::abs(z[1][k]) + std::abs(z[2][k]) + 1e-300;
             const double moved = size_of(change, size);
             if (!std::isfinite(moved)) return false;
-            // What is left is the square of it, and the matrix is right to this: so are the derivatives.
+            // The remaining error is its square; the matrix is exact to that order, and so are the derivatives.
             if (moved <= 1e-11) return true;
         }
         return true;

@@ -11,17 +11,18 @@
 
 namespace orbid::models {
 
-/// One solution of a stiff model on its way, with N directions of derivative: what Trajectory is for other models, by
-/// steps of Radau IIA.
+/// One solution of a stiff model, with N directions of derivative: the counterpart of Trajectory, by steps of Radau
+/// IIA.
 ///
 /// The error of a step is judged by the difference d to a formula of order 3, in units of the state's size. Where the
-/// motion is not stiff that of order 5 is as d^(3/2); RADAU5, whose control of steps this is, therefore allows d = 0.1
-/// tolerance^(2/3). A component that is drawn to a slow motion has the order 3 itself: its error is d, which the filter
-/// of stiff directions makes far smaller than the plain difference D. Both hold for d min(1, D)^(1/2), which is allowed
-/// 0.03 tolerance. (With RADAU5's rule errors of such components were up to 900 times what was allowed, at 1e-12.)
-/// Steps whose equations cannot be solved are halved; one that becomes too short to move s ends with not_finite.
+/// motion is not stiff, the error of order 5 is about d^(3/2). RADAU5, whose control of steps this is, therefore allows
+/// d = 0.1 tolerance^(2/3). A component that is drawn to a slow motion has order 3 itself: its error is d, which the
+/// filter of stiff directions makes far smaller than the plain difference D. Both hold for d min(1, D)^(1/2), which is
+/// allowed 0.03 tolerance. (With RADAU5's rule errors of such components were up to 900 times what was allowed, at
+/// 1e-12.) Steps whose equations cannot be solved are halved. If a step becomes too short to move s, the status is
+/// not_finite.
 ///
-/// As for Trajectory, decisions look at the values and the derivatives with respect to the start only.
+/// As in Trajectory, decisions depend on the values and the derivatives with respect to the start only.
 template <StiffModel M, std::size_t N, std::size_t order = 1>
 class ImplicitTrajectory {
     static_assert(!SwitchingModel<M>,
@@ -50,7 +51,7 @@ public:
         step_ = std::isfinite(rate) && rate > 0.0 ? 1e-3 / rate : 1e-3;
     }
 
-    /// A new start at s; the step size is kept, as the next stretch of the same solution will want a similar one.
+    /// A new start at s. The step size is kept, as the next piece of the same solution will need a similar one.
     void restart(const Point& x0, double s = 0.0) {
         x_ = x0;
         s_ = s;
@@ -90,13 +91,13 @@ public:
             if (steps_ >= options_.maximum_steps) return FlowStatus::step_budget;
             ++steps_;
             const double remaining = until - s_;
-            // Two equal steps instead of a full one and a crumb; a crumb of 1e-6 is taken along.
+            // Two equal steps instead of a full one and a tiny rest; a rest of 1e-6 is included in the step.
             const double ds = step_ >= remaining * (1.0 - 1e-6) ? remaining : std::min(step_, 0.5 * remaining);
             if (!(s_ + ds > s_)) return FlowStatus::not_finite;
             auto stages = expected_stages(ds);
             Point end;
             if (!stepper_.step(x_, s_, ds, allowed(), stages, end)) {
-                // Far away, a polynomial is no guess: the next attempt begins with the start itself.
+                // Far away, a polynomial is a bad guess: the next attempt begins with the start itself.
                 step_ = 0.5 * ds;
                 last_ = 0.0;
                 rejected_ = true;
@@ -112,7 +113,7 @@ public:
                 rejected_ = true;
                 continue;
             }
-            // What the last two errors foretell of the next one (Gustafsson).
+            // Prediction of the next error from the last two (Gustafsson).
             if (accepted_ > 0.0)
                 factor = std::min(
                     factor, std::max(0.125, 0.9 * ds / accepted_ * std::pow(accepted_ratio_ / (ratio * ratio), power)));
@@ -120,7 +121,7 @@ public:
             accepted_ = ds;
             accepted_ratio_ = std::max(1e-2, ratio);
             rejected_ = first_ = false;
-            // A step that was cut to land must not shorten the next one.
+            // A step shortened to end at the target must not shorten the next one.
             step_ = ds < step_ ? std::max(step_, ds * factor) : ds * factor;
             x_ = end;
             s_ = ds == remaining ? until : s_ + ds;
@@ -133,7 +134,7 @@ public:
 
     [[nodiscard]] const Point& state() const { return x_; }
     [[nodiscard]] double s() const { return s_; }
-    /// dx/ds with which the solution goes on from here.
+    /// dx/ds with which the solution continues from here.
     [[nodiscard]] const Point& slope() {
         if (!slope_known_) {
             slope_ = stepper_.slope(x_, s_);

@@ -10,10 +10,10 @@
 
 namespace orbid::models {
 
-/// The piece of a measured input on which a solution is, along the variable s of its flow: t = start + s [s].
+/// The piece of a measured input that a solution is on, along the variable s of its flow: t = start + s [s].
 ///
-/// A step that ends where a piece ends sees one polynomial only: the jump of u' (linear) or u''' (cubic) at the
-/// instants of the signal does not lower the order of the method.
+/// A step that ends where a piece ends sees only one polynomial. Jumps of u' (linear) or u''' (cubic) at the instants
+/// of the signal then do not lower the order of the method.
 class InputKnots {
 public:
     /// @param start  time [s] on the clock of the signal at s = 0
@@ -24,7 +24,7 @@ public:
 
     [[nodiscard]] std::size_t piece() const { return piece_; }
 
-    /// Moves on to the piece that begins at s or holds it, on the way to `target`.
+    /// Moves to the piece that begins at s or contains it, on the way to `target`.
     /// @return false where the signal has not begun, or ends before the target is reached
     [[nodiscard]] bool proceed(double s, double target) {
         // Instants and the start are rounded, and so is their difference.

@@ -8,7 +8,7 @@
 
 namespace orbid::models {
 
-/// Iterates of a map with derivatives in N directions, as flow_pass() does for flows. Durations are whole numbers of
+/// Iterates of a map with derivatives in N directions, the counterpart of flow_pass(). Durations are whole numbers of
 /// iterations; each counts as a step.
 template <MapModel M, std::size_t N, std::size_t order = 1>
 FlowEnd map_pass(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,

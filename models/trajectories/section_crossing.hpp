@@ -19,14 +19,14 @@ namespace orbid::models {
 ///
 ///     g(x) = direction (normal . x - offset)   rises through 0: a crossing
 ///
-/// A coordinate that is an angle makes the plane recur: with every full turn of it g changes by 2 pi times its entry of
-/// the normal, and each of the parallel planes counts, as the section of a circle must. (Entries of several angles that
-/// are not whole multiples of the smallest have no common turn; the plane is then one in the space of unwrapped
+/// A coordinate that is an angle makes the plane recur. With every full turn g changes by 2 pi times its entry of the
+/// normal, and each of the parallel planes counts, as a section of a circle requires. (Entries of several angles that
+/// are not whole multiples of the smallest have no common turn. The plane is then one in the space of unwrapped
 /// angles.)
 ///
-/// The trajectory takes the steps that it would take without a section. Within a step g is bracketed between points of
-/// the solution, each reached from a copy of the trajectory at the start of the step: so a crossing is as accurate as
-/// any other state, and its place does not disturb what follows. A jump of the state over the plane (impact) is no
+/// The trajectory takes the same steps as without a section. Within a step g is bracketed between points of the
+/// solution, each reached from a copy of the trajectory at the start of the step. A crossing is therefore as accurate
+/// as any other state, and its place does not disturb what follows. A jump of the state over the plane (impact) is no
 /// crossing.
 template <Model M, std::size_t N>
 class SectionCrossing {
@@ -42,7 +42,7 @@ public:
         T time;
     };
 
-    /// A start on the plane is no crossing, nor is one that rounding has put a little below it.
+    /// A start on the plane, or one that rounding has put slightly below it, is no crossing.
     SectionCrossing(const SectionPlane& plane, Path& path) : plane_(plane), path_(path), turn_(turn_of(plane)) {
         end_ = look(path_);
     }
@@ -55,7 +55,7 @@ public:
                 break;
             }
             begin_ = end_;
-            // The copy is of the value at the start of the step; copies of it look into the step.
+            // A copy at the start of the step; copies of it look into the step.
             const Path before = path_;
             status_ = path_.step_towards(latest);
             if (status_ != FlowStatus::ok) break;
@@ -73,12 +73,12 @@ public:
         found_.erase(found_.begin());
         return first;
     }
-    /// ok while crossings are found. Then no_crossing, grazing (the plane is touched without being crossed, up to
-    /// rounding: neither the crossing nor its derivatives can be told), or what ended the solution.
+    /// ok while crossings are found. Then no_crossing, grazing, or what ended the solution. Grazing: up to rounding the
+    /// plane is touched without being crossed, so the crossing and its derivatives are undetermined.
     [[nodiscard]] FlowStatus status() const { return found_.empty() ? status_ : FlowStatus::ok; }
 
 private:
-    /// Where the solution is, as far as the plane is concerned.
+    /// Position of the solution relative to the plane.
     struct View {
         double s = 0.0;
         double g = 0.0;
@@ -111,10 +111,10 @@ private:
         if (std::abs(begin_.g - level) <= rounding_) begin_.g = level;
     }
 
-    /// Distance of instants that are as good as neighbouring doubles.
+    /// Instants this close count as neighbouring doubles.
     [[nodiscard]] static double resolution(double s) { return 2.0 * std::numeric_limits<double>::epsilon() * s; }
 
-    /// Change of g that leads from the plane to itself, infinity without angles.
+    /// Period of g over which the plane recurs, infinity without angles.
     static double turn_of(const SectionPlane& plane) {
         constexpr double none = std::numeric_limits<double>::infinity();
         double smallest = none;
@@ -143,8 +143,8 @@ private:
         return look(*path);
     }
 
-    /// The end of the step before the event that ended it, if one did: there the slope jumps, or the state. 1e-10 of
-    /// the step before it nothing has happened yet.
+    /// The end of the step, before the event that ended it, if any: there the slope jumps, or the state. 1e-10 of the
+    /// step earlier nothing has happened yet.
     [[nodiscard]] View smooth_end(const Path& before) {
         if constexpr (SwitchingModel<M> || SurfaceModel<M>) {
             if (path_.crossings() != before.crossings() || path_.stickings() != before.stickings()) {
@@ -161,8 +161,8 @@ private:
         double along = 0.0;
         for (std::size_t i = 0; i < n; ++i)
             along += a.f[i] * b.f[i];
-        // A motion that turns back within one step may hide a crossing there and back: it is looked at in halves. Four
-        // times: steps of two turns and more are no longer steps of a solution.
+        // A motion that turns back within one step may hide two crossings: it is examined in halves. Four levels, as
+        // steps of two turns and more no longer resolve a solution.
         if (along < 0.0 && depth < 4) {
             if (const auto middle = view_at(0.5 * (a.s + b.s))) {
                 search(a, *middle, depth + 1);
@@ -176,7 +176,7 @@ private:
         if (dips || rises) {
             const double ds = b.s - a.s;
             const double meet = std::clamp((b.g - a.g - b.slope * ds) / (a.slope - b.slope), 0.0, ds);
-            // Twice as far, as the bound is only one for curves without a turning point of their slope.
+            // Twice as far, as the bound holds only for curves without an inflection of their slope.
             (dips ? lowest : highest) += 2.0 * ((dips ? a.g - lowest : a.g - highest) + a.slope * meet);
         }
         search_levels(a, b, dips, rises, lowest, highest);
@@ -203,8 +203,8 @@ private:
         }
     }
 
-    /// A point between a and b where g has passed the level before it turns back, or where it turns back (by halving
-    /// the interval between slopes of opposite sign).
+    /// A point between a and b where g has passed the level before it turns back, or the turning point itself (by
+    /// halving the interval between slopes of opposite sign).
     [[nodiscard]] std::optional<View> turning_point(const View& a, const View& b, double level) {
         const double side = a.slope <= 0.0 ? -1.0 : 1.0;
         View lo = a, hi = b, middle = a;
@@ -221,13 +221,13 @@ private:
             if (ends < -rounding_) return middle;
             (side * middle.slope > 0.0 ? lo : hi) = middle;
         }
-        // Whether it is passed at all is decided by rounding; but leaving a start on the plane is no touch.
+        // Rounding decides whether it is passed at all; but leaving a start on the plane is no touch.
         if (std::abs(middle.g - level) <= rounding_ && lo.s > begin_.s) status_ = FlowStatus::grazing;
         return middle;
     }
 
     /// Zero of g - level between lo (below) and hi (not below): Newton's method on s, held inside the bracket by
-    /// bisection, then a last step in dual arithmetic that makes the time of the crossing a dual number.
+    /// bisection. A last step in dual arithmetic makes the time of the crossing a dual number.
     void locate(const View& lo, const View& hi, double level) {
         const double bend = std::abs(hi.slope - lo.slope) / (hi.s - lo.s);
         View below = lo, above = hi;
@@ -243,9 +243,9 @@ private:
             at = look(*path);
             (at.g < level ? below : above) = at;
             const double next = s - (at.g - level) / at.slope;
-            // Derivatives of the crossing are as exact as the time at which they are taken: 1e-13 of the step, which
-            // Newton's method reaches with one more iteration than 1e-7. Near a touch rounding of g (a twentieth of
-            // what is allowed for it elsewhere) makes the time as uncertain as it is.
+            // Derivatives of the crossing are as exact as its time: 1e-13 of the step, which costs Newton's method one
+            // more iteration than 1e-7. Near a touch the rounding of g (a twentieth of what is allowed for it
+            // elsewhere) limits the time.
             if (std::abs(next - s) <= std::max(1e-13 * (hi.s - lo.s), resolution(s)) ||
                 std::abs(at.g - level) <= 0.05 * rounding_)
                 break;
@@ -279,8 +279,8 @@ private:
     Path& path_;
     double turn_;
     View begin_, end_;  ///< of the present step
-    /// Of g in this step: 45 roundings of the terms that it is the sum of, more than what the way to a crossing and
-    /// back leaves. At a crossing itself all terms may vanish.
+    /// Rounding of g in this step: 45 roundings of the terms of its sum, more than going to a crossing and back leaves.
+    /// At a crossing itself all terms may vanish.
     double rounding_ = 0.0;
     bool started_ = false;
     const Path* before_ = nullptr;
@@ -288,8 +288,8 @@ private:
     FlowStatus status_ = FlowStatus::ok;
 };
 
-/// As flow_pass(), for Kernel::crossings(). The step budget holds for each return. N = 0 delivers no derivatives, and
-/// the errors of the values alone decide on the steps: as in ensembles of forced models.
+/// The counterpart of flow_pass() for Kernel::crossings(). The step budget holds for each return. With N = 0 there are
+/// no derivatives, and step control uses the errors of the values alone, as in ensembles of forced models.
 template <Model M, std::size_t N>
 FlowEnd crossing_pass(const FlowStart& start, const SectionPlane& plane, std::size_t count, double longest,
                       std::span<const std::ptrdiff_t> free, std::size_t first, const FlowOutput& output) {

@@ -10,8 +10,8 @@
 
 namespace orbid::models {
 
-/// f(x, phase) per second of a model with general surfaces, on the sides taken from their h. On a surface the solution
-/// decides: the sides to which it leaves, or the field of its sliding; the sides +1 where it has no way to go on.
+/// f(x, phase) per second of a model with general surfaces, on the sides given by their h. On a surface the solution
+/// decides: the sides to which it leaves, or the field of its sliding. The sides are +1 where it cannot continue.
 template <SurfaceModel M>
 State<double, dimension_of<M>> surface_rhs(double phase, const State<double, dimension_of<M>>& x,
                                            const Values<double, parameter_count_of<M>>& p,
@@ -56,8 +56,8 @@ State<double, dimension_of<M>> surface_rhs(double phase, const State<double, dim
     return sliding;
 }
 
-/// f(x, phase) with the side taken from the velocity, or the image of a map. At velocity 0 the solution decides: the
-/// side to which it leaves, or no acceleration while it sticks.
+/// f(x, phase) with the side of the velocity, or the image of a map. At velocity 0 the solution decides: the side to
+/// which it leaves, or no acceleration while it sticks.
 ///
 /// @param input  values of the measured inputs, nullptr for models without
 template <Model M>
@@ -88,8 +88,8 @@ State<double, dimension_of<M>> value_rhs([[maybe_unused]] double phase, const St
     }
 }
 
-/// True when the state never moves: it sticks at every phase, or it is an equilibrium at every phase up to rounding; a
-/// fixed point of a map. General surfaces: at every one of some phases the field, or that of sliding, is 0. A model
+/// True when the state never moves: it sticks at every phase, is an equilibrium at every phase up to rounding, or is a
+/// fixed point of a map. General surfaces: the field, or that of sliding, is 0 at every one of some phases. A model
 /// with measured inputs is never known to rest.
 template <Model M>
 bool stands_still(const State<double, dimension_of<M>>& x, const Values<double, parameter_count_of<M>>& p) {
@@ -101,9 +101,9 @@ bool stands_still(const State<double, dimension_of<M>>& x, const Values<double, 
             if (surface_accelerations(field, x, 0.0).hold() && !release_after(field, x, 0.0, turn)) return true;
         }
     }
-    // 1e-12 of the coordinate's size (at least one unit) per unit of time: rounding of an equilibrium such as phi = pi,
-    // whose sine is 1e-16 in doubles.
-    // Where surfaces hold the state it may be let go for a part of the period only, as in release_after().
+    // 1e-12 of the coordinate's size (at least one unit) per unit of time. This is the rounding of an equilibrium such
+    // as phi = pi, whose sine is 1e-16 in doubles. Where surfaces hold the state, it may be released in a part of the
+    // period only, as in release_after().
     const int samples = !ForcedModel<M> ? 1 : SurfaceModel<M> ? 128 : 16;
     for (int i = 0; i < samples; ++i) {
         auto f = value_rhs<M>(turn * i / samples, x, p, nullptr);

@@ -86,7 +86,7 @@ inline constexpr const auto& flow_method = verner98;
 /// One step of flow_method, on values with N directions of derivative.
 ///
 /// The method is linear in the stages, with real coefficients, so values and partials are stepped as one flat array of
-/// doubles: the value part goes through the same operations whatever N is.
+/// doubles. The values go through the same operations whatever N is.
 template <Model M, std::size_t N, std::size_t order = 1>
 class Stepper {
 public:
@@ -106,7 +106,8 @@ public:
         stages(field, start, slopes, s, ds, std::make_index_sequence<method.stages>{});
         Flat sum = combination<Weights>(slopes), rest = flat(low), stop;
         for (std::size_t k = 0; k < size; ++k) {
-            // Two sums: the step and what was lost before, then the state and that; exact but for the first rounding.
+            // Two sums: the step plus the earlier rounding error, then the state plus that; exact but for the first
+            // rounding.
             const double change = multiply_add(ds, sum[k], rest[k]);
             stop[k] = start[k] + change;
             const double taken = stop[k] - start[k];
@@ -120,7 +121,7 @@ public:
         error = point(sum);
     }
 
-    /// A single step, of which nothing is remembered.
+    /// A single step without memory.
     template <class F>
     void step(const F& field, const Point& x, const Point& slope, double s, double ds, Point& end, Point& error) const {
         Point low{};
@@ -212,8 +213,8 @@ private:
         else
             evaluate(field, at, s + method.nodes[i] * ds, slopes[i]);
     }
-    /// One copy of the equations per number of directions in the place of one per stage: a sixth less time of
-    /// compilation, and three per cent less at run time. For plain numbers it is eight per cent more.
+    /// One copy of the equations per number of directions instead of one per stage: a sixth less compile time, and
+    /// three per cent less at run time. For plain numbers it is eight per cent more.
     template <class F>
     [[gnu::noinline]] static void evaluate(const F& field, const Flat& at, double s, Flat& slope) {
         slope = flat(field(point(at), s));
@@ -240,9 +241,9 @@ private:
 
 /// Largest ratio of estimated to allowed local error.
 ///
-/// Values: allowed = absolute + relative |x|. An angle counts with at most pi: turning around many times must not
-/// loosen the tolerance. Derivatives with respect to the start (the first n directions, when any are carried): allowed
-/// = 10 relative (largest entry of their column, at least 1). Near an equilibrium, and on an orbit such as phi = 0, the
+/// Values: allowed = absolute + relative |x|. An angle counts with at most pi: many turns must not loosen the
+/// tolerance. Derivatives with respect to the start (the first n directions, when any are carried): allowed = 10
+/// relative (largest entry of their column, at least 1). Near an equilibrium, and on an orbit such as phi = 0, the
 /// values alone would allow any step: with them the multipliers of the hanging pendulum were wrong in the third digit.
 template <Model M, std::size_t N, std::size_t order = 1>
 double error_ratio(const State<Scalar<N, order>, dimension_of<M>>& error,
@@ -252,7 +253,7 @@ double error_ratio(const State<Scalar<N, order>, dimension_of<M>>& error,
     double worst = 0.0;
     const auto judge = [&worst](double size, double allowed) {
         const double ratio = std::abs(size) / allowed;
-        // nan must come out as a failed step: max(worst, nan) would drop it.
+        // nan must count as a failed step: max(worst, nan) would drop it.
         if (!(ratio <= worst)) worst = std::isnan(ratio) ? std::numeric_limits<double>::infinity() : ratio;
     };
     for (std::size_t i = 0; i < n; ++i) {

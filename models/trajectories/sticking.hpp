@@ -34,11 +34,11 @@ struct Release {
     double side;
 };
 
-/// First s in (from, until] at which a state held at velocity 0 is let go: |force| exceeds the dry friction.
+/// First s in (from, until] at which a state held at velocity 0 is released: |force| exceeds the dry friction.
 ///
-/// The state does not move, so the pull is a function of the phase alone. It is sampled over at most one period of
-/// the forcing, or over the present piece of a measured input on which [from, until] lies (neither: held for ever), and
-/// the first rise above 0 is bisected to the last digit; between samples its maxima are refined where they come near 0.
+/// The state does not move, so the pull is a function of the phase alone. It is sampled over at most one period of the
+/// forcing, or over the present piece of a measured input that [from, until] lies on (neither: held forever). The first
+/// rise above 0 is bisected to the last digit. Between samples, maxima near 0 are refined.
 template <SwitchingModel M>
 std::optional<Release> release_after(const Field<M, 0>& field, const State<double, 2>& x, double from, double until) {
     if constexpr (!ForcedModel<M> && !InputModel<M>) {
@@ -68,8 +68,8 @@ std::optional<Release> release_after(const Field<M, 0>& field, const State<doubl
             const double s1 = s0 + spacing > s0 ? std::min(s0 + spacing, end) : end;
             const double r1 = pull(s1);
             if (r1 > 0.0) return released(s0, s1);
-            // A maximum near s0 that the samples may have missed: golden section where the samples are close to 0. A
-            // parabola through them is wrong by less than a hundredth of their spread.
+            // A maximum near s0 that the samples may have missed: golden section where the samples are close to 0. The
+            // error of a parabola through them is less than a hundredth of their spread.
             if (r0 >= before && r0 >= r1 && r0 > -(2.0 * r0 - before - r1)) {
                 double lo = s_before, hi = s1;
                 const double golden = 0.5 * (std::sqrt(5.0) - 1.0);

@@ -10,7 +10,7 @@
 
 namespace orbid::models {
 
-/// The constants of a model as numbers of another scalar To; what they depend on is carried over where To holds it.
+/// The constants of a model converted to another scalar To, with their derivatives where To carries them.
 template <class To, class T, std::size_t q>
 std::array<To, q> constants_as(const std::array<T, q>& c) {
     std::array<To, q> converted;
@@ -100,7 +100,7 @@ struct SurfaceField : Field<M, N, order> {
         return M::surfaces(Moving(time(s), {time_rate}), y, constants_as<Moving>(this->constants));
     }
 
-    /// The fields on both sides of the surface that is held, and the rates of h along them.
+    /// The fields on both sides of the surface that holds the solution, and the rates of h along them.
     struct Half {
         Point f;
         T rate;
@@ -116,11 +116,11 @@ struct SurfaceField : Field<M, N, order> {
         return {half(1.0), half(-1.0)};
     }
 
-    /// x moved onto the surface that is held, in the direction in which the one-sided fields differ: with x on its way
-    /// to the surface and derivatives X, X - (f+ - f-) / (r+ - r-) (h_x X + h_theta) is what (M5) says about being
-    /// caught.
+    /// x moved onto the holding surface, in the direction in which the one-sided fields differ. With x on its way to
+    /// the surface and derivatives X, X - (f+ - f-) / (r+ - r-) (h_x X + h_theta) is (M5) for the start of sliding.
     [[nodiscard]] Point pulled_back(Point x, double s) const {
-        // The second pass takes what the curvature of the surface left; derivatives are on the tangent after the first.
+        // The second pass removes the error due to the curvature of the surface; derivatives are tangent after the
+        // first.
         for (int pass = 0; pass < 2; ++pass) {
             const T h = surfaces(x, s)[held];
             const auto [up, down] = halves(x, s);
@@ -132,7 +132,7 @@ struct SurfaceField : Field<M, N, order> {
     }
 };
 
-/// How a solution goes on from a point on one or more surfaces.
+/// How a solution continues from a point on one or more surfaces.
 template <std::size_t m>
 struct Continuation {
     std::array<double, m> side;
@@ -140,7 +140,7 @@ struct Continuation {
 };
 
 /// Looks for sides whose field leaves all surfaces that the point lies on, or for one surface that holds the solution
-/// while it leaves the others. Strictly first; then with fields that are tangent to a surface (an equilibrium on it).
+/// while it leaves the others. Strict inequalities first; then fields tangent to a surface (an equilibrium on it).
 ///
 /// @param on      surfaces on which the point lies
 /// @param impact  of which the side -1 does not exist

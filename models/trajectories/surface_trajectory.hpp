@@ -14,17 +14,16 @@
 
 namespace orbid::models {
 
-/// One solution of a model with switching surfaces on its way, with N directions of derivative: what Trajectory is for
-/// other models.
+/// One solution of a model with switching surfaces, with N directions of derivative: the counterpart of Trajectory.
 ///
-/// Crossings of every surface are located to machine accuracy and passed by (M5); where both one-sided fields point at
-/// a surface the solution slides along it until one of them turns away; at impacts the state jumps. As for Trajectory,
-/// decisions look at the values and the derivatives with respect to the start only.
+/// Crossings of every surface are located to machine accuracy and passed by (M5). Where both one-sided fields point at
+/// a surface, the solution slides along it until one of them turns away; at impacts the state jumps. As in Trajectory,
+/// decisions depend on the values and the derivatives with respect to the start only.
 ///
 /// Named outcomes: grazing, where a surface is touched without crossing it, an impact does not send the state away, or
-/// impacts accumulate at an instant (a ball that comes to rest: `s` and `state` are those of the accumulation);
-/// held_twice, where two surfaces hold the solution at once. Chattering between two surfaces without end spends the
-/// step budget.
+/// impacts accumulate at an instant; held_twice, where two surfaces hold the solution at once. When impacts accumulate
+/// (a ball that comes to rest), `s` and `state` are those of the accumulation. Endless chattering between two surfaces
+/// exhausts the step budget.
 template <SurfaceModel M, std::size_t N, std::size_t order = 1>
 class SurfaceTrajectory {
 public:
@@ -47,7 +46,7 @@ public:
         }
         restart(x0);
         walk_.set_length(walk_.first_length());
-        // Forcing that moves a surface, and nothing else, leaves the length of steps free.
+        // Forcing that moves a surface, and nothing else, does not limit the length of steps.
         if constexpr (ForcedModel<M>) {
             const double period = 2.0 * std::numbers::pi;
             longest_ = (clock == Clock::phase ? period : period / value_of(values_.omega)) / 8.0;
@@ -55,7 +54,7 @@ public:
         }
     }
 
-    /// A new start at s; the step size is kept, as the next stretch of the same solution will want a similar one.
+    /// A new start at s. The step size is kept, as the next piece of the same solution will need a similar one.
     void restart(const Point& x0, double s = 0.0) {
         walk_.restart(x0, s);
         if constexpr (InputModel<M>) {
@@ -85,11 +84,11 @@ public:
         return status;
     }
 
-    /// Moves on by one accepted step, at most to s = target (behind the present s): less when a surface is met, where
-    /// the step ends just behind it (or held by it, or reset), and at the instants of a measured input.
+    /// Moves on by one accepted step, at most to s = target (behind the present s). It is shorter when a surface is
+    /// met, where it ends just behind it (or held by it, or reset), and at the instants of a measured input.
     [[nodiscard]] FlowStatus step_towards(double target) {
-        // A surface may turn around any number of times within a step of a constant solution; where shorter steps do
-        // not make it look smooth, it is noise. 2^-30 of a step.
+        // A surface may turn around any number of times within a step of a constant solution. If it does not look
+        // smooth on 2^-30 of a step either, it is noise.
         constexpr int shortest = 30;
         for (int shortened = 0;;) {
             if (std::any_of(on_.begin(), on_.end(), [](bool on) { return on; })) {
@@ -117,7 +116,7 @@ public:
                 continue;
             }
             if (outcome.lost) {
-                // Back on the surface at once, as far as rounding can tell: decide again which way the solution goes.
+                // Back on the surface at once, within rounding: decide again which way the solution goes.
                 if (*outcome.lost >= m || impacts[*outcome.lost] || begun_again_) return FlowStatus::grazing;
                 on_[*outcome.lost] = true;
                 begun_again_ = true;
@@ -140,14 +139,14 @@ public:
 
     [[nodiscard]] const Point& state() const { return walk_.state(); }
     [[nodiscard]] double s() const { return walk_.s(); }
-    /// dx/ds with which the solution goes on from here.
+    /// dx/ds with which the solution continues from here.
     [[nodiscard]] Point slope() {
         if (std::any_of(on_.begin(), on_.end(), [](bool on) { return on; }) && leave_surfaces() == FlowStatus::ok)
             pull_back();
         return walk_.slope();
     }
     [[nodiscard]] std::size_t steps() const { return walk_.steps(); }
-    /// Surfaces met, impacts among them.
+    /// Surfaces met, including impacts.
     [[nodiscard]] std::size_t crossings() const { return crossings_; }
     /// Stretches of sliding entered.
     [[nodiscard]] std::size_t stickings() const { return stickings_; }
@@ -213,8 +212,8 @@ private:
         walk_.restart(x, at);
         if (touches(arrival, j, at, rate, probe)) return FlowStatus::grazing;
         ++crossings_;
-        // (M5): the event time made a dual number by Newton steps of h in dual arithmetic, one for each order of
-        // derivative; its value is 0.
+        // (M5): Newton steps of h in dual arithmetic, one for each order of derivative, make the event time a dual
+        // number; its value is 0.
         const auto arriving = walk_.field();
         T later(0.0);
         if constexpr (N > 0) {
@@ -231,7 +230,7 @@ private:
         if constexpr (ImpactModel<M>) {
             if (impact) {
                 x = M::reset(j, arriving.time(at + later), x, arriving.constants);
-                // Impacts so close that time cannot tell them apart: they accumulate here.
+                // Impacts too close to be distinguished in time: they accumulate here.
                 const double resolution = 64.0 * std::numeric_limits<double>::epsilon() * std::abs(at);
                 walk_.restart(x, at);
                 if (at - last_impact_[j] <= resolution) return FlowStatus::grazing;
@@ -249,7 +248,7 @@ private:
     }
 
     /// Out of sliding, to the side +1 (`up`) or -1. The fields agree there, so the time of the release moves nothing:
-    /// X+ = X- in (M5). To second order it does, as their derivatives do not agree.
+    /// X+ = X- in (M5). Their derivatives differ, so to second order it does.
     [[nodiscard]] FlowStatus release(Point x, double at, bool up, double probe) {
         const std::size_t j = values_.held;
         Side<M> side = values_.side;
@@ -273,7 +272,7 @@ private:
             const auto sliding = walk_.field();
             const Point before = x;
             T later(0.0);
-            // The rate is a difference quotient, good to 1e-8: three steps leave nothing of its error.
+            // The rate is a difference quotient, accurate to 1e-8: three steps eliminate its error.
             for (int newton = 0; newton < 3; ++newton) {
                 later = later - pull(sliding, shifted(sliding, before, T(at), later), at + later) / rate;
                 later = later - value_of(later);
@@ -301,8 +300,8 @@ private:
         }
     }
 
-    /// True where the solution arrives on a surface without crossing it, while the field or the state jumps there:
-    /// rounding would decide whether it is met, and the instant is lost to it.
+    /// True where the solution arrives on a surface without crossing it, while the field or the state jumps there.
+    /// Rounding would decide whether it is met, and the instant cannot be determined.
     bool touches(const State<double, n>& x, std::size_t j, double at, double rate, double probe) const {
         const double arriving = values_.side[j] * rate;
         Side<M> other = values_.side;
@@ -314,7 +313,7 @@ private:
                 jump = std::max(jump, std::abs(there[i] - here[i]));
                 size = std::max(size, std::abs(there[i]) + std::abs(here[i]));
             }
-            // A field that is continuous there, up to rounding, makes no difference between touching and crossing.
+            // A field that is continuous there, up to rounding, is the same for touching and crossing.
             if (jump <= 1e-14 * size) return false;
             // 1e-8 of the jump of the rate: half of the digits.
             const double opposed = values_.side[j] * (values_.moving(x, there, at)[j].partial[0] -
@@ -322,7 +321,7 @@ private:
             if (opposed > 0.0 && !(arriving < -1e-8 * opposed)) return true;
         }
         if (!(arriving < 0.0)) return true;
-        // The depth to which the solution would go behind the surface, against the rounding of h.
+        // The depth the solution would reach behind the surface, against the rounding of h.
         const auto rate_at = [&](double ahead) {
             const auto f = values_(x, at);
             auto y = x;
@@ -347,7 +346,7 @@ private:
         return 8.0 * std::numeric_limits<double>::epsilon() * terms;
     }
 
-    /// After a jump of the state: the sides on which it landed, and whether it still is on the surfaces that it was on.
+    /// After a jump of the state: its new sides, and whether it is still on the surfaces that it was on.
     void look_around(const State<double, n>& x, double at) {
         using Gradient = Dual<n>;
         State<Gradient, n> y;
@@ -356,7 +355,7 @@ private:
         const auto h = M::surfaces(Gradient(values_.time(at)), y, constants_as<Gradient>(values_.constants));
         Side<M> side = values_.side;
         for (std::size_t k = 0; k < m; ++k) {
-            // On the surface means: within what a step may be wrong.
+            // On the surface means: within the error of a step.
             double allowed = 0.0;
             for (std::size_t i = 0; i < n; ++i)
                 allowed += std::abs(h[k].partial[i]) *

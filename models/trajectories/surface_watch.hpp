@@ -11,10 +11,10 @@
 
 namespace orbid::models {
 
-/// Finds where a step first meets a switching surface, or stops being held by one.
+/// Finds where a step first meets a switching surface, or is released by one.
 ///
-/// What is watched is an array of numbers that are > 0 until their event: side_j h_j for every surface but the one that
-/// holds the solution, then the rates with which the two one-sided fields point at that one.
+/// It watches numbers that are > 0 until their event: side_j h_j for every surface except the holding one, then the
+/// rates with which the two one-sided fields point at that one.
 template <SurfaceModel M>
 class SurfaceWatch {
 public:
@@ -46,7 +46,7 @@ public:
     };
 
     /// @param field  sides and what is held, as during the step
-    /// @param begun  events at which the step begins: they do not happen again before their number has been > 0
+    /// @param begun  events at which the step begins: they cannot happen again before their number has been > 0
     /// @param check_length  false: never too_long
     [[nodiscard]] Outcome first_event(const SurfaceField<M, 0>& field, Step step, const Marks& begun,
                                       bool check_length) const {
@@ -62,7 +62,7 @@ public:
         for (std::size_t e = 0; e < events; ++e) {
             if (!watched(field, e)) continue;
             if (!(first[e].value > 0.0) && !begun[e]) {
-                // Behind the surface already: two were met at once. Or on its way out by itself.
+                // Already behind the surface: two were met at once. Or leaving it by itself.
                 if (first[e].rate > 0.0) continue;
                 return {0.0, e, std::nullopt, false};
             }
@@ -135,7 +135,7 @@ private:
         return end;
     }
 
-    /// State in between by the cubic through both ends: cheap, and good enough to see where to look.
+    /// State in between by the cubic through both ends: cheap, and accurate enough to guide the search.
     static Point between(const Step& step, double part) {
         Point x;
         for (std::size_t i = 0; i < n; ++i)
@@ -149,8 +149,8 @@ private:
     }
     static constexpr std::array<double, 3> parts{0.25, 0.5, 0.75};
 
-    /// A number that depends on time or state in another way than the solution itself: the step may be long for it
-    /// where it is short for the solution (a constant state under a surface that moves).
+    /// A number that depends on time or state differently from the solution itself. The step may be long for it where
+    /// it is short for the solution (a constant state under a surface that moves).
     bool turns_unseen(const SurfaceField<M, 0>& field, std::size_t e, const Step& step, const Sample& first,
                       const Sample& last) const {
         const double a0 = step.length * first.rate, a1 = step.length * last.rate;
@@ -158,7 +158,7 @@ private:
         for (const double part : parts) {
             const double expected = cubic(first.value, last.value, a0, a1, part);
             const double found = watched_at(field, e, step, part);
-            // A tenth: a sine is let through over some 3 rad. What is far from 0 may be as it likes.
+            // A tenth: a sine passes over about 3 rad. Numbers far from 0 are not checked.
             const double error = std::abs(found - expected);
             if (error > 0.1 * size && error > 0.1 * std::min(std::abs(found), std::abs(expected))) return true;
         }
@@ -181,12 +181,12 @@ private:
         const double length = step.length;
         const double a0 = length * first.rate, a1 = length * last.rate;
         if (!(first.value > 0.0)) {
-            // The step begins on the surface. When it ends behind it, look for a point before it in between.
+            // The step begins on the surface. If it ends behind it, look for a point before it in between.
             if (last.value > 0.0) return {};
             const double peak = peak_of_cubic(first.value, last.value, a0, a1) * length;
             double lo = peak;
             if (!(peak > 0.0 && sample(field, e, step, peak).value > 0.0))
-                // 2^-60 of a step: instants cannot be told apart below.
+                // 2^-60 of a step: shorter intervals cannot be resolved.
                 for (lo = 0.5 * length; lo > length * 0x1p-60 && !(sample(field, e, step, lo).value > 0.0);)
                     lo *= 0.5;
             if (lo > length * 0x1p-60) return {zero_between(field, e, step, lo, length, 0.5 * (lo + length))};
@@ -200,7 +200,7 @@ private:
             if (watched_at(field, e, step, part) < 0.0 && sample(field, e, step, part * length).value < 0.0)
                 return {zero_between(field, e, step, 0.0, part * length, 0.5 * part * length)};
         // Smaller in between than at both ends: two events may hide in this step. The tangents bound the dip of a
-        // convex curve; only a dip that may reach half of the smaller end is looked at.
+        // convex curve. Only a dip that may reach half of the smaller end is examined.
         if (!(a0 < 0.0 && a1 > 0.0)) return {};
         const double tangents_meet = (last.value - first.value - a1) / (a0 - a1);
         const double bound = first.value + a0 * std::clamp(tangents_meet, 0.0, 1.0);

@@ -12,12 +12,12 @@
 
 namespace orbid::models {
 
-/// One solution of a model on its way, with N directions of derivative (M4): error-controlled steps that end on the
-/// instants asked for, switching located and passed by (M5), sticking.
+/// One solution of a model, with N directions of derivative (M4). Its error-controlled steps end at the requested
+/// instants; switching is located and passed by (M5), and sticking is handled.
 ///
-/// Every decision (step size, events, sticking) looks at the values and, when N >= n, at the derivatives with respect
-/// to the start, which are the first n directions of every trajectory with derivatives: all such trajectories take the
-/// same steps and have bit-identical values. N = 0 controls the values only.
+/// Every decision (step size, events, sticking) uses the values and, when N >= n, the derivatives with respect to the
+/// start. These are the first n directions of every trajectory with derivatives. All such trajectories take the same
+/// steps and have bit-identical values. N = 0 controls the values only.
 template <Model M, std::size_t N, std::size_t order = 1>
 class Trajectory {
 public:
@@ -39,7 +39,7 @@ public:
         walk_.set_length(walk_.first_length());
     }
 
-    /// A new start at s; the step size is kept, as the next stretch of the same solution will want a similar one.
+    /// A new start at s. The step size is kept, as the next piece of the same solution will need a similar one.
     void restart(const Point& x0, double s = 0.0) {
         walk_.restart(x0, s);
         if constexpr (InputModel<M>) {
@@ -66,10 +66,10 @@ public:
         return status;
     }
 
-    /// Moves on by one accepted step, at most to s = target (behind the present s): less when the switching surface is
-    /// met, where the step ends just behind it (or held by it), and at the instants of a measured input; sticking until
-    /// it ends or the target is reached.
-    /// Between the ends of a step that met nothing the solution is smooth.
+    /// Moves on by one accepted step, at most to s = target (behind the present s). It is shorter at the instants of a
+    /// measured input and when the switching surface is met, where it ends just behind it (or held by it). Sticking
+    /// lasts until it ends or the target is reached. Between the ends of a step that met nothing the solution is
+    /// smooth.
     [[nodiscard]] FlowStatus step_towards(double target) {
         for (;;) {
             double until = target;
@@ -100,7 +100,7 @@ public:
 
     [[nodiscard]] const Point& state() const { return walk_.state(); }
     [[nodiscard]] double s() const { return walk_.s(); }
-    /// dx/ds with which the solution goes on from here: 0 while it sticks.
+    /// dx/ds with which the solution continues from here: 0 while it sticks.
     [[nodiscard]] Point slope() {
         if constexpr (SwitchingModel<M>) {
             if (on_surface_) leave_start();
@@ -158,12 +158,13 @@ private:
         return FlowStatus::ok;
     }
 
-    /// Second derivatives at a release: the velocity grows with the square of the time since then. The event time by
-    /// one Newton step on the acceleration, its derivatives to first order being all that enters; then back by it.
+    /// Second derivatives at a release: the velocity grows with the square of the time since then. One Newton step on
+    /// the acceleration gives the event time with its derivatives to first order, which is all that enters; then back
+    /// by it.
     [[nodiscard]] FlowStatus release_time() requires SwitchingModel<M> {
         const Field<M, N, order>& field = walk_.field();
         const Point x = walk_.state();
-        // The derivative by time: a time with partial 1 in the extra direction, less what that direction has anyway.
+        // The derivative by time: a time with partial 1 in the extra direction, minus what that direction already has.
         T now(s());
         const T pull = field(x, now)[velocity];
         now.partial[0].value = 1.0;
@@ -191,7 +192,7 @@ private:
                            const State<double, n>& end) requires SwitchingModel<M> {
         const double side = values_.side;
         const double v0 = side * start[velocity], v1 = side * end[velocity];
-        // Slopes on both ends belong to steps anyway: this one's, and the next one's.
+        // Slopes at both ends belong to steps anyway: this one's and the next one's.
         const double a0 = side * value_of(walk_.slope()[velocity]);
         if (v1 < 0.0) {
             double lo = 0.0;
@@ -212,7 +213,7 @@ private:
         if (v1 == 0.0 && a1 < 0.0) return {ds, false};
         if (!(a0 < 0.0 && a1 > 0.0)) return {};
         // Slower in between than at both ends: two crossings may hide in this step. The tangents bound the dip of a
-        // convex curve; only a dip that may reach half of the smaller end is looked at.
+        // convex curve. Only a dip that may reach half of the smaller end is examined.
         const double tangents_meet = (v1 - v0 - a1 * ds) / (a0 - a1);
         const double bound = v0 + a0 * std::clamp(tangents_meet, 0.0, ds);
         if (bound > 0.5 * std::min(v0, v1)) return {};
@@ -259,12 +260,12 @@ private:
         const double arriving = side > 0.0 ? a.positive : a.negative;
         const double leaving = side > 0.0 ? a.negative : a.positive;
         const double jump = a.negative - a.positive;
-        // Arriving without acceleration, where dry friction makes it jump: rounding would decide between touching and
-        // being held, and the instant is lost to it. 1e-8 of the jump: half of the digits.
+        // Arriving without acceleration, where dry friction makes it jump. Rounding would decide between touching and
+        // being held, and the instant cannot be determined. 1e-8 of the jump: half of the digits.
         if (jump > 0.0 && !(side * arriving < -1e-8 * jump)) return FlowStatus::grazing;
         ++crossings_;
         if constexpr (order == 2) {
-            // (M5) to second order: the event time made a dual number by two Newton steps on v = 0.
+            // (M5) to second order: two Newton steps on v = 0 make the event time a dual number.
             const Stepper<M, N, order> stepper;
             T later(0.0);
             for (int newton = 0; newton < 2; ++newton) {
@@ -287,7 +288,8 @@ private:
         if constexpr (order == 2) {
             // Done above.
         } else if constexpr (N > 0) {
-            // (M5): event time made a dual number by one Newton step, dt* = -v / a-; the slopes of the position agree.
+            // (M5): one Newton step, dt* = -v / a-, makes the event time a dual number; the slopes of the position
+            // agree.
             const double factor = jump > 0.0 ? leaving / arriving : 1.0;
             for (double& partial : end[velocity].partial)
                 partial *= factor;
