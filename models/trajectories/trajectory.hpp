@@ -159,8 +159,8 @@ private:
     }
 
     /// Second derivatives at a release: the velocity grows with the square of the time since then. One Newton step on
-    /// the acceleration gives the event time with its derivatives to first order, which is all that enters; then back
-    /// by it.
+    /// the acceleration gives the event time with its derivatives to first order, which is all that enters. The
+    /// state is then moved back by it.
     [[nodiscard]] FlowStatus release_time() requires SwitchingModel<M> {
         const Field<M, N, order>& field = walk_.field();
         const Point x = walk_.state();

@@ -9,8 +9,8 @@
 
 namespace orbid::periodic {
 
-/// The cubic through two points of a curve with their tangents. Inside it is off the curve by the fourth power of the
-/// distance; beyond b it extrapolates.
+/// The cubic through two points of a curve with their tangents. Its error inside is of fourth order in the distance;
+/// beyond b it extrapolates.
 class CurveCubic {
 public:
     CurveCubic(const CurvePoint& a, const CurvePoint& b);
@@ -18,7 +18,7 @@ public:
     /// At a distance s from a.
     [[nodiscard]] Eigen::VectorXd value(double s) const;
     [[nodiscard]] Eigen::VectorXd slope(double s) const;
-    /// Where the parameter has a value it takes between distances lower and upper: by bisection.
+    /// Where the parameter takes the value that it has between distances lower and upper: by bisection.
     [[nodiscard]] double where_parameter(double value, double lower, double upper) const;
 
 private:
@@ -26,13 +26,13 @@ private:
     double length_;
 };
 
-/// What happens between two points of a curve, by the signs of the test functions at both.
+/// The bifurcations between two points of a curve, by the signs of the test functions at both.
 struct Events {
     bool fold = false;
     bool branch_point = false;
     bool period_doubling = false;
     bool neimark_sacker = false;
-    /// More than one of a kind may have been passed: the signs do not tell, a shorter step would.
+    /// More than one of a kind may have been passed: the signs cannot tell, a shorter step would.
     bool several = false;
 
     [[nodiscard]] bool any() const { return fold || branch_point || period_doubling || neimark_sacker; }
@@ -43,11 +43,11 @@ struct Events {
 ///     period doubling   det(1 + M)
 ///     Neimark-Sacker    ln |mu| of the complex pair nearest to the unit circle
 ///
-/// M without the trivial multiplier. All are smooth along the curve, where single multipliers are not (pairs meet on
-/// the real axis).
+/// M without the trivial multiplier. All are smooth along the curve, unlike single multipliers (pairs meet on the real
+/// axis).
 [[nodiscard]] Events events_between(const CurvePoint& a, const CurvePoint& b);
 
-/// Largest move of a multiplier from a to b, relative to its size if that is larger than one; each is matched with the
+/// Largest move of a multiplier from a to b, relative to its size where that exceeds one; each is matched with the
 /// nearest one.
 [[nodiscard]] double largest_multiplier_move(const CurvePoint& a, const CurvePoint& b);
 
@@ -62,11 +62,10 @@ struct LocatedPoint {
 };
 
 /// The zero of a test function between two points of a curve where it has different signs, by inverse quadratic
-/// interpolation, secants and bisections; every value belongs to an orbit solved on the curve.
+/// interpolation, secants and bisections. Every value belongs to an orbit solved on the curve.
 [[nodiscard]] LocatedPoint located(const CurvePoint& a, const CurvePoint& b, Bifurcation bifurcation);
 
-/// The orbit between two points of a curve at a value of the parameter between theirs; status says whether there is
-/// one.
+/// The orbit between two points of a curve at a given parameter between theirs; status says whether there is one.
 [[nodiscard]] Correction orbit_between(const CurvePoint& a, const CurvePoint& b, double parameter);
 
 }  // namespace orbid::periodic

@@ -18,8 +18,7 @@ struct BranchPoint {
     double arclength = 0.0;  ///< along the branch since its start, in the norm of the continuation
     PeriodicOrbit orbit;     ///< converged; without sensitivities
     int unstable = 0;        ///< multipliers outside the unit circle
-    /// What happens exactly here: the orbit was solved for together with the condition of the bifurcation. `none` on
-    /// ordinary points.
+    /// The bifurcation at exactly this orbit, solved for together with its condition. `none` on ordinary points.
     Bifurcation bifurcation = Bifurcation::none;
     /// Located bifurcations: estimated error of `parameter` (the last step of the location). 0 on ordinary points.
     double parameter_error = 0.0;
@@ -45,8 +44,8 @@ enum class BranchEnd {
 /// A one-parameter family of orbits, in the order of their arclength.
 struct Branch {
     Eigen::Index parameter = 0;  ///< index into System::parameters()
-    /// Two or more, bifurcations among them at their places. A branch that was switched to begins with the orbit it
-    /// bifurcates from, one that ends at another branch ends with the orbit they share.
+    /// Two or more, with bifurcations in their places. A branch that was switched to begins with the orbit it
+    /// bifurcates from. One that ends at another branch ends with the orbit they share.
     std::vector<BranchPoint> points;
     BranchEnd first = BranchEnd::bound;  ///< why it ended before points.front()
     BranchEnd last = BranchEnd::bound;   ///< and after points.back()

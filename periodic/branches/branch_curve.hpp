@@ -70,15 +70,14 @@ struct Correction {
 ///
 ///     |y|^2 = sum_j share_j |z_j / scale|^2 + (ln T)^2 + (parameter / range)^2,
 ///
-/// which does not depend on the number of nodes, and is the same for an orbit followed p times (but for ln T).
-/// Forced models are followed in the phase, so that their nodes stay at their phases whatever the parameter does to the
-/// period.
+/// which does not depend on the number of nodes, and is the same for an orbit followed p times (but for ln T). Forced
+/// models are followed in the phase, so that their nodes keep their phases even if the parameter changes the period.
 class OrbitCurve : public std::enable_shared_from_this<OrbitCurve> {
 public:
     /// @param turns   whole turns per segment, shape (n, N).
     /// @param scale   unit of each coordinate, shape (n), > 0.
     /// @param phase   needed exactly for autonomous flows.
-    /// @param period  what an orbit on the curve is called, in periods of the forcing or returns.
+    /// @param period  nominal period of an orbit on the curve, in periods of the forcing or returns.
     OrbitCurve(const CurveSetting& setting, ShootingMesh mesh, Eigen::MatrixXd turns, Eigen::VectorXd scale,
                std::optional<PhasePlane> phase, int period);
 
@@ -104,8 +103,8 @@ public:
     /// The mesh through the nodes of y, for new nodes.
     [[nodiscard]] ShootingMesh mesh_at(const Eigen::VectorXd& y) const;
 
-    /// The orbit on the plane through a guess across a direction, by Newton's method; its tangent points to the same
-    /// side as the direction does.
+    /// The orbit on the plane through a guess across a direction, by Newton's method. Its tangent points to the same
+    /// side as the direction.
     /// @param tolerance  of the last step but one (the last one squares it), in the norm.
     /// @param locked     near a branch point: a direction in which the orbit does not move from the guess, along the
     ///                   null vector there. One unknown beta more, F + beta G = 0, keeps the equations regular through
@@ -113,12 +112,12 @@ public:
     [[nodiscard]] Correction corrected(const Eigen::VectorXd& guess, const Eigen::VectorXd& direction, double tolerance,
                                        int maximum_iterations, const Eigen::VectorXd* locked = nullptr) const;
 
-    /// Jacobians, residual and multipliers where the point is: those of Newton's last step belong to where that began.
-    /// Left as they are where the step was at rounding level, as on located points.
+    /// Jacobians, residual and multipliers at the point itself; those of Newton's last step belong to where the step
+    /// began. Not recomputed where the step was at rounding level, as on located points.
     [[nodiscard]] CurvePoint settled(CurvePoint point) const;
 
-    /// The direction across the tangent in which a second branch leaves a branch point, of norm one: null vector of the
-    /// curve's equations bordered by the tangent.
+    /// The direction across the tangent in which a second branch leaves a branch point, of norm one. It is the null
+    /// vector of the curve's equations bordered by the tangent.
     [[nodiscard]] Eigen::VectorXd crossing_direction(const CurvePoint& point) const;
 
 private:

@@ -9,10 +9,10 @@
 
 namespace orbid::periodic {
 
-/// Two solutions that agree to this share of the scale are one. Located points are good to 1e-9 or better.
+/// Two solutions that agree to this fraction of the scale are one. Located points are accurate to 1e-9 or better.
 inline constexpr double same_solution = 1e-6;
 
-/// Where the parameter may go, and what it means to be there.
+/// Bounds of the parameter, and why a branch ends at each.
 struct ParameterRange {
     double lower = 0.0;
     double upper = 0.0;
@@ -36,10 +36,10 @@ struct Walk {
 /// Follows a curve from a point on it, in the direction of its tangent.
 ///
 /// Predictor: the cubic through the last two points and their tangents. Corrector: Newton's method on the plane across
-/// the cubic. The step is the longest one for which Newton's steps shrink by the factor wanted (the contraction does
-/// not depend on how the equations are scaled), the tangent turns by no more than wanted and no multiplier moves too
-/// far. Bifurcations that are passed are located; segments over which errors grow too much get further nodes, the
-/// phase condition of an autonomous flow moves on when the orbit has turned away from it.
+/// the cubic. The step is the longest one that meets three limits. Newton's steps shrink by the factor wanted (their
+/// contraction does not depend on the scaling of the equations), the tangent does not turn by too much, and no
+/// multiplier moves too far. Bifurcations on the way are located. Segments over which errors grow too much get further
+/// nodes. The phase condition of an autonomous flow is renewed when the orbit has turned away from it.
 ///
 /// @param first_step  length of the first step.
 /// @param most        number of points, >= 1.

@@ -44,21 +44,21 @@ struct BifurcationDiagram {
     std::vector<Branch> branches;                         ///< the first one through the start, then those switched to
 };
 
-/// The branch through an orbit, by pseudo-arclength continuation of multiple shooting, and, generation after
-/// generation, the branches that begin at its doublings and symmetry breakings. Folds are passed, bifurcations located:
-/// each is solved for together with its orbit, to the accuracy of the flow. No branch is followed twice: neither from
-/// the other one of its ends, nor as its own mirror image (models that declare a symmetry).
+/// The branch through an orbit, by pseudo-arclength continuation of multiple shooting. Also, generation after
+/// generation, the branches that begin at its doublings and symmetry breakings. Folds are passed. Bifurcations are
+/// located: each is solved for together with its orbit, to the accuracy of the flow. No branch is followed twice:
+/// neither from its other end, nor as its own mirror image (models that declare a symmetry).
 ///
 /// @param start  leads to an orbit at theta by solve_multiple_shooting().
-/// @return no branches when the start does not converge; `start_status` says how it ended then. Never throws for bad
-///         numerics: every branch says why it ended.
+/// @return no branches when the start does not converge; `start_status` then gives its outcome. Never throws for
+///         numerical failures: every branch says why it ended.
 /// @throws std::invalid_argument naming the option and its rule.
 /// Source: H. B. Keller, in: Applications of Bifurcation Theory (1977) 359 (pseudo-arclength).
 [[nodiscard]] BifurcationDiagram follow_branches(const models::System& system, const Eigen::VectorXd& theta,
                                                  const StartingSolution& start, const ContinuationOptions& options);
 
 /// Ratios (l_k - l_{k-1}) / (l_{k+1} - l_k) of the successive period doublings l_1, l_2, ... of a cascade, in the order
-/// of the periods; Feigenbaum's constant 4.669 in the limit.
+/// of the periods. Their limit is Feigenbaum's constant 4.669.
 [[nodiscard]] std::vector<double> doubling_ratios(std::span<const double> doublings);
 
 }  // namespace orbid::periodic

@@ -9,7 +9,7 @@
 
 namespace orbid::periodic {
 
-/// How far the steps of a discretised orbit miss each other, F_j(z_j) - z_{j+1} - 2 pi turns_j, and the derivatives.
+/// The gaps between the steps of a discretised orbit, F_j(z_j) - z_{j+1} - 2 pi turns_j, and their derivatives.
 struct ClosingError {
     bool simulated = false;                  ///< all steps could be; everything else is meaningful only if so
     bool sticking = false;                   ///< some step contains sticking

@@ -23,14 +23,14 @@ struct PiecewisePolynomial {
 [[nodiscard]] PiecewisePolynomial piecewise_polynomial(const GaussSteps& steps, const Eigen::MatrixXd& nodes,
                                                        double time);
 
-/// A mesh of as many intervals on which each has the same share of the integral of |x^(m+1)|^(1/(m+1)). That derivative
+/// A mesh of equally many intervals, each with the same share of the integral of |x^(m+1)|^(1/(m+1)). That derivative
 /// is estimated from the jumps of the m-th between intervals.
 ///
 /// @param scale  typical size of each coordinate.
 [[nodiscard]] std::vector<double> equidistributed(const PiecewisePolynomial& solution, const GaussMethod& method,
                                                   const Eigen::VectorXd& scale);
 
-/// Every interval cut in two.
+/// Every interval halved.
 [[nodiscard]] std::vector<double> halved(const std::vector<double>& mesh);
 
 }  // namespace orbid::periodic

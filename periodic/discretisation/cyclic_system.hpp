@@ -13,19 +13,19 @@ namespace orbid::periodic {
 ///     d_{j+1} - X_j d_j = b_j,   j = 0 .. p-1,   d_p = d_0
 ///
 /// Orthogonal factorisation: d_1, d_2, ... are eliminated one after the other by a QR of the two block rows that hold
-/// them, and what remains is a 2n x 2n system for (d_{p-1}, d_0). This is a QR of the whole matrix with permuted
-/// columns, so expanding and contracting directions are treated alike; the closed form (I - X_{p-1} .. X_0)^-1 loses
-/// log10 |multiplier| digits instead.
+/// them. A 2n x 2n system for (d_{p-1}, d_0) remains. This is a QR of the whole matrix with permuted columns, so
+/// expanding and contracting directions are treated alike; the closed form (I - X_{p-1} .. X_0)^-1 loses log10
+/// |multiplier| digits instead.
 ///
 /// With a border of k further unknowns tau (the period of an autonomous orbit, a parameter) and as many conditions:
 ///
 ///     d_{j+1} - X_j d_j - G_j tau = b_j,      sum_j R_j d_j + S tau = r
 ///
 /// The columns of tau are carried along beside those of d_0, so that the system is solved as a whole: the cyclic part
-/// alone is singular for an autonomous orbit. From the rows of the border d_1, d_2, ... are taken off with the triangle
-/// of the QR: that one is never near to singular, as it belongs to the problem with d_0 = d_{p-1} = 0, whatever the
-/// cyclic part is; the 2n + k unknowns that remain are solved for by a QR with pivots. (Rows inside the QR would fill
-/// the triangle: p^2.)
+/// alone is singular for an autonomous orbit. From the rows of the border d_1, d_2, ... are eliminated with the R
+/// factor of the QR. It is never nearly singular, whatever the cyclic part is, as it belongs to the problem with d_0 =
+/// d_{p-1} = 0. The remaining 2n + k unknowns are solved for by a QR with pivots. (Rows inside the QR would fill the R
+/// factor: p^2.)
 ///
 /// Cost: O(p n^3) once, O(p n^2) per right-hand side.
 /// Source: S. J. Wright, SIAM J. Sci. Stat. Comput. 13 (1992) 742 (structured orthogonal factorisation).
@@ -35,7 +35,7 @@ public:
     /// @throws std::invalid_argument on an empty list, or factors that are not square and of one size.
     explicit CyclicSystem(const std::vector<Eigen::MatrixXd>& factors);
 
-    /// What stands beside and below the cyclic matrix. Its rows and columns should be of size one beside the factors:
+    /// The border beside and below the cyclic matrix. Its rows and columns should be of size one beside the factors:
     /// singular() compares with them.
     struct Border {
         Eigen::MatrixXd columns;  ///< G, shape (n p, k)
@@ -45,8 +45,8 @@ public:
     /// @throws std::invalid_argument also on a border whose shape does not fit the factors.
     CyclicSystem(const std::vector<Eigen::MatrixXd>& factors, const Border& border);
 
-    /// The matrix cannot be told from a singular one: its triangular factor has a diagonal element below 1e-14 of the
-    /// largest (rounding of a QR is a few n p eps; the digits of a solution above it are still counted).
+    /// The matrix is singular to working precision: its R factor has a diagonal element below 1e-14 of the largest.
+    /// (Rounding of a QR is a few n p eps; a solution above that still has correct digits.)
     [[nodiscard]] bool singular() const { return singular_; }
 
     /// @param b  shape (n p + k, m), rows [n j, n (j + 1)) = b_j, the last k rows = r (k = 0 without a border).

@@ -49,8 +49,8 @@ public:
                                     std::span<const Eigen::Index> free) const override;
     [[nodiscard]] StepImage state(Eigen::Index j, const Eigen::VectorXd& z, double time,
                                   std::span<const Eigen::Index> free) const override;
-    /// The two-step scheme has n multipliers too many, near those of -f; those of the trapezoidal rule along the same
-    /// orbit are as accurate, O(h^2), and n.
+    /// The two-step scheme has n multipliers too many, near those of -f. The n multipliers of the trapezoidal rule
+    /// along the same orbit are as accurate, O(h^2).
     [[nodiscard]] std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
                                                            const Eigen::MatrixXd& nodes, double time) const override;
 

@@ -21,9 +21,9 @@ struct StepImage {
 ///
 ///     z_{j+1} = F_j(z_j; T, theta),   j mod N.
 ///
-/// Shooting: F_j is the flow over a segment and z the state. Finite differences and collocation have the same form, as
-/// what a step needs beside z_j can be solved for within the step. One Newton method, one linear system and one result
-/// serve them all. Implementations are const and thread-safe.
+/// Shooting: F_j is the flow over a segment and z the state. Finite differences and collocation have the same form:
+/// their further unknowns are solved for within the step. One Newton method, one linear system and one result serve
+/// them all. Implementations are const and thread-safe.
 class Discretisation {
 public:
     virtual ~Discretisation() = default;
@@ -42,7 +42,7 @@ public:
     /// Where z_j lies on the orbit: time since z_0 / T, in [0, 1).
     [[nodiscard]] virtual double share(Eigen::Index j) const = 0;
     /// n x n factors of the monodromy matrix, the first one applied first; `jacobians` are those of advance(). One per
-    /// step, or more of them where steps are cut in pieces for the digits of the small multipliers.
+    /// step, or several where steps are split to keep the digits of the small multipliers.
     [[nodiscard]] virtual std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
                                                                    const Eigen::MatrixXd& nodes, double time) const;
 

@@ -5,8 +5,8 @@
 namespace orbid::periodic {
 
 /// Gauss's implicit Runge-Kutta method with m stages: collocation at the zeros c_i of the Legendre polynomial on [0,
-/// 1]. Exact for polynomials of degree 2 m - 1 under the integral; order 2 m. Source: E. Hairer, S. P. Norsett, G.
-/// Wanner, Solving Ordinary Differential Equations I (1993), section II.7.
+/// 1]. Integrates polynomials of degree 2 m - 1 exactly; order 2 m. Source: E. Hairer, S. P. Norsett, G. Wanner,
+/// Solving Ordinary Differential Equations I (1993), section II.7.
 struct GaussMethod {
     Eigen::VectorXd nodes;    ///< c, ascending, shape (m)
     Eigen::MatrixXd matrix;   ///< a_ij = integral of l_j over [0, c_i], l_j Lagrange's polynomials on c

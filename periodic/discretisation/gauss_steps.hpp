@@ -13,8 +13,8 @@
 namespace orbid::periodic {
 
 /// Collocation at Gauss points, one polynomial of degree m per interval of the mesh, as one-step maps between the mesh
-/// points: x(s_j + c_i h_j) satisfies the equations at all m points. The stages are solved for within the interval by
-/// Newton's method, which is the condensation of parameters that codes for collocation do in their linear algebra.
+/// points. x(s_j + c_i h_j) satisfies the equations at all m points. Newton's method solves for the stages within the
+/// interval. Collocation codes do the same in their linear algebra as condensation of parameters.
 class GaussSteps final : public Discretisation {
 public:
     /// @param mesh  ascending shares of the orbit, the first one 0, all below 1.

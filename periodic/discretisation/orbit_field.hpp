@@ -16,12 +16,12 @@ struct FieldValues {
     Eigen::MatrixXd by_parameters;  ///< shape (n, m f): block k; empty unless asked for
 };
 
-/// The field of a flow over its whole orbit, the share s of the orbit being the time:
+/// The field of a flow over its whole orbit, with the share s of the orbit as the time:
 ///
 ///     dx/ds = G(x, s; T, theta) = T f(x, phase(s); theta),      s in [0, 1].
 ///
-/// Forced models: T = p periods of the forcing, and what a free forcing frequency does to it is part of G's
-/// derivatives.
+/// Forced models: T = p periods of the forcing. If the forcing frequency is free, G's derivatives include its effect on
+/// T.
 class OrbitField {
 public:
     /// @param periods  of the forcing per orbit (forced models; ignored otherwise).
@@ -29,7 +29,7 @@ public:
 
     [[nodiscard]] Eigen::Index dimension() const { return system_.dimension(); }
     [[nodiscard]] bool autonomous() const { return autonomous_; }
-    /// T [s]: `time` of autonomous flows, what the parameters say otherwise.
+    /// T [s]: `time` of autonomous flows, otherwise given by the parameters.
     [[nodiscard]] double duration(double time) const { return autonomous_ ? time : forced_duration_; }
     /// d ln T / d theta_k of the free parameters (forced models; zero otherwise). Shape (f).
     [[nodiscard]] Eigen::RowVectorXd ln_duration_slopes(std::span<const Eigen::Index> free) const;

@@ -11,8 +11,8 @@
 
 namespace orbid::periodic {
 
-/// The flow over the segments of a mesh: the steps of multiple shooting. T of autonomous flows is shared out among
-/// the segments as in the mesh. System and theta are only referred to.
+/// The flow over the segments of a mesh: the steps of multiple shooting. T of autonomous flows is divided among the
+/// segments as in the mesh. System and theta are held by reference.
 class FlowSteps final : public Discretisation {
 public:
     FlowSteps(const models::System& system, const Eigen::VectorXd& theta, const ShootingMesh& mesh,
@@ -24,8 +24,8 @@ public:
     [[nodiscard]] double share(Eigen::Index j) const override;
     [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
                                     std::span<const Eigen::Index> free) const override;
-    /// Segments over which errors grow much are followed once more in pieces: a Jacobian whose largest singular value
-    /// is g times the smallest has lost as many digits of the small multipliers as g has.
+    /// Segments with large error growth are followed once more in pieces. If the largest singular value of a Jacobian
+    /// is g times the smallest, the small multipliers have lost as many digits as g has.
     [[nodiscard]] std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
                                                            const Eigen::MatrixXd& nodes, double time) const override;
 

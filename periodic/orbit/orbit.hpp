@@ -28,8 +28,8 @@ enum class OrbitStatus {
 
 [[nodiscard]] std::string_view name(OrbitStatus status);
 
-/// A periodic orbit of a forced model or map at one node per period, of an autonomous flow at its crossings of a
-/// section (or at the nodes of its discretisation where no section was named).
+/// A periodic orbit. Forced model or map: one node per period. Autonomous flow: its crossings of a section, or the
+/// nodes of its discretisation where no section was named.
 ///
 ///     x_{j+1} = Phi(x_j; theta), j mod p, with x_p = x_0 + 2 pi r in the angle coordinates
 struct PeriodicOrbit {
@@ -39,7 +39,7 @@ struct PeriodicOrbit {
     Eigen::MatrixXd points;     ///< shape (n, p), angles in (-pi, pi]; p: nodes without a section
     std::vector<Eigen::MatrixXd> jacobians;         ///< X_j = dPhi/dx from point j to the next, shape (n, n) each
     std::vector<std::complex<double>> multipliers;  ///< Floquet multipliers, largest modulus first, the trivial one not
-    /// shorter_period: how many times the orbit asked for runs through the one found, whose period, time and rotation
+    /// shorter_period: how many times the requested orbit runs through the one found, whose period, time and rotation
     /// are that many times less; 1 otherwise.
     int repeats = 1;
     double residual = 0.0;  ///< largest closing error max_j |Phi(x_j) - x_{j+1}| over coordinates
@@ -53,8 +53,8 @@ struct PeriodicOrbit {
     Eigen::RowVectorXd time_sensitivities;  ///< dT / d theta, shape (f) [s per unit]; empty unless autonomous
     /// Autonomous: the multiplier of a shift along the orbit, 1 but for rounding and discretisation; nan otherwise.
     std::complex<double> trivial_multiplier = std::numeric_limits<double>::quiet_NaN();
-    /// Estimated error of the points by the discretisation, relative to the scales; 0 where the flow is followed to its
-    /// own accuracy (shooting).
+    /// Estimated discretisation error of the points, relative to the scales; 0 where the flow is followed to its own
+    /// accuracy (shooting).
     double discretisation_error = 0.0;
 };
 

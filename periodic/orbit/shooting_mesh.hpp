@@ -43,15 +43,15 @@ struct ShootingMesh {
     double time = 0.0;                 ///< T [s]; iterations of a map
 };
 
-/// The mesh through the points themselves, one segment from each to the next. Segments of autonomous flows last as
-/// long as the return to the section takes.
-/// @throws std::invalid_argument on wrong shapes, nan, time <= 0, or a start that does not belong to the kind of model.
+/// The mesh through the points themselves, one segment from each to the next. Segments of autonomous flows last as long
+/// as the return to the section.
+/// @throws std::invalid_argument on wrong shapes, nan, time <= 0, or a start that does not fit the kind of model.
 [[nodiscard]] ShootingMesh mesh_from_guess(const models::System& system, const Eigen::VectorXd& theta,
                                            const StartingSolution& start, const models::FlowOptions& options);
 
-/// The same mesh with further nodes, taken from its flow, in segments over which an error grows too much: where the
-/// ratio of the largest to the smallest singular value of X, the growth of an error forwards times that backwards,
-/// exceeds `growth`.
+/// The same mesh with further nodes, taken from its flow, in segments over which an error grows too much. There the
+/// ratio of the largest to the smallest singular value of X exceeds `growth`: the growth of an error forwards times
+/// that backwards.
 [[nodiscard]] ShootingMesh refined(const models::System& system, const Eigen::VectorXd& theta, const ShootingMesh& mesh,
                                    double growth, const models::FlowOptions& options);
 
@@ -61,7 +61,7 @@ struct ShootingMesh {
 
 /// That ratio exceeds `growth`. A direction that is lost altogether (sticking) has no growth backwards.
 [[nodiscard]] bool grows_beyond(const Eigen::MatrixXd& jacobian, double growth);
-/// As many pieces of even growth as keep each below `growth`, in [1, 48].
+/// The number of pieces of even growth, in [1, 48], that keeps each below `growth`.
 [[nodiscard]] int pieces_of(const Eigen::MatrixXd& jacobian, double growth);
 
 /// States along a mesh, angles continuous: the whole turns between its nodes are added up.

@@ -16,7 +16,7 @@ enum class PhaseChoice {
     integral    ///< on all nodes
 };
 
-/// Knobs of Newton's method that all discretisations share.
+/// Options of Newton's method that all discretisations share.
 struct ShootingOptions {
     /// Converged when closing error and Newton step fall below this x scale, or stagnate at rounding level; > 0. That
     /// last step is still taken: the error of the points is its square, down to the error of the flow.
@@ -29,12 +29,12 @@ struct ShootingOptions {
     /// Typical size of each coordinate (angle: 2 pi); empty: 2 pi for angles, largest |guess| or 1 otherwise.
     Eigen::VectorXd scale{};
     models::FlowOptions flow{};
-    /// A segment over which the ratio of the largest to the smallest growth of an error exceeds this gets further nodes
-    /// inside (flows); > 1, infinity: none. Sensitivities lose as many digits as this has; multipliers do not, see
+    /// A segment gets further nodes where the ratio of the largest to the smallest growth of an error exceeds this
+    /// (flows); > 1, infinity: none. Sensitivities lose as many digits as this has; multipliers do not, see
     /// FlowSteps::propagators().
     double segment_growth = 1e5;
-    /// Where Newton's first step does not contract, the orbit nearest to the guess is looked for. false: whichever
-    /// orbit Newton's method leads to.
+    /// Where Newton's first step does not contract, the orbit nearest to the guess is sought. false: accept any orbit
+    /// that Newton's method finds.
     bool nearest = true;
     PhaseChoice phase = PhaseChoice::automatic;  ///< autonomous flows without a section
 };

@@ -12,12 +12,12 @@ namespace orbid::periodic {
 /// Indices of the coordinates that are angles.
 [[nodiscard]] std::vector<Eigen::Index> angle_coordinates(const models::System& system);
 
-/// 2 pi for angles, the largest |guess| (1 where that is zero, or a rounded zero beside 1 or the largest coordinate)
-/// for the others. Shape (n).
+/// 2 pi for angles, the largest |guess| for the others. 1 where that is zero, or a rounded zero beside 1 or the largest
+/// coordinate. Shape (n).
 [[nodiscard]] Eigen::VectorXd default_scale(const models::System& system, const Eigen::MatrixXd& guess);
 
 /// Whole turns from each node to the next: the nearest ones for the flow of the guess. Where the wanted total differs,
-/// the segments whose nearest turn was the least certain give way, one turn each.
+/// the segments with the least certain turns are changed, by one turn each.
 ///
 /// @param error     shape (n, N): flow of each node - next node.
 /// @param rotation  wanted turns per angle, or empty.
@@ -25,9 +25,9 @@ namespace orbid::periodic {
 [[nodiscard]] Eigen::MatrixXd winding_numbers(const Eigen::MatrixXd& error, const std::vector<Eigen::Index>& angles,
                                               std::span<const int> rotation);
 
-/// How often the points of a closed orbit run through the same ones, to a share `same` of the scale: 1 where the prime
-/// period is p. Two different points of a converged orbit are closer only next to a period doubling, where the orbits
-/// cannot be told apart either.
+/// How often the points of a closed orbit run through the same ones, within a fraction `same` of the scale: 1 where the
+/// prime period is p. Different points of a converged orbit are closer only next to a period doubling, where the orbits
+/// cannot be distinguished either.
 [[nodiscard]] int repeats_of(const Eigen::MatrixXd& points, const std::vector<Eigen::Index>& angles,
                              const Eigen::VectorXd& scale, double same = 1e-7);
 

@@ -38,20 +38,20 @@ struct SectionPiecesOptions {
     models::FlowOptions flow{};
 };
 
-/// [s] 100 times the median of a few returns from random states: what longer returns are taken for standstill. 1
-/// unless autonomous.
+/// [s] 100 times the median of a few returns from random states: longer returns count as standstill. 1 unless
+/// autonomous.
 [[nodiscard]] double longest_return(const models::System& system, const Eigen::VectorXd& theta,
                                     const std::optional<models::Section>& section, std::uint64_t seed,
                                     const models::FlowOptions& flow);
 
-/// Half the range of random states, shape (n): pi for angles; otherwise the largest absolute value that trajectories
+/// Half the range of random states, shape (n): pi for angles. Otherwise the largest absolute value that trajectories
 /// from within one unit reach, as far as they can be followed.
 [[nodiscard]] Eigen::VectorXd start_range(const ModelSection& section, std::uint64_t seed,
                                           const models::FlowOptions& flow);
 
 /// Trajectories from states that are uniform within start_range(). One that settles on a stable orbit (64 sections
-/// repeat after p <= 32 within 1e-9 of the size) or cannot be continued makes room for another, and leaves what it
-/// went through. The same bytes with any number of threads.
+/// repeat after p <= 32 within 1e-9 of the size) or cannot be continued is replaced by another, but its points are
+/// kept. The same bytes with any number of threads.
 [[nodiscard]] SectionPieces simulate_pieces(const ModelSection& section, const SectionPiecesOptions& options);
 
 /// State number `index` of a stream of uniform random states within +-range. Shape (n).

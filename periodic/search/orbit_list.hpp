@@ -11,31 +11,31 @@
 
 namespace orbid::periodic {
 
-/// Points of an orbit in the order that begins with the smallest first coordinate (where several are as small to 1e-9
-/// of `size`: with the smallest second one, and so on). @param points  shape (n, p), angles in (-pi, pi].
+/// Points of an orbit in the order that begins with the smallest first coordinate. Ties to 1e-9 of `size` are decided
+/// by the smallest second one, and so on. @param points  shape (n, p), angles in (-pi, pi].
 [[nodiscard]] Eigen::MatrixXd in_canonical_order(const Eigen::MatrixXd& points, const Eigen::VectorXd& size);
 
 /// Orbits found so far, each once.
 class OrbitList {
 public:
-    /// @param size  shape (n), > 0: extent of each coordinate; what is nearer than 1e-6 of it is the same point.
+    /// @param size  shape (n), > 0: extent of each coordinate; points closer than 1e-6 of it are the same.
     OrbitList(const ModelSection& section, Eigen::VectorXd size, ShootingOptions solver);
 
-    /// Points of a closed orbit that were found with low accuracy: shortened to its prime period, compared with what
-    /// is known, then solved to full accuracy, with its mirror image when wanted.
+    /// Adds points of a closed orbit found with low accuracy. They are shortened to the prime period, compared with the
+    /// known orbits, then solved to full accuracy, with the mirror image when wanted.
     /// @return index of the new orbit, none when it was known (its hits are counted) or is lost at full accuracy.
     std::optional<std::size_t> add(const Eigen::MatrixXd& points, StartOrigin origin, bool mirror);
 
     [[nodiscard]] const std::vector<FoundOrbit>& orbits() const { return orbits_; }
     /// Number of orbits of one prime period.
     [[nodiscard]] std::size_t count(int period) const;
-    /// The known orbit that passes all these points, in their order, within `radius` of `size`; none: no orbit does.
+    /// The known orbit that passes all these points, in their order, within `radius` of `size`; none if there is none.
     [[nodiscard]] std::optional<std::size_t> find(const Eigen::MatrixXd& points, double radius) const;
 
 private:
     std::optional<std::size_t> insert(const Eigen::MatrixXd& points, StartOrigin origin);
     [[nodiscard]] Eigen::MatrixXd prime(const Eigen::MatrixXd& points) const;
-    /// All points pass the section in its direction.
+    /// All points cross the section in its direction.
     [[nodiscard]] bool crosses_forwards(const Eigen::MatrixXd& points) const;
     void look_for_mirror(std::size_t index);
 
@@ -46,8 +46,8 @@ private:
     std::vector<FoundOrbit> orbits_;
 };
 
-/// The mirror image of an orbit by the model's symmetry, in the same section; none for a model without, or when the
-/// flow cannot be followed there. Accurate to the flow's error over one return: a start.
+/// The mirror image of an orbit by the model's symmetry, in the same section. None for a model without symmetry, or
+/// when the flow cannot be followed there. Accurate to the flow's error over one return: a start.
 [[nodiscard]] std::optional<Eigen::MatrixXd> mirror_image(const ModelSection& section, const PeriodicOrbit& orbit,
                                                           const models::FlowOptions& flow);
 

@@ -41,18 +41,18 @@ struct OrbitSearchOptions {
     std::size_t trajectories = 256;  ///< at a time, >= 1; from random states
     Eigen::MatrixXd initial{};       ///< shape (n, m): states from which the first trajectories begin; may be empty
     bool symmetry = true;            ///< look for the mirror image of every orbit (models that declare a symmetry)
-    /// As the last resort stabilised iterations from the orbits found, until a round of them is in vain; a sample of
-    /// them for periods that are settled.
+    /// As the last resort stabilised iterations from the orbits found, until a round of them finds nothing. Periods
+    /// that are settled get a sample of them.
     bool stabilised = true;
     /// Recurrences up to this gap are tried, relative to the extent of the section, closest first; in (0, 0.5].
     double widest = 0.05;
-    /// Starts in a row that find nothing new before the rest of their kind is left, >= 1; of the starts so far at least
-    /// a quarter as well.
+    /// Starts in a row without a new orbit after which the rest of their kind is skipped, >= 1; at least a quarter of
+    /// the starts so far.
     std::size_t patience = 2000;
-    /// Loops of cells that are tried in one round at most, >= 1: cells are made so small.
+    /// Loops of cells that are tried in one round at most, >= 1: it decides how small the cells are.
     std::size_t loops = 20000;
-    /// Names the parts of the section: orbits get codes. Orbits of different code differ; whether those of one code are
-    /// the same depends on the partition.
+    /// Names the parts of the section, so that orbits get codes. Orbits of different code differ; whether those of one
+    /// code are the same depends on the partition.
     std::optional<SymbolPartition> partition{};
     std::vector<std::string> codes{};     ///< words that are looked for besides (their lengths join `periods`)
     std::function<bool()> interrupted{};  ///< asked between batches of starts; empty: never
@@ -69,8 +69,8 @@ struct FoundOrbit {
 };
 
 struct OrbitSearch {
-    /// For each period asked for, ascending: the last round of joined pieces, through cells of another size than those
-    /// before, found nothing new. False: there are probably more (longer periods: more `points`, more `loops`).
+    /// For each period asked for, ascending: the last round of joined pieces, with cells of another size than before,
+    /// found nothing new. False: there are probably more (longer periods: more `points`, more `loops`).
     std::vector<bool> settled;
     std::vector<FoundOrbit> orbits;  ///< by period, rotation, points; the same with any number of threads
     std::size_t starts = 0;          ///< that were solved
@@ -78,12 +78,11 @@ struct OrbitSearch {
     bool interrupted = false;        ///< asked to stop: what was found until then
 };
 
-/// All prime periodic orbits of a model of the periods asked for that can be reached without data: starts from
-/// recurrences of its own trajectories, from pieces of them joined to closed sequences of cells, from random states,
-/// from mirror images, and, as the last resort, from stabilised iterations that begin at the points of the orbits that
-/// are known.
+/// Prime periodic orbits of a model, of the periods asked for, found without data. Starts come from recurrences of its
+/// own trajectories, from pieces of them joined to closed sequences of cells, from random states and from mirror
+/// images. The last resort is stabilised iterations from the points of the known orbits.
 ///
-/// @return never fails for bad numerics: what was not found is not in the list.
+/// @return never fails for numerical reasons: orbits that were not found are not in the list.
 /// @throws std::invalid_argument naming the option and its rule.
 [[nodiscard]] OrbitSearch search_orbits(const models::System& system, const Eigen::VectorXd& theta,
                                         const OrbitSearchOptions& options);

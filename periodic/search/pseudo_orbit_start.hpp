@@ -12,19 +12,19 @@
 
 namespace orbid::periodic {
 
-/// Cyclic sequences of p cells each of which was seen to lead to the next: pieces of trajectories joined where they
-/// pass through the same cell. An orbit all of whose steps have been seen is within a cell of one of these at every
-/// point, while a recurrence needs a trajectory that stays near the orbit for a whole turn.
+/// Cyclic sequences of p cells with observed transitions: pieces of trajectories joined where they pass through the
+/// same cell. An orbit all of whose transitions were observed is within a cell of one of these at every point. A
+/// recurrence, in contrast, needs a trajectory that stays near the orbit for a whole round.
 class PseudoOrbits {
 public:
     /// Cost: O(points log points).
     PseudoOrbits(const SectionPieces& pieces, const SectionCells& cells);
 
-    /// All of them of one length, each once whatever its first cell and, with a symmetry, mirrored or not; in an order
-    /// that mixes them. None when there are more than `most`: smaller ones were then only counted up to there.
+    /// All of one length, in an order that mixes them. Each occurs once whatever its first cell and, with a symmetry,
+    /// mirrored or not. None when there are more than `most`: counting then stopped there.
     [[nodiscard]] std::optional<std::vector<std::vector<std::uint32_t>>> loops(int period, std::size_t most) const;
 
-    /// One state seen in each cell of a loop, on its way to the next. Shape (n, p).
+    /// One observed state in each cell of a loop, on its way to the next. Shape (n, p).
     [[nodiscard]] Eigen::MatrixXd points(const std::vector<std::uint32_t>& loop) const;
 
 private:

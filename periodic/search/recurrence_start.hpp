@@ -8,7 +8,7 @@
 
 namespace orbid::periodic {
 
-/// A stretch of p points after which a trajectory comes back near to where it was.
+/// A piece of p points after which a trajectory comes back near its beginning.
 struct RecurrenceStart {
     std::size_t piece = 0;  ///< index into SectionPieces::pieces
     Eigen::Index first = 0;
@@ -19,8 +19,8 @@ struct RecurrenceStart {
     }
 };
 
-/// Stretches of trajectories that return within `box` (every coordinate, relative to the size), the one that closes
-/// best from each coarse itinerary, closest first. An itinerary is the cyclic sequence of cells of edge `cell` that the
+/// Pieces of trajectories that return within `box` (every coordinate, relative to the size), closest first. Each coarse
+/// itinerary gives the one that closes best. An itinerary is the cyclic sequence of cells of edge `cell` that the
 /// points lie in.
 ///
 /// @param signs  of a symmetry that maps the section onto itself: an itinerary and its mirror image are one; or empty.

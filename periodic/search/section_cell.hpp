@@ -11,8 +11,8 @@
 namespace orbid::periodic {
 
 /// Names of the cells of one edge that points of a section lie in. Cells are centred on 0 and, for angles, on half a
-/// turn, where the fixed points of a mirror symmetry are. Names are hashes of 64 bits: two of 10^5 cells are confused
-/// once in 10^9 times, which costs a start.
+/// turn, where the fixed points of a mirror symmetry are. Names are hashes of 64 bits. Two of 10^5 cells collide once
+/// in 10^9 times, which costs one start.
 class SectionCells {
 public:
     /// @param size   shape (n): extent of each coordinate.
@@ -21,7 +21,7 @@ public:
     SectionCells(const models::System& system, Eigen::VectorXd size, double edge, std::vector<double> signs);
 
     [[nodiscard]] std::uint64_t name(Eigen::Ref<const Eigen::VectorXd> x) const { return name(x, false); }
-    /// Of the mirror image; the name itself without a symmetry.
+    /// The name of the mirror image; the name itself without a symmetry.
     [[nodiscard]] std::uint64_t mirrored(Eigen::Ref<const Eigen::VectorXd> x) const { return name(x, true); }
 
 private:

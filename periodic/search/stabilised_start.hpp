@@ -34,12 +34,12 @@ private:
     Eigen::MatrixXd basis_;  ///< shape (n, d)
 };
 
-/// Orthogonal matrices C of which one at least makes a fixed point of f^p stable under u' = C g(u), g = f^p(u) - u.
+/// Orthogonal matrices C, at least one of which makes a fixed point of f^p stable under u' = C g(u), g = f^p(u) - u.
 ///
-/// d = 2: the three of {1, diag(1, -1), diag(-1, 1)} do for every saddle. With G = dg/du: det G > 0 when the unstable
-/// multiplier is negative, both eigenvalues of G are then negative; det G < 0 when it is positive, and one of the two
-/// reflections makes det(C G) > 0 and trace(C G) < 0 unless G_11 = G_22. Otherwise: all signed permutation matrices
-/// (d <= 3, 2^d d! of them), the diagonal ones of these (d <= 6), or 1 and -1.
+/// d = 2: the three of {1, diag(1, -1), diag(-1, 1)} suffice for every saddle. With G = dg/du: det G > 0 when the
+/// unstable multiplier is negative; both eigenvalues of G are then negative. det G < 0 when it is positive; one of the
+/// two reflections then makes det(C G) > 0 and trace(C G) < 0 unless G_11 = G_22. Otherwise: all signed permutation
+/// matrices (d <= 3, 2^d d! of them), the diagonal ones of these (d <= 6), or 1 and -1.
 [[nodiscard]] std::vector<Eigen::MatrixXd> stabilising_matrices(Eigen::Index dimension);
 
 struct StabilisedOptions {

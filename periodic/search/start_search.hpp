@@ -14,45 +14,45 @@
 
 namespace orbid::periodic {
 
-/// Accuracy of the flow where it only has to lead to starts.
+/// Accuracy of a flow that only has to lead to starts.
 [[nodiscard]] models::FlowOptions coarse_flow(const models::FlowOptions& flow);
 
-/// Starts of every origin, solved in batches, and the list of orbits that came out. Parallel within a batch; the same
-/// with any number of threads.
+/// Starts of every origin, solved in batches, and the resulting list of orbits. Parallel within a batch; the same with
+/// any number of threads.
 class StartSearch {
 public:
     StartSearch(const ModelSection& section, const OrbitSearchOptions& options, const SectionPieces& pieces);
 
-    /// The words asked for.
+    /// The requested symbol sequences.
     void from_codes();
 
     /// Recurrences of the trajectories, closest first.
     void from_recurrences(int period);
 
-    /// Random states around the section, and where they go: orbits off the attractor.
+    /// Random states around the section, and their trajectories: orbits off the attractor.
     void from_scattered(int period);
 
-    /// Loops of cells, from fine cells to coarse ones, until a round brings nothing new. Fine cells have few loops,
-    /// each near to its orbit, but some of their steps were never seen; coarse ones have many.
-    /// @return the last round, through cells of another size than those before, brought nothing new.
+    /// Loops of cells, from fine cells to coarse ones, until a round finds nothing new. Fine cells have few loops, each
+    /// close to its orbit, but miss some transitions; coarse ones have many.
+    /// @return the last round, with cells of another size than before, found nothing new.
     bool from_joined(int period);
 
     /// Stabilised iterations that begin at the points of orbits of other periods.
-    /// @param used  orbits of the list that have served already; set to all.
+    /// @param used  orbits of the list that have already served; set to all.
     /// @param most  iterations, a mixed sample of all.
     void from_orbits(int period, std::size_t& used, std::size_t most);
 
-    /// Somebody asked to stop.
+    /// A stop was requested.
     [[nodiscard]] bool stopped() const { return options_.interrupted && options_.interrupted(); }
     [[nodiscard]] const OrbitList& list() const { return list_; }
     [[nodiscard]] std::size_t starts() const { return starts_; }
 
 private:
-    /// Solves starts in batches until they are all tried or long in vain.
+    /// Solves starts in batches until all are tried or too many in a row found nothing.
     /// @param start_at  points of start number k; empty: none.
     void solve(std::size_t count, StartOrigin origin, const std::function<Eigen::MatrixXd(std::size_t)>& start_at);
 
-    /// Points of the loops of one length through cells of one edge, those of known orbits left out; none: too many.
+    /// Points of the loops of one length through cells of one edge, without those of known orbits; none: too many.
     [[nodiscard]] std::optional<std::vector<Eigen::MatrixXd>> loops_of(int period, double edge) const;
 
     [[nodiscard]] Eigen::VectorXd on_section(const Eigen::VectorXd& x) const;

@@ -17,23 +17,22 @@ struct CodedOrbit {
     bool found = false;   ///< `orbit` converged, is prime and has the code asked for
     PeriodicOrbit orbit;  ///< of the last try where none was found
     std::string code;     ///< of what was solved last; empty when nothing converged
-    /// Symbols ahead that the trajectory shared with the word at the worst of its points. Fewer than the word has:
-    /// probably it does not occur (is pruned), or `pieces` are too short.
+    /// Symbols ahead that the trajectory shared with the word at its worst point. If fewer than the word has, it
+    /// probably does not occur (is pruned), or `pieces` are too short.
     int agreement = 0;
 };
 
-/// Starts from symbol sequences: each point of the word is looked for among the points of the model's own trajectories,
-/// the one whose itinerary agrees longest with the periodic word, ahead and behind. The distance to the orbit shrinks
-/// with every symbol ahead by the expansion and with every symbol behind by the contraction, if the partition
-/// generates. With one that does not, several orbits may share a code: the one is found that is nearest to what was
-/// simulated.
+/// Starts from symbol sequences. For each point of the word the model's own trajectories are searched for the point
+/// whose itinerary agrees longest with the periodic word, ahead and behind. If the partition generates, the distance to
+/// the orbit shrinks with every symbol ahead by the expansion and with every symbol behind by the contraction.
+/// Otherwise several orbits may share a code, and the one nearest to the simulated trajectories is found.
 class SymbolicStarts {
 public:
     /// @param pieces  outlive this object.
     /// @throws std::invalid_argument on a wrong partition.
     SymbolicStarts(const ModelSection& section, const SectionPieces& pieces, SymbolPartition partition);
 
-    /// Best matches of every point, number `rank` of them (0: the best). Shape (n, p). @param agreement  see above.
+    /// The match number `rank` of every point (0: the best). Shape (n, p). @param agreement  see above.
     [[nodiscard]] Eigen::MatrixXd start(const std::string& word, std::size_t rank, int& agreement) const;
 
     /// Tries the best matches, then the next ones, up to `tries`, by multiple shooting.

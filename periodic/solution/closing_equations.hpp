@@ -8,7 +8,7 @@
 
 namespace orbid::periodic {
 
-/// Closing errors linearised in all nodes, and the normal equations of bringing them to zero with short corrections:
+/// Closing errors linearised in all nodes, and the normal equations for short corrections that bring them to zero:
 ///
 ///     r + J d,   A = W + weight J^T J
 ///

@@ -24,18 +24,18 @@ struct CollocationOptions {
     ShootingOptions solver{};
 };
 
-/// Periodic orbit of a smooth flow by collocation at m Gauss points on each interval of an adaptive mesh: piecewise
-/// polynomials of degree m, continuous, that satisfy the equations at the collocation points. The error at the mesh
-/// points is O(h^(2 m)).
+/// Periodic orbit of a smooth flow by collocation at m Gauss points on each interval of an adaptive mesh. The solution
+/// is a continuous piecewise polynomial of degree m that satisfies the equations at the collocation points. The error
+/// at the mesh points is O(h^(2 m)).
 ///
 /// The mesh is moved so that all intervals have the same share of the integral of |x^(m+1)|^(1/(m+1)), the error of the
-/// polynomials; then intervals are halved until the error is below `accuracy`: a third of the difference of the points
-/// of two meshes, an estimate for order two that is far too large where order 2 m is reached. Where a derivative of the
-/// equations jumps (v|v| at v = 0), orders above two are lost in the intervals it lies in.
+/// polynomials. Then intervals are halved until the error is below `accuracy`. It is estimated as a third of the
+/// difference of the points of two meshes: right for order two, far too large where order 2 m is reached. Where a
+/// derivative of the equations jumps (v|v| at v = 0), orders above two are lost in the intervals it lies in.
 ///
 /// @param start  as for multiple shooting; forced models and autonomous flows.
 /// @return orbit as from multiple shooting; `jacobians` is empty where a point is no mesh point. A discretisation_error
-///         above `accuracy` tells that the halvings were used up.
+///         above `accuracy` means that no halvings were left.
 /// @throws std::invalid_argument for a map, a model that is not smooth at theta, and where multiple shooting does.
 /// Cost: O(N m^3 n^3) per iteration, N intervals.
 /// Source: U. Ascher, J. Christiansen, R. D. Russell, Mathematics of Computation 33 (1979) 659.

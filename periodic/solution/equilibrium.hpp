@@ -6,8 +6,8 @@
 
 namespace orbid::periodic {
 
-/// States of a closed orbit of an autonomous flow that do not move: neither does the field carry the first one farther
-/// than 1e-6 of the scale within the time of the orbit, nor are two of them farther apart than that.
+/// The closed orbit of an autonomous flow is an equilibrium: its states do not move. Within the time of the orbit the
+/// field carries the first one no farther than 1e-6 of the scale, and no two are farther apart than that.
 [[nodiscard]] bool at_equilibrium(const models::System& system, const Eigen::VectorXd& theta,
                                   const Eigen::MatrixXd& states, double time, const Eigen::VectorXd& scale);
 

@@ -10,7 +10,7 @@
 
 namespace orbid::periodic {
 
-/// A mesh brought near the orbit that it is meant for.
+/// A mesh brought close to the intended orbit.
 struct FarStartSearch {
     ShootingMesh mesh;          ///< nodes and time of the approach, or the ones given where there is nothing better
     bool closed = false;        ///< the nodes close but for a small step of Newton's method
@@ -18,9 +18,9 @@ struct FarStartSearch {
     int iterations = 0;         ///< steps of Newton's method taken
 };
 
-/// First steps towards an orbit, with a coarse flow (1e-7): chooses the whole turns, iterates, and where the first step
-/// of Newton's method does not contract looks for the orbit nearest to the guess instead (corrected_guess()), so that
-/// whatever is computed to full accuracy afterwards starts from the right place.
+/// First steps towards an orbit, with a coarse flow (1e-7). They choose the whole turns and iterate. Where the first
+/// step of Newton's method does not contract, they look for the orbit nearest to the guess instead (corrected_guess()).
+/// The accurate computation that follows then starts from the right place.
 ///
 /// @param mesh  through the points of `start`.
 /// @param scale   typical size of each coordinate.

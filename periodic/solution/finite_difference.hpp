@@ -16,8 +16,8 @@
 namespace orbid::periodic {
 
 struct FiniteDifferenceOptions {
-    /// Per period of the forcing, or return to the section, or orbit; >= 5. The centred differences of a first-order
-    /// system take one more in all where the sum is even.
+    /// Nodes per period of the forcing, or return to the section, or orbit; >= 5. The centred differences of a
+    /// first-order system add one where the total is even.
     int nodes = 200;
     bool second_order = true;    ///< Fey's scheme where the equations have that structure
     bool estimate_error = true;  ///< solves with half as many nodes as well, for `discretisation_error`; else nan
@@ -31,8 +31,8 @@ struct SecondOrderStructure {
     bool complete = false;
 };
 
-/// Read off the equations: x_i' equals x_j bit by bit at the given states and at scattered ones around them, which no
-/// other expression does.
+/// Derived from the equations: x_i' equals x_j bit by bit at the given states and at scattered ones around them, which
+/// no other expression does.
 [[nodiscard]] SecondOrderStructure second_order_structure(const models::System& system, const Eigen::VectorXd& theta,
                                                           const Eigen::MatrixXd& states, const Eigen::VectorXd& scale);
 
@@ -45,12 +45,12 @@ struct SecondOrderStructure {
 ///
 ///     (x_{k+1} - x_{k-1}) / (2 h) = f(x_k, t_k),   k mod N.
 ///
-/// Newton on all nodes at once; the error of a converged orbit is O(h^2), that of its multipliers as well.
-/// Sensitivities are those of the discrete orbit, exact but for rounding.
+/// Newton on all nodes at once. The error of a converged orbit and of its multipliers is O(h^2). Sensitivities are
+/// those of the discrete orbit, exact but for rounding.
 ///
 /// @param start  as for multiple shooting; forced models and autonomous flows.
-/// @return orbit as from multiple shooting; `jacobians` is empty where a point is no node, and with the first-order
-///         scheme X_j is one of the trapezoidal rule.
+/// @return orbit as from multiple shooting. `jacobians` is empty where a point is no node; with the first-order scheme
+///         X_j is one of the trapezoidal rule.
 /// @throws std::invalid_argument for a map, a model that is not smooth at theta, and where multiple shooting does.
 /// Cost: one structured factorisation per iteration, linear in N.
 /// Source: Taylor expansion of q(t + h) +- q(t - h).

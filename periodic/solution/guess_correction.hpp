@@ -9,8 +9,8 @@
 
 namespace orbid::periodic {
 
-/// Square root of min_d |d|^2 + weight |J d + r|^2: how far the guess has to move, as far as the linearised equations
-/// tell, until it closes but for a rest that the weight makes expensive. All in units of the scales.
+/// Square root of min_d |d|^2 + weight |J d + r|^2: how far the guess has to move to close, according to the linearised
+/// equations. A closing error may remain that the weight makes expensive. All in units of the scales.
 [[nodiscard]] double shortest_correction(const ClosingError& closing, const Eigen::VectorXd& scale, double weight);
 
 /// A guess on its way to an orbit.
@@ -26,8 +26,8 @@ struct CorrectedGuess {
 ///     minimise |z - g|^2 + mu |F(z)|^2   for mu = 1, 10, 100, ...
 ///
 /// both in units of the scales, by damped Gauss-Newton steps, each from the solution before it. Where the derivative of
-/// F is nearly singular, near folds and on long orbits, Newton's first step leads far away and to some other orbit;
-/// this path does not, as distance costs from the beginning.
+/// F is nearly singular, near folds and on long orbits, Newton's first step leads far away to another orbit. This path
+/// does not, as distance is penalised from the beginning.
 ///
 /// @param measured  nodes that count in |z - g|; others (between measured points) go where the equations want them. ln
 /// T

@@ -14,9 +14,9 @@
 
 namespace orbid::periodic {
 
-/// Periodic orbit by multiple shooting: one node per period of the forcing (iteration, return to the section) and
-/// further ones where errors grow too much in between, damped Newton on all nodes at once (M7's matrix), and on T of
-/// autonomous flows, bordered by the phase condition.
+/// Periodic orbit by multiple shooting: one node per period of the forcing (iteration, return to the section), and
+/// further ones where errors grow too much. Damped Newton on all nodes at once (M7's matrix), and on T of autonomous
+/// flows, bordered by the phase condition.
 ///
 /// @param start  points, one per period of the forcing, iteration, or return to the section; or a state and T.
 /// @param free   parameters for which sensitivities of the points (and T) are computed (M7); may be empty. Points of

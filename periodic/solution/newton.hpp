@@ -22,18 +22,18 @@ struct NewtonResult {
     int iterations = 0;
     double residual = 0.0;  ///< largest closing error, over nodes and entries
     /// Length of the second step, with the old matrix, relative to the first one; infinity where there was none. Below
-    /// 1/4 the orbit found is the only one near the guess, as far as the two steps tell.
+    /// 1/4 the orbit found is the only one near the guess, judged by these two steps.
     double contraction = std::numeric_limits<double>::infinity();
     double first_step = 0.0;  ///< length of the first one, all nodes and ln T together, in units of the scales
 };
 
 /// Damped Newton on all nodes at once, and on ln T of autonomous orbits. Damping by the natural monotonicity test: a
-/// step is good when the next one, with the old matrix, is shorter.
+/// step is accepted when the next one, with the old matrix, is shorter.
 ///
 /// @param start      shape (d, N).
 /// @param first      the closing error there, `turns` taken off.
 /// @param turns      whole turns per step, shape (d, N).
-/// @param condition  needed exactly where T is unknown.
+/// @param condition  required if and only if T is unknown.
 /// @param scale      typical size of each entry of z, shape (d), > 0.
 /// @return result with status converged, no_progress, iteration_limit, not_simulated, singular or period_vanished.
 /// Source: P. Deuflhard, Newton Methods for Nonlinear Problems (2004), chapter 3.

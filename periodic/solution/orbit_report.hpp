@@ -10,7 +10,7 @@
 
 namespace orbid::periodic {
 
-/// An orbit where it is reported.
+/// The points at which an orbit is reported.
 struct OrbitPoints {
     bool simulated = false;           ///< everything else is meaningful only if so
     Eigen::MatrixXd states;           ///< shape (n, p), angles not wrapped
@@ -33,8 +33,8 @@ struct OrbitPoints {
 [[nodiscard]] std::vector<Eigen::MatrixXd> merged_factors(const std::vector<Eigen::MatrixXd>& factors,
                                                           const std::vector<Eigen::Index>& nodes);
 
-/// The same monodromy matrix from fewer factors: those of short steps are multiplied as long as no direction can grow
-/// or shrink by more than e^2, which costs a digit at most and saves what each factor costs in the periodic Schur form.
+/// The same monodromy matrix from fewer factors. Those of short steps are multiplied as long as no direction can grow
+/// or shrink by more than e^2. That costs a digit at most and makes the periodic Schur form cheaper.
 [[nodiscard]] std::vector<Eigen::MatrixXd> condensed_factors(const std::vector<Eigen::MatrixXd>& factors);
 
 }  // namespace orbid::periodic

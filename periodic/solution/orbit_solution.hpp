@@ -32,7 +32,7 @@ struct DiscreteSolution {
 
 /// Solves a discretised orbit and reports it: points, Jacobians, multipliers, sensitivities (M7), prime period,
 /// distance from the guess. The same for all discretisations. A point that is no node is reached from the node before
-/// it by the flow, the second and further points of an autonomous orbit by its crossing of the section.
+/// it by the flow. Further points of an autonomous orbit are reached by its crossing of the section.
 [[nodiscard]] DiscreteSolution solve_discrete(const models::System& system, const Eigen::VectorXd& theta,
                                               const StartingSolution& start, const Discretisation& discretisation,
                                               const DiscreteStart& first, std::span<const Eigen::Index> free,

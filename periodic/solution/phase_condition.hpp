@@ -9,8 +9,8 @@
 
 namespace orbid::periodic {
 
-/// What fixes the phase of an autonomous orbit, sum_j normals_j . x_j = offset, with x_j the states at the nodes. Any
-/// positive multiple says the same; solvers scale it.
+/// What fixes the phase of an autonomous orbit, sum_j normals_j . x_j = offset, with x_j the states at the nodes.
+/// Solvers may multiply it by a positive factor.
 struct PhaseCondition {
     Eigen::MatrixXd normals;  ///< shape (n, 1): a condition on the first state alone; or (n, N); not 0
     double offset = 0.0;

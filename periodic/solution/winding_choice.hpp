@@ -9,19 +9,19 @@
 
 namespace orbid::periodic {
 
-/// Whole turns between the nodes of a guess, as the smallest correction of the guess wants them: with r the closing
-/// error for some turns and J its derivative, both in units of the scales, the turns with the smallest
+/// Whole turns between the nodes of a guess, chosen for the smallest correction of the guess. With r the closing error
+/// for some turns and J its derivative, both in units of the scales, the turns with the smallest
 ///
 ///     min_d |d|^2 + mu |J d + r|^2.
 ///
-/// The turns nearest to the flow of the guess are wrong where errors have grown to a third of a turn or more; the
-/// correction that they ask for is then too large, as it must turn the orbit by the rest. Sought by changing the turn
-/// of one node, or with a rotation asked for of two, as long as that makes the correction smaller.
+/// The turns nearest to the flow of the guess are wrong where errors have grown to a third of a turn or more. The
+/// resulting correction is then too large, as it must turn the orbit by the rest. The search changes the turn of one
+/// node, or of two if a rotation is given, as long as that makes the correction smaller.
 ///
 /// @param closing   at the guess, turns not taken off.
 /// @param nearest   turns to begin with, shape of closing.error (see winding_numbers()).
 /// @param scale     typical size of each coordinate.
-/// @param rotation  the sum of the turns stays as it is if not empty.
+/// @param rotation  if not empty, the sum of the turns is kept.
 [[nodiscard]] Eigen::MatrixXd likely_turns(const ClosingError& closing, const Eigen::MatrixXd& nearest,
                                            const std::vector<Eigen::Index>& angles, const Eigen::VectorXd& scale,
                                            std::span<const int> rotation);

@@ -16,8 +16,8 @@ struct FloquetVectors {
     std::vector<std::complex<double>> rho;
 };
 
-/// By inverse iteration on the cyclic matrix v_{j+1} - X_j v_j / rho_j, whose null vector they are: expanding and
-/// contracting directions keep their digits, which powers of the monodromy matrix lose.
+/// By inverse iteration on the cyclic matrix v_{j+1} - X_j v_j / rho_j, whose null vector they are. Expanding and
+/// contracting directions keep their digits, unlike with powers of the monodromy matrix.
 ///
 /// @param factors     X_0 .. X_{p-1}, shape (n, n) each, real, finite.
 /// @param multiplier  not 0, an eigenvalue to about 1e-8.

@@ -31,7 +31,7 @@ struct StabilityOptions {
     models::FlowOptions flow{};
 };
 
-/// How an orbit attracts and repels, and how that moves with the parameters. Entry m belongs to orbit.multipliers[m].
+/// How an orbit attracts and repels, and how that changes with the parameters. Entry m belongs to orbit.multipliers[m].
 struct Stability {
     bool simulated = false;  ///< everything below `nearest` is meaningful only if so
     int unstable = 0;        ///< number of multipliers outside the unit circle
@@ -40,22 +40,22 @@ struct Stability {
     /// Eigenvectors of the monodromy matrix at each point, unit norm: directions[j].col(m), shape (n, number of
     /// multipliers). A complex pair has conjugate ones. nan where a multiplier is zero (sticking).
     std::vector<Eigen::MatrixXcd> directions;
-    /// d ln|multiplier_m| / d theta along the orbit as it moves, shape (number of multipliers, f). nan where a
+    /// d ln|multiplier_m| / d theta, with the orbit moving along, shape (number of multipliers, f). nan where a
     /// multiplier is zero, or not simple (1e-8 relative).
     Eigen::MatrixXd ln_multiplier_sensitivities;
 };
 
-/// Type of the bifurcation that is near, by the distance of the multipliers from the unit circle alone.
+/// Type of the nearby bifurcation, by the distance of the multipliers from the unit circle alone.
 [[nodiscard]] Bifurcation nearest_bifurcation(const std::vector<std::complex<double>>& multipliers, double near);
 
 /// Directions by inverse iteration on the cyclic system, so that the weak ones keep their digits beside the strong
-/// ones; derivatives from left and right eigenvectors and second derivatives of the flow,
+/// ones. Derivatives from left and right eigenvectors and second derivatives of the flow,
 ///
 ///     d ln mu = sum_j w_{j+1}^H dX_j v_j / (w_{j+1}^H X_j v_j),
 ///     dX_j = X_j,theta + X_j,x dx_j/dtheta + X_j,t dt_j/dtheta.
 ///
-/// @param orbit  converged, its points on the model's own orbit (multiple shooting, or as good), with sensitivities for
-/// the parameters `free` (in that order).
+/// @param orbit  converged, with points on the model's own orbit (multiple shooting, or equally accurate) and
+/// sensitivities for the parameters `free` (in that order).
 /// @param phase  of the section [rad] (forced models).
 /// @throws std::invalid_argument on an orbit that is not converged or lacks sensitivities, or near <= 0.
 /// @throws std::logic_error when the system offers no second derivatives and `free` is not empty.

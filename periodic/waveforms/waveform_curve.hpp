@@ -14,7 +14,7 @@
 namespace orbid::periodic {
 
 /// Where the phase of a limit cycle is zero: its crossing, near `point`, of the plane through `point` across `normal`.
-/// It belongs to a block of data, not to a solution: what a phase means does not move with the parameters.
+/// It belongs to a block of data, not to a solution: the meaning of a phase does not change with the parameters.
 struct PhaseOrigin {
     Eigen::VectorXd point;   ///< shape (n)
     Eigen::VectorXd normal;  ///< shape (n), not 0
@@ -63,7 +63,7 @@ struct CurveReadings {
     Eigen::MatrixXd by_parameters;  ///< shape (n, m f): columns [k f, (k + 1) f) = d reading_k / d theta
 };
 
-/// Readings of a periodic orbit at the times of a record whose clock stands at `phase` at time 0:
+/// Readings of a periodic orbit at the times of a record whose clock is at `phase` at time 0:
 ///
 ///     forced        yhat(t) = h(x*(phase + omega t))
 ///     autonomous    yhat(t) = h(x*(t_0 + phase T / 2 pi + t)),  x*(t_0) on the plane of `origin`
@@ -71,8 +71,8 @@ struct CurveReadings {
 /// Derivatives to the parameters at a fixed phase: omega and T move the places too.
 ///
 /// @param orbit   as SolvedCurve.
-/// @param origin  read for autonomous flows only. A cycle that does not come near it within a quarter of T is
-///                not `simulated`.
+/// @param origin  used for autonomous flows only. A cycle that does not come near it within a quarter of T is not
+///                `simulated`.
 /// @param times   [s], any order.
 [[nodiscard]] CurveReadings readings_along(const models::System& system, const Eigen::VectorXd& theta,
                                            const PeriodicOrbit& orbit, const PhaseOrigin& origin,

@@ -16,7 +16,7 @@
 
 namespace orbid::periodic {
 
-/// What is read of all records of a waveform residual: one row of their values, one group of errors.
+/// One reading of all records of a waveform residual: one row of their values, one group of errors.
 struct WaveformChannel {
     Eigen::Index coordinate = 0;                                     ///< of the model, in whose place the sensors read
     estimator::ErrorScale scale{true, 0.0, estimator::FlatPrior{}};  ///< start 0: from the residuals

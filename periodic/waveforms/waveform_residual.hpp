@@ -32,32 +32,33 @@ struct WaveformOptions {
 ///
 ///     e_k = y_k - h(x*(phase + omega t_k; theta)) - offset,   x* periodic: x*(tau + 2 pi p) = x*(tau)
 ///
-/// One block per record; its records are the samples of the first channel in time, then those of the second, ...;
+/// One block per record. Its residuals are the samples of the first channel in time, then those of the second, ...;
 /// missing samples have none. Groups: one per channel, "<name>.<coordinate>", shared by all excitations, ordered in
-/// time. Phases and offsets that are not known are latent states of their block, in this order: they belong to one
-/// record each, so that the treatment of error scales integrates them out at the cost of a block, however many records
-/// there are; as parameters they would be a dense row each.
+/// time. Unknown phases and offsets are latent states of their block, in this order. They belong to one record each, so
+/// error scales integrate them out at the cost of a block, however many records there are. As parameters they would be
+/// a dense row each.
 ///
-/// x* comes from multiple shooting (solve_orbit) from the solution at the last update_active_set(), moved to first
-/// order with its sensitivities; where that does not converge, in up to sixteen steps along the line between the two
-/// parameter vectors. The orbit of a record at the start: find_waveform_start(). Derivatives are those of the computed
-/// prediction: sensitivities of the orbit, carried along by the flow between its points, the motion of the places with
-/// omega (or T), and the sensor's. An orbit that vanished (a fold), lost its period, or was reached only at
-/// `maximum_move` from its prediction is BlockStatus::failed; solutions() names the reason.
+/// x* comes from multiple shooting (solve_orbit), started from the solution at the last update_active_set(), moved to
+/// first order with its sensitivities. Where that does not converge, up to sixteen steps are taken along the line
+/// between the two parameter vectors. The orbit of a record at the start: find_waveform_start(). Derivatives are those
+/// of the computed prediction. They combine the sensitivities of the orbit, carried by the flow between its points, the
+/// motion of the places with omega (or T), and the sensor. BlockStatus::failed means that the orbit vanished (a fold),
+/// lost its period, or was reached only at `maximum_move` from its prediction; solutions() names the reason.
 ///
-/// update_active_set() moves the solutions on to the present theta, asks for another minimisation (three times at most)
-/// where they had moved by more than `maximum_move`, takes out blocks whose orbit is lost there, and takes them back,
-/// at most twice each, where it is found again.
+/// update_active_set() moves the solutions on to the present theta. It asks for another minimisation (three times at
+/// most) where they had moved by more than `maximum_move`. Blocks whose orbit is lost there are deactivated. They
+/// return, at most twice each, when it is found again.
 class WaveformResidual final : public estimator::Residual {
 public:
     /// A record whose orbit is not found at `start` is inactive from the beginning: start_status() says why.
-    /// @throws std::invalid_argument naming record, value and rule: a map, a model with measured inputs; no record, no
-    ///         channel, wrong shapes; times that do not ascend; a record shorter than its orbit, or with fewer readings
-    ///         than unknown phase and offsets; a period out of [1, 64] or an autonomous flow with one; T of an
-    ///         autonomous flow not given, or its phase; a phase beyond whole turns of the orbit; intervals that differ
-    ///         by more than 5 % where errors are autoregressive; log-normal or relative errors of an angle, log-normal
-    ///         errors of a reading not > 0; known sds that are not there; a full covariance of channels that are not
-    ///         read at the same samples; parameters of `start` outside their domain; options out of range.
+    /// @throws std::invalid_argument naming record, value and rule. Model: a map, or one with measured inputs. Data: no
+    ///         record, no channel, wrong shapes; times that do not ascend; a record shorter than its orbit, or with
+    ///         fewer readings than unknown phase and offsets. Orbit: a period out of [1, 64] or an autonomous flow with
+    ///         one; T of an autonomous flow not given, or its phase; a phase beyond whole turns of the orbit. Errors:
+    ///         intervals that differ by more than 5 % where errors are autoregressive; log-normal or relative errors of
+    ///         an angle, log-normal errors of a reading not > 0; known sds that are missing; a full covariance of
+    ///         channels that are not read at the same samples. Also parameters of `start` outside their domain, and
+    ///         options out of range.
     WaveformResidual(std::shared_ptr<const models::System> system, std::vector<WaveformRecord> records,
                      WaveformOptions options);
 
@@ -75,13 +76,13 @@ public:
                                                const Eigen::VectorXd& scales) override;
     void deactivate(std::size_t block) override { layout_.at(block).active = false; }
 
-    /// The periodic solutions at theta, one per block, with multipliers; status says what became of those that are not
-    /// converged. Without sensitivities.
+    /// The periodic solutions at theta, one per block, with multipliers; status tells why others did not converge.
+    /// Without sensitivities.
     [[nodiscard]] std::vector<PeriodicOrbit> solutions(const Eigen::VectorXd& theta) const;
     /// How the search for the orbit of a record at the start ended.
     [[nodiscard]] OrbitStatus start_status(std::size_t block) const { return known_[block].status; }
 
-    /// Phase and offsets of a record: estimated ones from the latent states, known ones filled in.
+    /// Phase and offsets of a record: estimated ones from the latent states, known ones as given.
     struct Alignment {
         double phase = 0.0;       ///< [rad]
         Eigen::VectorXd offsets;  ///< one per channel
@@ -90,7 +91,7 @@ public:
     /// Position of phase (-1) or a channel's offset for each latent state of a block.
     [[nodiscard]] const std::vector<Eigen::Index>& unknowns(std::size_t block) const { return blocks_[block].unknowns; }
 
-    /// Where an error comes from.
+    /// Channel and sample of a residual.
     struct Source {
         Eigen::Index channel = 0;
         Eigen::Index sample = 0;  ///< column of the record's values
@@ -99,7 +100,7 @@ public:
     [[nodiscard]] const std::vector<WaveformRecord>& records() const { return records_; }
     [[nodiscard]] const std::vector<WaveformChannel>& channels() const { return options_.channels; }
     [[nodiscard]] const models::System& system() const { return *system_; }
-    /// What an orbit reads at times of a record's clock, shape (channels, m), offsets included; empty if the flow
+    /// Readings of an orbit at times of a record's clock, shape (channels, m), offsets included; empty if the flow
     /// cannot be followed.
     [[nodiscard]] Eigen::MatrixXd readings(std::size_t block, const Eigen::VectorXd& theta, const PeriodicOrbit& orbit,
                                            const Eigen::VectorXd& latents, std::span<const double> times) const;

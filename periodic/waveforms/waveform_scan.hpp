@@ -12,7 +12,7 @@
 
 namespace orbid::periodic {
 
-/// How a record lies against an orbit.
+/// How a record fits an orbit.
 struct WaveformPlace {
     double phase = 0.0;       ///< [rad]; the known one, or the best of a scan, good to 1.5 degrees
     Eigen::VectorXd offsets;  ///< shape (channels); known ones, or the mean errors
@@ -20,8 +20,8 @@ struct WaveformPlace {
     Eigen::VectorXd size;     ///< shape (n): largest |x| along the orbit, 2 pi for angles
 };
 
-/// A record ready to be laid against orbits: every phase that is not known is tried, 256 per period of the forcing, and
-/// offsets that are not known are the mean errors there.
+/// Compares a record with orbits. Every phase that is not known is tried, 256 per period of the forcing; unknown
+/// offsets are the mean errors there.
 class WaveformScan {
 public:
     /// Everything is kept by reference. @param theta  all parameters of the system, shape (q).

@@ -12,7 +12,7 @@
 
 namespace orbid::periodic {
 
-/// The orbit that a record is taken for before anything is estimated, and how the record lies against it.
+/// The orbit assigned to a record before anything is estimated, and how the record fits it.
 struct WaveformStart {
     OrbitStatus status = OrbitStatus::no_progress;  ///< not converged: how the last of the attempts ended
     PeriodicOrbit orbit;                            ///< meaningful only if converged
@@ -20,11 +20,11 @@ struct WaveformStart {
     WaveformPlace place;                            ///< meaningful only if converged
 };
 
-/// Finds the periodic orbit of a record: Newton's method from the start that the record gives; or else from where the
-/// model's own motion settles (stable orbits) after starts in measured states, in their mean, at 0 and at 1 in every
-/// coordinate, and from the measured states themselves where the whole state is read (unstable orbits too). Each start
-/// is taken for the state at phase 0 in turn when the clock of the record is not known. Of all orbits found, coexisting
-/// ones among them, the one with the least misfit is taken, over all phases and offsets that are not known.
+/// Finds the periodic orbit of a record by Newton's method from the start that the record gives. Without one, starts
+/// are where the model's own motion settles (stable orbits), from measured states, their mean, and 0 and 1 in every
+/// coordinate. Where the whole state is read, the measured states themselves are starts too (unstable orbits). If the
+/// clock of the record is not known, each start is taken in turn for the state at phase 0. Of all orbits found,
+/// including coexisting ones, the one with the least misfit is taken, over all unknown phases and offsets.
 ///
 /// @param theta  all parameters of the system, in their domains, shape (q).
 [[nodiscard]] WaveformStart find_waveform_start(const models::System& system, const Eigen::VectorXd& theta,
