@@ -276,8 +276,10 @@ NoiseLevel noise_level(const SectionPoints& points, const NeighbourIndex& grid) 
     const Eigen::MatrixXd estimate = assembled(solver.solve(all.right), units);
     // Scatter of the blocks' contributions about the common solution.
     Eigen::VectorXd scatter = Eigen::VectorXd::Zero(unknowns);
-    for (const Normal& part : parts)
-        scatter += solver.solve(Eigen::VectorXd(part.right - part.matrix * solver.solve(all.right))).cwiseAbs2();
+    for (const Normal& part : parts) {
+        const Eigen::VectorXd explained = part.matrix * solver.solve(all.right);
+        scatter += solver.solve(Eigen::VectorXd(part.right - explained)).cwiseAbs2();
+    }
 
     std::vector<double> shares;
     for (const CrossValidation& fit : usable) {
