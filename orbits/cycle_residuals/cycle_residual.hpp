@@ -14,13 +14,13 @@ namespace orbid::orbits {
 
 struct CycleResidualOptions {
     CycleTargetOptions targets;
-    /// A solved orbit farther than this from where it was expected, relative to the range of the coordinates, is
-    /// another orbit: the cycle counts as lost. > 0
+    /// Largest distance of a solved orbit from where it was expected, relative to the range of the coordinates, > 0.
+    /// Beyond it lies another orbit, and the cycle counts as lost.
     double maximum_move = 0.05;
     /// A cycle is a gross error when its mean squared whitened residual exceeds this many times the median over all
     /// cycles: 25 = five times the usual error. > 1; infinity: no gate.
     double gate = 25.0;
-    /// 1e-12: the errors of measured points reach down to 1e-8, and predictions must be better than these.
+    /// 1e-12: errors of measured points can be as small as 1e-8, and predictions must be more accurate.
     models::FlowOptions flow{1e-12, 1e-12, 20000};
 };
 
@@ -28,26 +28,25 @@ struct CycleResidualOptions {
 ///
 ///     e_c = (y_c - sensor(x_c(theta)),  ln|mu|_c - ln|mu_c(theta)|,  T_c - T_c(theta)),   V_c = D Sigma_c D
 ///
-/// x_c moves by (M7), ln|mu_c| by second variational equations (periodic::stability). A block per cycle, records in the
-/// order of points, coordinate fastest, then its multipliers, largest modulus first, then T; groups
-/// "cycles.<coordinate>", "cycles.ln_multiplier", "cycles.time". Sigma_c links points with points and multipliers with
-/// multipliers.
-/// Every orbit is solved by multiple shooting from the last solution, moved to first order with its sensitivities. An
-/// orbit that does not converge, or converges elsewhere, is missing data (BlockStatus::failed).
+/// x_c moves by (M7), ln|mu_c| by second variational equations (periodic::stability). One block per cycle. Its records
+/// are the points in order, coordinate fastest, then the multipliers, largest modulus first, then T. Groups are
+/// "cycles.<coordinate>", "cycles.ln_multiplier", "cycles.time". Sigma_c correlates points with points and multipliers
+/// with multipliers.
+/// Each orbit is solved by multiple shooting, started from the last solution, which its sensitivities move to first
+/// order. An orbit that does not converge, or converges elsewhere, is missing data (BlockStatus::failed).
 ///
-/// An orbit with a period of sticking has a multiplier 0 and no logarithm of it: its block then goes without
-/// multipliers.
+/// An orbit with a period of sticking has a multiplier 0, which has no logarithm: its block then has no multipliers.
 ///
-/// With start nodes, which come from stages that wrong cycles did not hold, gross errors stand out from the beginning:
-/// they are rejected before the first step.
+/// Start nodes come from stages that wrong cycles did not affect. With them, gross errors are visible at once and are
+/// rejected before the first step.
 ///
-/// update_active_set(): moves the solutions on to the present theta, takes lost cycles back whose orbit is found again
-/// (at most twice each), rejects gross errors (see `gate`).
+/// update_active_set(): moves the solutions to the present theta and rejects gross errors (see `gate`). Lost cycles
+/// whose orbit is found again are restored, at most twice each.
 class CycleResidual final : public estimator::Residual {
 public:
     /// @param start        the estimator's vector at the start.
-    /// @param start_nodes  first guess per measured cycle, shape (n, p) each, as LiftedCycleResidual::nodes; where
-    ///                     empty, or an empty list: the measured points.
+    /// @param start_nodes  first guess per measured cycle, shape (n, p) each, as LiftedCycleResidual::nodes. An empty
+    ///                     list or entry: the measured points.
     /// @throws std::invalid_argument as select_targets; nodes of the wrong shape; options out of range.
     CycleResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
                   const std::vector<Cycle>& cycles, const SectionPlace& place, const Eigen::VectorXd& start,
@@ -89,14 +88,14 @@ private:
         Eigen::VectorXd theta;          ///< the estimator's vector it belongs to; empty: only a guess
         Eigen::MatrixXd sensitivities;  ///< shape (n p, estimated)
         std::vector<int> rotation;
-        bool multipliers = false;  ///< take part in the layout
+        bool multipliers = false;  ///< included in the layout
         int taken_back = 0;
     };
 
     [[nodiscard]] periodic::PeriodicOrbit solve(std::size_t block, const Eigen::VectorXd& theta,
                                                 bool derivatives) const;
     void keep(std::size_t block, const periodic::PeriodicOrbit& orbit, const Eigen::VectorXd& theta);
-    /// Records of a block, those of multipliers only where they take part now; empty when it cannot be evaluated.
+    /// Records of a block, with multipliers only where they are used now; empty when it cannot be evaluated.
     [[nodiscard]] std::optional<Eigen::VectorXd> residual(std::size_t block, const periodic::PeriodicOrbit& orbit,
                                                           const PointReadings& readings) const;
     [[nodiscard]] std::optional<Eigen::VectorXd> residual(std::size_t block, const periodic::PeriodicOrbit& orbit,
@@ -104,9 +103,9 @@ private:
     [[nodiscard]] std::optional<Eigen::MatrixXd> derivative(std::size_t block, const periodic::PeriodicOrbit& orbit,
                                                             const PointReadings& readings,
                                                             const Eigen::VectorXd& values) const;
-    /// Rejects what stands out at the start, by the positions alone.
+    /// Rejects gross errors at the start, judged by positions alone.
     void gate_start(const std::vector<periodic::PeriodicOrbit>& solved, const Eigen::VectorXd& start);
-    /// Lays a block out with or without its multipliers. @return whether there is anything left in it.
+    /// Lays out a block with or without its multipliers. @return whether any record is left.
     bool lay_out(std::size_t block, const periodic::PeriodicOrbit& orbit);
     [[nodiscard]] double mean_square(std::size_t block, const Eigen::VectorXd& e, const Eigen::VectorXd& scales) const;
 

@@ -19,28 +19,28 @@
 
 namespace orbid::orbits {
 
-/// What the measured cycles weigh with (mathematics.md, section 5).
+/// How the measured cycles are weighted (mathematics.md, section 5).
 ///
 /// covariance  V_c = D Sigma_c D: Sigma_c from the orbit analysis, D one unknown factor per coordinate
 /// equal       Sigma_c = I: D is the sd of a point in the coordinate's unit
 enum class CycleWeights { covariance, equal };
 
-/// Which measured cycles take part, and how.
+/// Which measured cycles are used, and how.
 struct CycleTargetOptions {
-    std::vector<int> periods;  ///< prime periods that take part; empty: all
+    std::vector<int> periods;  ///< prime periods used; empty: all
     CycleWeights weights = CycleWeights::covariance;
-    bool positions = true;     ///< the points take part
-    bool multipliers = false;  ///< ln|multiplier| takes part, group "cycles.ln_multiplier"
+    bool positions = true;     ///< the points are used
+    bool multipliers = false;  ///< ln|multiplier| is used, group "cycles.ln_multiplier"
     /// Error of ln|multiplier|: a factor on the analysis' covariance, or with weights "equal" its sd.
     estimator::ErrorScale multiplier_error;
-    /// T takes part where it was measured (Cycle::time): autonomous flows; group "cycles.time" [s].
+    /// T is used where it was measured (Cycle::time): autonomous flows; group "cycles.time" [s].
     bool times = false;
     estimator::ErrorScale time_error;  ///< likewise
-    /// How the series was read that the points come from: they are readings of the model's states.
+    /// How the series with these points was read: the points are readings of the model's states.
     models::Sensor sensor;
     std::vector<estimator::ErrorScale> errors;  ///< one per coordinate; empty: estimated, started from the residuals
-    /// One per coordinate; empty: normal. With weights "covariance" normal only, for the analysis' covariance links the
-    /// coordinates; normal, Student's t and Laplace with "equal".
+    /// One per coordinate; empty: normal. Weights "covariance": normal only, because the analysis' covariance couples
+    /// the coordinates. "equal": normal, Student's t and Laplace.
     std::vector<ErrorForm> forms;
     /// Coordinates (as groups) with one full covariance; weights "equal" only.
     std::vector<estimator::JointCovariance> covariances;
@@ -52,47 +52,46 @@ struct CycleTarget {
     std::string label;      ///< "cycle 3 (period 2)"
     std::vector<int> rotation;
     Eigen::MatrixXd points;  ///< shape (n, p): as read
-    Eigen::MatrixXd nodes;   ///< shape (n, p): the states that are read so at the start parameters
-    bool positions = true;   ///< the points take part; false: withheld, or a state of rest
-    /// Sigma_c of the points with the error of a computed orbit added, shape (n p, n p); empty = identity
+    Eigen::MatrixXd nodes;   ///< shape (n, p): the states with these readings at the start parameters
+    bool positions = true;   ///< the points are used; false: withheld, or a state of rest
+    /// Sigma_c of the points plus the error of a computed orbit, shape (n p, n p); empty = identity
     Eigen::MatrixXd covariance;
-    /// The multipliers that take part, as indices into those of the model's orbit (largest modulus first): of a complex
-    /// pair the first; empty: none.
+    /// The multipliers used, as indices into those of the model's orbit (largest modulus first). Complex pairs: the
+    /// first of each; empty: none.
     std::vector<std::size_t> multipliers;
     std::vector<bool> pair;                                  ///< whether each is the first of a complex pair
     Eigen::VectorXd ln_multiplier;                           ///< ln|multiplier| as measured, same length
     Eigen::MatrixXd multiplier_covariance;                   ///< of these; empty = identity
-    double time = std::numeric_limits<double>::quiet_NaN();  ///< [s]; nan: takes no part
+    double time = std::numeric_limits<double>::quiet_NaN();  ///< [s]; nan: not used
     double time_sd = 1.0;                                    ///< weights "equal": 1
 };
 
-/// The targets of an estimate, and the cycles that say nothing about parameters.
+/// The targets of an estimate, and the cycles that tell nothing about parameters.
 struct CycleTargets {
     std::vector<CycleTarget> targets;
-    /// States of rest: (0, 0) and (pi, 0) of a pendulum are orbits for all parameters, or with dry friction a
-    /// continuum; their positions carry no information, but would count as if they measured the error scale. Left out
-    /// unless their multipliers take part; then among the targets too, without positions.
+    /// States of rest. (0, 0) and (pi, 0) of a pendulum are orbits for all parameters; dry friction makes them a
+    /// continuum. Their positions hold no information, but would count as measurements of the error scale. They are
+    /// left out unless their multipliers are used; then they are targets too, without positions.
     std::vector<std::size_t> at_rest;
-    /// Mirror images of cycles earlier in the list, left out: the search finds both from the same points, so the second
-    /// says nothing new, and would make every sd too small by sqrt(2).
+    /// Mirror images of cycles earlier in the list, left out. The search finds both from the same points: using both
+    /// would make every sd too small by sqrt(2).
     std::vector<std::size_t> mirrored;
 };
 
-/// Chooses the cycles that take part. A cycle of period 1 is a state of rest when the orbit solved from its point at
-/// the start parameters, or the point one period later, is at rest for ever (System::at_rest), or when that orbit does
-/// not move with any of the free parameters; a fixed point of a map only by the latter. (Longer prime periods cannot be
-/// at rest, nor can what crosses a plane.)
+/// Chooses the cycles that are used. For a cycle of period 1 the orbit is solved from its point at the start
+/// parameters. The cycle is a state of rest when this orbit, or the point one period later, is at rest for ever
+/// (System::at_rest). It is also one when the orbit does not depend on any free parameter; for a fixed point of a map
+/// only this counts. (Longer prime periods cannot be at rest, nor can crossings of a plane.)
 ///
-/// A multiplier takes part when it was measured: finite, and with weights "covariance" known within a sd of
-/// `largest_multiplier_sd` (the logarithm of a value with larger normal errors is biased, and skew). Of complex pairs
-/// ln|mu| counts once.
+/// A multiplier is used when it is finite and, with weights "covariance", its sd is at most `largest_multiplier_sd`.
+/// (The logarithm of a value with larger normal errors is biased and skew.) ln|mu| of a complex pair counts once.
 ///
 /// @param theta  full parameter vector of the system (start of the estimate).
 /// @param free   free parameters.
 /// @throws std::invalid_argument naming the cycle and the rule: wrong shapes, not finite, a covariance that is missing
 ///         or not symmetric positive definite (weights "covariance"), wrong number of errors, a distribution or a full
-///         covariance that does not go with the weights, multipliers or times that no cycle has, neither positions nor
-///         multipliers nor times, times of another than an autonomous flow, a sensor that reads formulas.
+///         covariance that the weights do not allow, multipliers or times that no cycle has, neither positions nor
+///         multipliers nor times, times of a system that is not an autonomous flow, a sensor that reads formulas.
 [[nodiscard]] CycleTargets select_targets(const SectionMap& map, const Eigen::VectorXd& theta,
                                           std::span<const Eigen::Index> free, const std::vector<Cycle>& cycles,
                                           const CycleTargetOptions& options);
@@ -105,7 +104,7 @@ inline constexpr double largest_multiplier_sd = 0.5;
 [[nodiscard]] std::vector<estimator::Group> target_groups(const SectionMap& map, const std::string& prefix,
                                                           const CycleTargetOptions& options);
 
-/// Groups of n p records in the order of points, coordinate fastest: first, first + 1, .., again and again.
+/// Groups of n p records in the order of points, coordinate fastest: first, first + 1, .., repeated.
 [[nodiscard]] std::vector<int> record_groups(Eigen::Index dimension, Eigen::Index points, int first);
 
 /// Typical size of each coordinate: 2 pi for angles, else the range of the measured points about 0 (1 when all are 0).

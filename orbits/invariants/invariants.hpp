@@ -13,13 +13,13 @@
 namespace orbid::orbits {
 
 struct InvariantOptions {
-    /// complete_to 0: not known, and no expansion is made.
+    /// complete_to 0: unknown, no expansion is made.
     CycleExpansionOptions expansion;
     LyapunovOptions lyapunov;
     CorrelationOptions correlation;
 };
 
-/// Invariants of a measured set by three ways that share nothing but the data.
+/// Invariants of a measured set by three methods that share only the data.
 struct Invariants {
     std::optional<CycleExpansion> expansion;
     std::string expansion_refused;  ///< why there is none, one sentence; empty when there is
@@ -29,8 +29,8 @@ struct Invariants {
 
 /// Cycle expansion of the cycles found, Lyapunov spectrum and correlation dimension of the series itself.
 ///
-/// A list of cycles that cannot be expanded (completeness not stated, inconsistent) is a result, not an error: data
-/// decide it. At the defaults a series of any length costs about what 3 x 10^5 local maps and 10^7 distances cost, and
+/// A list of cycles that cannot be expanded (completeness not stated, inconsistent) is a result, not an error: it
+/// depends on the data. At the defaults a series of any length costs about 3 x 10^5 local maps, 10^7 distances, and
 /// neighbour searches over all its points.
 ///
 /// @throws std::invalid_argument as lyapunov_spectrum and correlation_dimension do; complete_to outside [0, 64].

@@ -8,7 +8,7 @@
 
 namespace orbid::orbits {
 
-/// How the errors of one coordinate are distributed, beside their scale.
+/// How the errors of one coordinate are distributed, apart from their scale.
 struct ErrorForm {
     estimator::ErrorDistribution distribution = estimator::NormalErrors{};
     double floor = 0.0;  ///< least value of an estimated scale, >= 0
@@ -16,7 +16,7 @@ struct ErrorForm {
     bool known_sds = false;
 };
 
-/// Errors that refer to the size of what is read.
+/// Whether the errors scale with the size of the reading.
 [[nodiscard]] inline bool is_sized(const estimator::ErrorDistribution& distribution) {
     return std::holds_alternative<estimator::LogNormalErrors>(distribution) ||
            std::holds_alternative<estimator::RelativeErrors>(distribution);

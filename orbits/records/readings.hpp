@@ -10,11 +10,11 @@
 
 namespace orbid::orbits {
 
-/// The readings of a segment, shape (n, m): a matrix that owns its numbers, or looks at numbers that someone else owns.
+/// The readings of a segment, shape (n, m): a matrix that owns its numbers or views numbers owned elsewhere.
 ///
-/// Used like an Eigen::MatrixXd. Copies of borrowed readings look at the same numbers and keep their owner alive, so a
-/// record that another program part holds in memory is never copied; an assignment makes the readings own what is
-/// assigned. Single elements of borrowed readings are not for writing: others may be looking at them.
+/// Used like an Eigen::MatrixXd. Copies of borrowed readings view the same numbers and keep their owner alive. A record
+/// that another part of the program holds in memory is therefore never copied. Readings own the values of an expression
+/// assigned to them. Do not write to elements of borrowed readings: others may be viewing them.
 class Readings : public Eigen::Map<Eigen::MatrixXd> {
     using View = Eigen::Map<Eigen::MatrixXd>;
 
@@ -29,15 +29,15 @@ public:
         : Readings(Eigen::MatrixXd(values.derived())) {}
     Readings(Eigen::Index rows, Eigen::Index columns) : Readings(Eigen::MatrixXd(rows, columns)) {}
 
-    /// Looks at rows * columns numbers, column after column, for as long as `owner` or a copy of it lives.
+    /// Views rows * columns numbers, column after column, for as long as `owner` or a copy of it lives.
     [[nodiscard]] static Readings borrowed(const double* values, Eigen::Index rows, Eigen::Index columns,
                                            std::shared_ptr<const void> owner) {
         Readings result;
         result.owner_ = std::move(owner);
-        result.look_at(const_cast<double*>(values), rows, columns);  // NOLINT: read alone, see above
+        result.look_at(const_cast<double*>(values), rows, columns);  // NOLINT: only read, see above
         return result;
     }
-    /// Who owns the numbers, when it is someone else.
+    /// The owner of borrowed numbers; null when the readings own them.
     [[nodiscard]] const std::shared_ptr<const void>& owner() const { return owner_; }
 
     Readings(const Readings& other) : View(nullptr, 0, 0), own_(other.own_), owner_(other.owner_) { look_like(other); }
@@ -73,7 +73,7 @@ public:
     }
 
 private:
-    /// Places a view where the present one is, as Eigen has it for its maps.
+    /// Constructs a view in place of the present one, as Eigen does for its maps.
     void look_at(double* values, Eigen::Index rows, Eigen::Index columns) {
         new (static_cast<View*>(this)) View(values, rows, columns);
     }

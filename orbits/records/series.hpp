@@ -14,19 +14,19 @@
 
 namespace orbid::orbits {
 
-/// The coordinates of a series as data: names and units are owned, because they may come from a file.
+/// A coordinate of a series: it owns its name and unit, which may come from a file.
 struct SeriesCoordinate {
     std::string name;
     std::string unit;
     bool angle = false;
 };
 
-/// One uninterrupted piece of a record. Columns follow each other by one section or one sampling interval.
+/// One uninterrupted piece of a record. Successive columns are one section or one sampling interval apart.
 struct Segment {
     std::string label;      ///< as in the file, or the index
     Readings values;        ///< shape (n, m); nan = missing sample; angles as read (not wrapped by the series)
     Eigen::VectorXd times;  ///< shape (m) [s] for samples and crossings of autonomous flows; else empty
-    /// Known sd of every value, in its unit, shape (n, m): > 0, nan where none is known. Empty: of no value.
+    /// Known sd of every value, in its unit, shape (n, m): > 0, nan where none is known. Empty: none is known.
     Eigen::MatrixXd deviations = {};
 };
 
@@ -38,7 +38,7 @@ struct Series {
     std::vector<SeriesCoordinate> coordinates;
     std::vector<Segment> segments;
     double phase = 0.0;  ///< [rad] phase of the forcing: of the section, or at time 0 of samples
-    std::string origin;  ///< what made it, one line of free text that files keep; may be empty
+    std::string origin;  ///< what made it: one line of free text, stored in files; may be empty
 
     [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(coordinates.size()); }
     [[nodiscard]] std::size_t size() const;  ///< points of all segments
@@ -46,8 +46,8 @@ struct Series {
     [[nodiscard]] bool timed() const;
 
     /// Size of each coordinate's range: 2 pi for angles, the central 99.8 % range otherwise (mathematics.md, section
-    /// 2), missing samples left out; 1 for a coordinate that never changes or was never read. Distances between states
-    /// are measured in these units. Shape (n).
+    /// 2). Missing samples are left out; 1 for a coordinate that never changes or was never read. Distances between
+    /// states are in these units. Shape (n).
     [[nodiscard]] Eigen::VectorXd scale() const;
 };
 

@@ -12,13 +12,13 @@
 
 namespace orbid::orbits {
 
-/// Where a coordinate of the series stands in a table: value = sign * (column * unit - offset).
+/// Where a table holds a coordinate of the series: value = sign * (column * unit - offset).
 struct CoordinateColumn {
     SeriesCoordinate coordinate;  ///< what the column becomes
     std::string column;           ///< header of the column
     std::string unit;             ///< of the numbers in the file; empty = the coordinate's own (see unit_factor)
     double sign = 1.0;            ///< +1 or -1
-    double offset = 0.0;          ///< [unit of the coordinate], finite: what the instrument shows at the model's zero
+    double offset = 0.0;          ///< [unit of the coordinate], finite: the instrument's reading at the model's zero
     std::string sd = {};          ///< header of a column with the sd of every reading, in `unit`; empty = none
 };
 
@@ -32,39 +32,39 @@ struct TableLayout {
     bool nan_is_missing = false;     ///< a cell "nan" is a missing sample like an empty one, instead of an error
     double phase = 0.0;              ///< [rad] becomes Series::phase
     std::size_t minimum_points = 1;  ///< fewer rows than this are an error
-    /// Samples: times of a segment may leave the equal distance of its median interval by this share of the interval
-    /// per row, in (0, 1). Room for rounded times, but not for a row that was left out.
+    /// Samples: allowed deviation of a segment's times from equal median intervals, as a share of the interval per row,
+    /// in (0, 1). This allows rounded times, but not a missing row.
     double time_tolerance = 0.05;
-    bool equidistant = true;  ///< samples: false = times only have to ascend, as for sections
-    bool complete = false;    ///< a missing value is an error, whatever nan_is_missing says
+    bool equidistant = true;  ///< samples: false = times need only ascend, as for sections
+    bool complete = false;    ///< a missing value is an error, whatever nan_is_missing is
 };
 
 /// Reads a table in text: a header line with the names of the columns, then one row per line.
 ///
-/// Comma, semicolon or tab, whichever the header has most of; lines that are empty or begin with # are skipped; LF or
-/// CRLF; cells may be quoted ("" is a quote inside quotes, a quoted cell ends on its line); a byte order mark is
-/// skipped. Columns the layout does not name are not read. An empty cell is a missing sample. Consecutive rows with
-/// equal segment label form a segment.
+/// The separator is a comma, semicolon or tab, whichever the header has most of. Lines end in LF or CRLF. Empty lines,
+/// lines that begin with # and a byte order mark are skipped. Cells may be quoted ("" is a quote inside quotes, a
+/// quoted cell ends on its line). Columns that the layout does not name are not read. An empty cell is a missing
+/// sample. Consecutive rows with equal segment label form a segment.
 ///
 /// @throws DataError naming file, line and column: file missing, a folder, unreadable or without rows; column missing
 ///         (with the nearest that exists) or named twice; wrong number of cells; a cell that is no number, nan or
-///         infinite; a sd of a present reading that is empty or not > 0; a segment label that comes back; times not
+///         infinite; a sd of a present reading that is empty or not > 0; a segment label that recurs; times not
 ///         ascending or not equidistant; too few points.
-/// @throws std::invalid_argument for a layout that cannot be meant: no coordinate, one twice, sign other than +-1,
-///         offset not finite, unknown unit, samples without time column.
+/// @throws std::invalid_argument for an invalid layout: no coordinate, one twice, sign other than +-1, offset not
+///         finite, unknown unit, samples without time column.
 [[nodiscard]] Series read_csv(const std::filesystem::path& file, const TableLayout& layout);
 
-/// Writes "segment", for timed series "t", and one column per coordinate; shortest decimals that read back to the same
-/// double, missing samples as empty cells; known sds are not stored, for a series that orbid makes has none. Read back
-/// by read_csv with table_layout(series), bit for bit.
+/// Writes "segment", for timed series "t", and one column per coordinate. Numbers are the shortest decimals that read
+/// back to the same double, missing samples are empty cells. Known sds are not stored: a series made by orbid has none.
+/// read_csv with table_layout(series) reads it back bit for bit.
 ///
-/// Writes into `file` directly: whoever needs it whole or not at all passes a temporary name and renames.
+/// Writes into `file` directly. For an atomic write pass a temporary name, then rename.
 /// @throws DataError when the file cannot be written; std::invalid_argument for infinite values, labels or names with
 ///         line breaks, or names that are used twice.
 void write_csv(const std::filesystem::path& file, const Series& series);
 
 /// Series::origin of a file that write_csv or write_hdf5 wrote, told apart by the ending ".csv".
-/// Empty when the file says nothing of its origin.
+/// Empty when the file does not state its origin.
 /// @throws DataError as the readers do.
 [[nodiscard]] std::string read_origin(const std::filesystem::path& file);
 
@@ -84,7 +84,7 @@ void write_csv(const std::filesystem::path& file, const Series& series);
 ///     /times/000000    dataset (points) [s], for timed series
 ///     /origin          one text, when the series has an origin
 ///
-/// Nothing in the file depends on the time of writing: equal series give equal bytes. As write_csv about the name.
+/// Nothing in the file depends on the time of writing: equal series give equal bytes. Writes directly, as write_csv.
 /// @throws DataError when the file cannot be written; std::invalid_argument for a series whose parts have different
 ///         shapes.
 void write_hdf5(const std::filesystem::path& file, const Series& series);

@@ -20,13 +20,13 @@ namespace orbid::orbits {
 
 class ObservedChannels;
 
-/// What is known of one coordinate of the states in which the segments begin.
+/// What is known about one coordinate of the segments' initial states.
 struct InitialStateRule {
     enum class Kind {
         estimate,  ///< free, one value per segment
         fixed,     ///< `value` in every segment
         normal,    ///< free, with the prior normal(value, sd): one more record per segment
-        parameter  ///< an estimated parameter for every fitted segment, with whatever prior and scale that one has
+        parameter  ///< an estimated parameter for each fitted segment, with its own prior and scale
     };
     Kind kind = Kind::estimate;
     double value = 0.0;           ///< fixed: the value; normal: the mean
@@ -38,18 +38,18 @@ struct InitialStateRule {
 
 struct SeriesResidualOptions {
     std::string name = "series";                ///< prefix of group names: "series.phi", "series.run1.phi"
-    std::vector<std::string> observe;           ///< coordinates of the series that count; empty = all of them
+    std::vector<std::string> observe;           ///< coordinates of the series to fit; empty = all
     std::vector<std::size_t> segments;          ///< indices of the segments to fit; empty = all
     models::Sensor sensor;                      ///< how the series was read
     std::vector<InitialStateRule> initial;      ///< one per coordinate of the model; empty = all estimated
     std::vector<estimator::ErrorScale> errors;  ///< one per observed coordinate, in that order; empty = all estimated
     std::vector<ErrorForm> forms;               ///< likewise; empty = all normal with one sd
-    /// Full covariances; groups = positions in `observe`. Their coordinates are read at the same samples.
+    /// Full covariances; groups = positions in `observe`. Their coordinates share the same samples.
     std::vector<estimator::JointCovariance> covariances;
-    /// Of models with measured inputs: one signal per segment of the series, on the clock of its times, which it covers
-    /// (and the delay of a difference sensor after them). Empty otherwise.
+    /// Models with measured inputs: one signal per segment of the series, on the clock of its times. It covers them,
+    /// and the delay of a difference sensor after them. Empty otherwise.
     std::vector<std::shared_ptr<const models::InputSignal>> inputs;
-    Eigen::VectorXd start;  ///< estimator's parameters from which initial states are guessed; empty = base
+    Eigen::VectorXd start;  ///< estimator's parameters for the guess of initial states; empty = base
     models::FlowOptions flow;
 };
 
@@ -66,21 +66,21 @@ struct SegmentPrediction {
 ///
 ///     e_k = y_k - sensor(x(t_k)),   x' = f(x, omega t; theta),   x(t_first) = z
 ///
-/// One block per fitted segment; its records are the samples of the first observed coordinate in time, then those of
-/// the second, ..., then one record per normal prior of the initial state. Missing samples have no record; differences
-/// of angles lie in (-pi, pi] (formulas of a sensor are no angles). Latent states: the free coordinates of z that are
-/// no estimated parameters, in the order of the model's. Groups: one per observed coordinate ("<name>.<coordinate>",
-/// ordered in time), then one per normal prior ("<name>.initial.<coordinate>", scale fixed). Known sds of readings
-/// become BlockLayout::deviation.
+/// One block per fitted segment. Its records are the samples of the first observed coordinate in time order, then those
+/// of the second, ..., then one record per normal prior of the initial state. Missing samples have no record.
+/// Differences of angles lie in (-pi, pi]; formulas of a sensor are not angles. Latent states: the free coordinates of
+/// z that are not estimated parameters, in the model's order. Groups: one per observed coordinate
+/// ("<name>.<coordinate>", ordered in time), then one per normal prior ("<name>.initial.<coordinate>", scale fixed).
+/// Known sds of readings become BlockLayout::deviation.
 ///
 /// Models with measured inputs are simulated on the clock of the series' times; their series.phase is 0.
 ///
 /// Forced models: the phase at time t is series.phase + omega t. When omega is estimated and a segment does not begin
-/// at time 0, its first phase moves with omega; that is contained in the derivatives for the state sensor. With a
-/// difference sensor, whose reading depends on the phase, an estimated omega is refused.
+/// at time 0, its first phase depends on omega. The derivatives for the state sensor include this. A difference
+/// sensor's reading depends on the phase, so an estimated omega is refused.
 ///
 /// Derivatives are those of the computed prediction (models::System::flow_with_sensitivities and readings). Parallel
-/// over segments, the same bytes with any number of threads. A flow that fails gives BlockStatus::failed.
+/// over segments, with the same bytes for any number of threads. A failed flow gives BlockStatus::failed.
 class SeriesResidual final : public estimator::Residual {
 public:
     /// @param binding  which entries of the estimator's vector are which parameters of the system.
@@ -103,18 +103,18 @@ public:
     [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    /// Nothing to do between rounds: the set of segments stays as it is.
+    /// Nothing to do between rounds: the set of segments is fixed.
     estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
                                                const std::vector<Eigen::VectorXd>& latents,
                                                const Eigen::VectorXd& scales) override;
     void deactivate(std::size_t block) override;
 
-    /// Predicts segments at given parameters. All initial coordinates that are not fixed are fitted to the very segment
-    /// by damped Gauss-Newton on the sum of squares of errors over their sd (normal priors included), from the data as
-    /// in initial_latents(): a prediction of the course, not of its beginning.
+    /// Predicts segments at given parameters. All initial coordinates that are not fixed are fitted to the segment
+    /// itself, started from the data as in initial_latents(). The method is damped Gauss-Newton on the sum of squares
+    /// of errors over their sd, normal priors included. This predicts the course, not its beginning.
     ///
     /// @param scales    shape (groups): s_g, > 0.
-    /// @param segments  indices into series().segments; may have been fitted or not.
+    /// @param segments  indices into series().segments, fitted or not.
     /// @param relative  shape (groups), read where errors are relative; empty: their starts.
     [[nodiscard]] std::vector<SegmentPrediction> predict(const Eigen::VectorXd& theta, const Eigen::VectorXd& scales,
                                                          const std::vector<std::size_t>& segments,
@@ -124,7 +124,7 @@ public:
     [[nodiscard]] double error_sd(std::size_t block, Eigen::Index record, double e, double scale,
                                   double relative) const;
 
-    /// Where a record comes from. Priors have no sample: then `sample` is -1.
+    /// Where a record comes from. Priors have no sample: `sample` is -1.
     struct Record {
         Eigen::Index coordinate = 0;  ///< of the model
         Eigen::Index sample = 0;      ///< column of the segment
@@ -133,13 +133,13 @@ public:
     [[nodiscard]] std::size_t segment(std::size_t block) const { return blocks_[block].segment; }
     [[nodiscard]] const Series& series() const { return series_; }
     [[nodiscard]] const models::System& system() const { return *system_; }
-    /// The whole state in which a block begins, shape (n): free coordinates from its latents or from theta, fixed ones
-    /// filled in.
+    /// The complete initial state of a block, shape (n): free coordinates from its latents or from theta, and fixed
+    /// ones.
     [[nodiscard]] Eigen::VectorXd state(std::size_t block, const Eigen::VectorXd& theta,
                                         const Eigen::VectorXd& latents) const;
-    /// What the data and the rules' starts say of it before any estimate, shape (n).
+    /// The initial state from the data and the rules' starts, before any estimate, shape (n).
     [[nodiscard]] Eigen::VectorXd guessed_state(std::size_t block) const;
-    /// Model coordinates that are latent, ascending: the meaning of a block's latents.
+    /// The model coordinates of a block's latents, ascending.
     [[nodiscard]] const std::vector<Eigen::Index>& free_coordinates() const { return free_; }
 
 private:
@@ -151,7 +151,7 @@ private:
         Eigen::VectorXd observed;   ///< the reading, or the mean of a prior
         Eigen::VectorXd deviation;  ///< known sds, 1 where none is known
     };
-    /// An error over its sd, and the derivative of that with respect to the error.
+    /// An error over its sd, and the derivative of the ratio with respect to the error.
     struct Standard {
         double value;
         double slope;
@@ -179,7 +179,7 @@ private:
                          const Eigen::VectorXd& x0, models::FlowResult& flow) const;
     [[nodiscard]] SegmentPrediction predict_one(const Eigen::VectorXd& all, const Eigen::VectorXd& scales,
                                                 const Eigen::VectorXd& relative, std::size_t segment) const;
-    /// The system, with the inputs of a segment where it reads some.
+    /// The system, with the inputs of a segment if it has any.
     [[nodiscard]] const models::System& system_of(std::size_t segment) const;
     void give_inputs();
 

@@ -25,17 +25,17 @@ struct PlannedReading {
     int group = 0;
 };
 
-/// An instant after a node, in the clock of the flow, or that and the delay [s] of a difference sensor.
+/// An instant after a node, on the clock of the flow; if `delayed`, plus the delay [s] of a difference sensor.
 struct Instant {
     double after = 0.0;
     bool delayed = false;
 };
 
-/// The instants that a flow from a node has to reach; shared by all nodes with equal ones.
+/// The instants that the flow from a node must reach; nodes with equal instants share a pattern.
 struct InstantPattern {
     std::vector<Instant> instants;
-    std::ptrdiff_t match = -1;       ///< of the next node; -1: there is none
-    std::size_t input = 0;           ///< segment whose measured inputs drive it; 0 without inputs
+    std::ptrdiff_t match = -1;       ///< of the next node; -1: none
+    std::size_t input = 0;           ///< segment whose measured inputs drive the flow; 0 without inputs
     std::vector<std::size_t> nodes;  ///< ascending
 };
 
@@ -49,12 +49,12 @@ struct PlannedNode {
     bool linked = false;  ///< another node of the same segment follows
 };
 
-/// What is read of the segments of a series.
+/// What is read from the segments of a series.
 struct ObservedCoordinate {
     Eigen::Index row = 0;         ///< of segment.values
     Eigen::Index coordinate = 0;  ///< of the model
     int group = 0;
-    bool known_sds = false;  ///< Segment::deviations count
+    bool known_sds = false;  ///< Segment::deviations are used
 };
 
 /// The nodes of all fitted segments in order, their readings, and which of them can be simulated together.
@@ -69,17 +69,18 @@ struct ShootingPlan {
     }
 };
 
-/// Nodes every `interval` samples, each with the samples up to the next one; the last one of a segment has what is
-/// left. Of an angle_difference sensor the readings are the angle, and the angle `delay` later (reading + delay
-/// quotient); the rate has no record of its own.
+/// Nodes every `interval` samples, each with the samples up to the next; the last node of a segment has the rest. For
+/// an angle_difference sensor the readings are the angle and the angle `delay` later (reading + delay quotient). The
+/// rate has no record of its own.
 ///
-/// Instants of nodes count as equal within 1e-10 of a sampling interval: rounding of times makes no pattern of its own.
+/// Instants of nodes are equal within 1e-10 of a sampling interval, so that rounded times make no patterns of their
+/// own.
 [[nodiscard]] ShootingPlan plan_shooting(const models::System& system, const Series& series,
                                          const std::vector<std::size_t>& segments,
                                          const std::vector<ObservedCoordinate>& observed, const models::Sensor& sensor,
                                          Eigen::Index interval);
 
-/// Time from the first to the given sample in the clock of a plan: sections and iterations have equal distances.
+/// Time from the first to the given sample on the clock of a plan; sections and iterations are equidistant.
 [[nodiscard]] double elapsed(const models::System& system, const Segment& segment, Eigen::Index sample);
 
 }  // namespace orbid::orbits

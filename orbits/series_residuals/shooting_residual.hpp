@@ -20,21 +20,21 @@ namespace orbid::orbits {
 
 struct ShootingOptions {
     std::string name = "series";        ///< prefix of group names: "series.phi", "series.matching.phi"
-    std::vector<std::string> observe;   ///< coordinates of the series that count; empty = all of them
+    std::vector<std::string> observe;   ///< coordinates of the series to fit; empty = all
     std::vector<std::size_t> segments;  ///< indices of the segments to fit; empty = all
     models::Sensor sensor;              ///< how the series was read
-    /// One per observed coordinate; empty = all estimated. Of an angle_difference sensor the angle's counts for both
-    /// readings, the rate's is not read.
+    /// One per observed coordinate; empty = all estimated. For an angle_difference sensor the angle's applies to both
+    /// readings, and the rate's is not read.
     std::vector<estimator::ErrorScale> errors;
     std::vector<ErrorForm> forms;  ///< likewise; empty = all normal with one sd
     Continuity matching;
     /// Sampling intervals (sections) from node to node, > 0; 0: chosen by how errors grow, see interval().
     Eigen::Index interval = 0;
-    /// Of models with measured inputs: one signal per segment of the series, see SeriesResidualOptions::inputs.
+    /// Models with measured inputs: one signal per segment of the series, see SeriesResidualOptions::inputs.
     std::vector<std::shared_ptr<const models::InputSignal>> inputs;
-    Eigen::VectorXd start;               ///< estimator's parameters at which nodes are guessed; empty = base
+    Eigen::VectorXd start;               ///< estimator's parameters for the guess of nodes; empty = base
     std::vector<Eigen::MatrixXd> nodes;  ///< known nodes per fitted segment, shape (n, nodes); empty: from the data
-    /// Never more accurate than that; in loose stages a small share of the matching sd is enough.
+    /// The highest accuracy used; in loose stages a small share of the matching sd is enough.
     models::FlowOptions flow{1e-12, 1e-12, 100000};
 };
 
@@ -44,30 +44,29 @@ struct ShootingOptions {
 ///     s_{i+1} = Phi(s_i, t_i -> t_{i+1}; theta)        exactly or with errors of their own (Continuity)
 ///
 /// One block per node, chained along a segment; latent states: the node. Sections of forced models and maps, samples,
-/// and crossings with times of autonomous flows as samples at those times. Of an angle_difference sensor the residuals
-/// are the two angle readings, which have independent errors, not the angle and the quotient, which share one: group
-/// "<name>.<angle>", whose floor is step / sqrt 12. Missing samples have no record; angles are compared modulo a turn.
-/// Groups: one per observed coordinate, then "<name>.matching.<coordinate>" for every coordinate of the model.
+/// and crossings with times of autonomous flows as samples at those times. For an angle_difference sensor the residuals
+/// are the two angle readings, whose errors are independent, not the angle and the quotient, which share one. Their
+/// group is "<name>.<angle>", with floor step / sqrt 12. Missing samples have no record; angles are compared modulo a
+/// turn. Groups: one per observed coordinate, then "<name>.matching.<coordinate>" for every coordinate of the model.
 ///
-/// Phases of nodes: of the section, or series.phase + omega t; derivatives to an estimated omega are complete in both.
-/// A flow that fails (grazing, say) makes its block fail, not the others. A transient that ends in standstill keeps its
-/// tail: there the flow sticks, X is singular, and the readings still count.
+/// Phases of nodes are that of the section, or series.phase + omega t; derivatives to an estimated omega are complete
+/// in both. A failed flow (as in grazing) fails only its own block. A transient that ends in standstill keeps its tail:
+/// the flow sticks there and X is singular, but the readings still count.
 ///
-/// Continuity begins loose, at the root mean square defect of the nodes that the data say, and is tightened by
-/// update_active_set(); until it is as tight as asked for the residual is is_intermediate_stage().
+/// Continuity begins loose, at the root mean square defect of the nodes guessed from the data. update_active_set()
+/// tightens it. is_intermediate_stage() is true until the requested tightness is reached.
 class ShootingResidual final : public estimator::Residual {
 public:
     /// @throws std::invalid_argument naming value and rule: coordinates or segments that do not exist or are named
-    ///         twice, segments without a reading, sections of an autonomous flow without times, a coordinate that is
-    ///         not read where no slope can tell it (sections) and no nodes are given, wrong lengths, an
-    ///         angle_difference sensor whose angle is not observed or with known sds, log-normal or relative errors of
-    ///         an angle, autoregressive errors (they would end at every node), interval < 0, measured inputs that are
-    ///         missing.
+    ///         twice, segments without a reading, sections of an autonomous flow without times, an unread coordinate
+    ///         that no slope determines (sections) when no nodes are given, wrong lengths, an angle_difference sensor
+    ///         whose angle is not observed or with known sds, log-normal or relative errors of an angle, autoregressive
+    ///         errors (they would end at every node), interval < 0, measured inputs that are missing.
     ShootingResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding, Series series,
                      ShootingOptions options);
 
     /// The same residual with other matching, started from these latent states and parameters of the estimator (empty:
-    /// its own). Shares the data.
+    /// its own). The data are shared.
     [[nodiscard]] ShootingResidual with(const Continuity& matching, std::vector<Eigen::VectorXd> latents,
                                         const Eigen::VectorXd& theta = {}) const;
 
@@ -89,7 +88,7 @@ public:
     struct Defect {
         Eigen::VectorXd rms;      ///< shape (n)
         Eigen::VectorXd typical;  ///< 1.4826 times the median of its absolute value: the sd if it were normal
-        std::size_t large = 0;    ///< intervals with a coordinate beyond three of the `sd` given
+        std::size_t large = 0;    ///< intervals with a coordinate beyond three of the given `sd`
         std::size_t count = 0;    ///< intervals
     };
     /// @param sd  shape (n), > 0; empty: the present matching sds.
@@ -98,9 +97,9 @@ public:
 
     /// Sampling intervals from node to node, as given or chosen.
     [[nodiscard]] Eigen::Index interval() const { return data_->interval; }
-    /// Size of each coordinate's range, shape (n): the unit in which matching is equally tight for all.
+    /// Size of each coordinate's range, shape (n). In this unit matching is equally tight for all.
     [[nodiscard]] const Eigen::VectorXd& range() const { return data_->range; }
-    /// Present matching sds, shape (n); 0 when constraints do the matching.
+    /// Present matching sds, shape (n); 0 when matching is by constraints.
     [[nodiscard]] Eigen::VectorXd matching_sd() const { return tightness_ * unit_; }
     [[nodiscard]] const Continuity& matching() const { return matching_; }
     /// Largest sd of a reading over its range, as far as known.
@@ -111,7 +110,7 @@ public:
 private:
     /// What copies with other matching share.
     struct Data {
-        /// One per segment of the series, each with its measured inputs; one in all without inputs.
+        /// One per segment of the series, each with its measured inputs; a single one without inputs.
         std::vector<std::shared_ptr<const models::System>> systems;
         models::ParameterBinding binding;
         Series series;
@@ -160,7 +159,7 @@ private:
     std::vector<estimator::Group> groups_;
     std::vector<estimator::BlockLayout> layout_;
     std::vector<Eigen::VectorXd> start_;
-    Eigen::VectorXd unit_;    ///< matching sds over their tightness: the ranges, or in the proportions asked for
+    Eigen::VectorXd unit_;    ///< matching sds over their tightness: the ranges, or in the requested proportions
     double tightness_ = 0.0;  ///< of matching, now and at the end
     double final_ = 0.0;
     double noise_ = 0.0;  ///< sd of readings over their ranges, as far as known

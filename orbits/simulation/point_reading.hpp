@@ -24,18 +24,17 @@ struct PointReadings {
 /// Section points as an instrument reads them: y = sensor(x, phase; theta) + error.
 class PointReading {
 public:
-    /// @throws std::invalid_argument for a sensor that reads formulas: points of cycles stand for whole states;
-    /// crossings
-    ///         of a plane that are read by anything but the plain state.
+    /// @throws std::invalid_argument for a sensor that reads formulas, since points of cycles stand for complete
+    ///         states; for crossings of a plane read by anything but the plain state.
     PointReading(const SectionMap& map, const models::Sensor& sensor);
 
-    /// Readings of section points, the columns of `states`; empty when they cannot be had. @param theta full parameter
-    /// vector.
+    /// Readings of section points, the columns of `states`; empty when they cannot be computed.
+    /// @param theta  full parameter vector.
     [[nodiscard]] std::optional<PointReadings> operator()(const Eigen::MatrixXd& states, const Eigen::VectorXd& theta,
                                                           std::span<const Eigen::Index> free, bool derivatives) const;
 
-    /// The states that are read so, by Newton's method from the readings themselves. A column for which that does not
-    /// converge stays as it was read. Shape (n, p).
+    /// The states with these readings, by Newton's method started from the readings. A column that does not converge
+    /// stays as it was read. Shape (n, p).
     [[nodiscard]] Eigen::MatrixXd states(const Eigen::MatrixXd& readings, const Eigen::VectorXd& theta) const;
 
 private:

@@ -15,7 +15,7 @@
 namespace orbid::orbits {
 
 /// Where a section lies: at a phase of the forcing, at every iterate of a map, or where an autonomous flow crosses a
-/// plane on which one coordinate has a value.
+/// plane on which one coordinate is constant.
 struct SectionPlace {
     SectionPlace(double at_phase = 0.0) : phase(at_phase) {}  // NOLINT: most sections are phases
     explicit SectionPlace(models::Section crossed) : plane(std::move(crossed)) {}
@@ -33,12 +33,12 @@ struct SectionImage {
 
 /// x -> Phi(x; theta) over one period of the forcing, one step of a map, or from crossing to crossing.
 ///
-/// Section points have the coordinates of the model, crossings of a plane all but the plane's own.
+/// Section points have the coordinates of the model; crossings of a plane lack the plane's own.
 class SectionMap {
 public:
     /// The system is kept by pointer.
     /// @throws std::invalid_argument for a phase that is not finite, an autonomous system without a plane or with one
-    ///         that is not across a coordinate, another system with one.
+    ///         whose normal is not along a coordinate, another system with a plane.
     SectionMap(const models::System& system, const SectionPlace& place, const models::FlowOptions& flow);
 
     /// Empty when the flow fails. @param theta full parameter vector; @param free parameters of the derivatives.
@@ -56,9 +56,9 @@ public:
 
     /// States of the model at section points, shape (model's n, m).
     [[nodiscard]] Eigen::MatrixXd states(const Eigen::MatrixXd& points) const;
-    /// Section points of states on the section, or derivatives of them: the rows kept, of every `model's n` rows.
+    /// Section points of states on the section, or their derivatives: the rows kept of every n rows of the model.
     [[nodiscard]] Eigen::MatrixXd points(const Eigen::MatrixXd& states) const;
-    /// The columns that belong to section points, of the model's n.
+    /// The columns of section points among the model's n.
     [[nodiscard]] Eigen::MatrixXd directions(const Eigen::MatrixXd& by_state) const;
 
     /// a - b of section points, angle coordinates wrapped to (-pi, pi]; shapes (n, m).
@@ -81,7 +81,7 @@ private:
 [[nodiscard]] Eigen::MatrixXd wrapped_difference(const models::System& system, const Eigen::MatrixXd& a,
                                                  const Eigen::MatrixXd& b);
 
-/// Every parameter lies in its domain, so that a flow may be asked for.
+/// Whether every parameter lies in its domain, so that a flow may be computed.
 [[nodiscard]] bool in_domain(const models::System& system, const Eigen::VectorXd& theta);
 
 }  // namespace orbid::orbits
