@@ -11,24 +11,26 @@
 
 namespace orbid::estimator {
 
-/// Rows of one block of a stacked least-squares problem: [A_z | A | w], columns of its own latent states first, then
-/// those of the common parameters, then the right-hand side; and, in a chain, the rows that link it to another block.
+/// Rows of one block of a stacked least-squares problem: [A_z | A | w]. The columns of its own latent states come
+/// first, then the common parameters, then the right-hand side. In a chain, also the rows that link it to another
+/// block.
 struct BlockTriangle {
     Eigen::Index latents = 0;
-    /// Upper trapezoid of the orthogonal factorisation, shape (latents + q + 1, latents + q + 1); of a linked block the
-    /// rows themselves where they are not more than that.
+    /// Upper trapezoid of the orthogonal factorisation, shape (latents + q + 1, latents + q + 1). For a linked block
+    /// the rows themselves if they are no more than that.
     Eigen::MatrixXd triangle;
     /// Lengths of the latent columns, > 0, shape (latents): the damping metric D_z. Without links the norms of the
-    /// block's own columns (1 where dead). factorise() sets it for linked blocks: own columns as well, so that the
-    /// weight of the links does not enter; a column the block's own rows do not contain gets its norm in the link rows
-    /// times the ratio of own to link norms over the columns that have both (of this block, else of the chain, else 1).
+    /// block's own columns (1 where dead). factorise() sets it for linked blocks, again from own columns, so that the
+    /// weight of the links does not enter. A column that is zero in the block's own rows gets its norm in the link rows
+    /// times a ratio of own to link norms. The ratio is taken over the columns that have both (of this block, else of
+    /// the chain, else 1).
     Eigen::VectorXd norm;
     std::vector<bool> dead;  ///< latent states nothing decides (given the earlier ones): they stay put
-    /// Rows [C_z | C_next | C_theta | c], already weighted, shape (rows, latents + latents of `next` + q + 1); with
-    /// next = -1 C_next has no columns, with next = the block itself both parts act on its own states. Empty = none.
+    /// Rows [C_z | C_next | C_theta | c], already weighted, shape (rows, latents + latents of `next` + q + 1). With
+    /// next = -1 C_next has no columns; with next = the block itself both parts act on its own states. Empty = none.
     Eigen::MatrixXd link;
     std::ptrdiff_t next = -1;  ///< index into BlockArrow::blocks of the block whose states C_next multiplies
-    /// Only where a latent state is dead by the block's own rows: the triangle with it. A link may still decide it.
+    /// Only where a latent state is dead by the block's own rows: the R factor with it. A link may still determine it.
     Eigen::MatrixXd undecided;
 };
 
@@ -36,22 +38,22 @@ struct BlockTriangle {
 ///
 ///     min_{d, d_z} sum_b ||A_z,b d_z,b + A_b d + w_b||^2 + ||C_z,b d_z,b + C_next,b d_z,next + C_theta,b d + c_b||^2
 ///
-/// by orthogonal factorisation: blocks without links one by one (an arrow), chains and cyclic chains by odd-even
-/// elimination. No normal equations, no matrix of the whole size, cost linear in the blocks. Link rows may weigh 1e10
-/// times the others.
+/// by orthogonal factorisation: blocks without links one by one (block-arrow matrix), chains and cyclic chains by
+/// odd-even elimination. No normal equations, no matrix of the whole size, cost linear in the blocks. Link rows may
+/// weigh 1e10 times the others.
 struct BlockArrow {
     Eigen::Index parameters = 0;
     std::vector<BlockTriangle> blocks;
     Eigen::MatrixXd pool;      ///< triangle of the rows below the latent ones without links, shape (q + 1, q + 1)
     std::vector<bool> linked;  ///< blocks that belong to a chain (a block with link rows is one of its own)
     std::vector<std::vector<std::size_t>> chains;  ///< blocks of each chain in order
-    /// Norm of what links say about each latent state of each chain, one block after the other.
+    /// Norm of each latent state's column in the link rows of each chain, one block after the other.
     std::vector<Eigen::VectorXd> link_norms;
     std::vector<std::shared_ptr<const ChainFactor>> undamped;  ///< of each chain
 };
 
-/// What is left for the parameters after the latent states took their best values (Schur complement), with the latent
-/// steps damped by mu ||D_z d_z||^2, D_z = BlockTriangle::norm.
+/// The problem for the parameters after the latent states took their best values (Schur complement). The latent steps
+/// are damped by mu ||D_z d_z||^2, D_z = BlockTriangle::norm.
 struct ReducedProblem {
     /// Per block [R_zz | R_z | r_z], shape (latents, latents + q + 1); no rows for linked blocks, see `chains`.
     std::vector<Eigen::MatrixXd> top;
@@ -64,12 +66,12 @@ struct ReducedProblem {
 /// Factorises one block's rows [A_z | A | w] (any number of rows). `link` and `next` are set by the caller afterwards.
 [[nodiscard]] BlockTriangle block_triangle(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::Index latents);
 
-/// The same for a block that has link rows, or that one links to: its rows are kept as they are where they are few.
+/// The same for a block that has link rows, or that one links to: its rows are kept unchanged if they are few.
 [[nodiscard]] BlockTriangle linked_block(Eigen::MatrixXd rows, Eigen::Index latents);
 
-/// Puts the blocks together and factorises the chains. In chains a latent state is dead if nothing is left of its
-/// column (below 1e-13 of its own rows' norm, or 1e-14 of its norm with the links) when it is eliminated; of several
-/// that only together are undecided, the one with the least left stays put.
+/// Puts the blocks together and factorises the chains. In chains a latent state is dead if almost nothing is left of
+/// its column when it is eliminated: below 1e-13 of its own rows' norm, or 1e-14 of its norm with the links. If several
+/// are undetermined only together, the one with the least left is held.
 /// @throws std::invalid_argument if link rows have the wrong number of columns, `next` is not a block, or two blocks
 ///         link to the same one.
 [[nodiscard]] BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters);
@@ -96,27 +98,27 @@ struct ModelChange {
 struct SelectedCovariance {
     std::vector<Eigen::MatrixXd> block;  ///< of (z_b, y), shape (latents + r, latents + r)
     /// Of (z_b, z_next, y) for blocks with next >= 0 and link rows, shape (latents + latents of next + r, same); else
-    /// empty. Good for links of moderate weight: at tight ones C P C^T is a difference of nearly equal numbers.
+    /// empty. For links of moderate weight: at tight ones C P C^T is a difference of nearly equal numbers.
     std::vector<Eigen::MatrixXd> link;
 };
 
-/// Hands every block's covariance of (z_b, y) to `node`, and that of (z_b, z_next, y) of blocks with next >= 0 and link
-/// rows to `link` (empty: not wanted), see chain_covariance() and covariance_around(): nothing is kept.
+/// Passes every block's covariance of (z_b, y) to `node`, and that of (z_b, z_next, y) of blocks with next >= 0 and
+/// link rows to `link` (empty: not wanted). Nothing is kept. See chain_covariance() and covariance_around().
 void visit_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
                       const Eigen::MatrixXd& parameter_covariance, const CovarianceUse& node,
                       const CovarianceUse& link);
 
-/// Covariance R^-1 R^-T of the parameters from the triangle of the condensed problem with prior rows; (0, 0) of (0, 0).
+/// Covariance R^-1 R^-T of the parameters from the R factor of the reduced problem with prior rows; (0, 0) of (0, 0).
 [[nodiscard]] Eigen::MatrixXd inverse_square(const Eigen::MatrixXd& triangle);
 
-/// Covariance of the latent states around the parameters' (any covariance of them, for instance a sandwich):
-/// z = G y + noise with covariance (R_zz^T R_zz)^-1. Shape (q, q), or (0, 0): parameters held, r = 0. Rows and columns
-/// of dead states are zero. Linear cost.
+/// Covariance of the latent states around the parameters' (any covariance of them, for instance a sandwich): z = G y +
+/// noise with covariance (R_zz^T R_zz)^-1. Shape (q, q), or (0, 0): parameters held, r = 0. Rows and columns of dead
+/// states are zero. Linear cost.
 [[nodiscard]] SelectedCovariance covariance_around(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
                                                    const Eigen::MatrixXd& parameter_covariance);
 
-/// The same with the covariance R_y^-1 R_y^-T of the parameters ("restricted"), R_y the triangle of the condensed
-/// problem with prior rows, shape (q, q), regular; shape (0, 0): parameters held ("ml").
+/// The same with the covariance R_y^-1 R_y^-T of the parameters ("restricted"). R_y is the regular R factor of the
+/// reduced problem with prior rows, shape (q, q). Shape (0, 0): parameters held ("ml").
 [[nodiscard]] SelectedCovariance selected_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
                                                      const Eigen::MatrixXd& parameter_triangle);
 

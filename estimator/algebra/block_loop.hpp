@@ -7,8 +7,8 @@
 
 namespace orbid::estimator {
 
-/// Blocks that one piece of a loop over many takes: small enough to share out, large enough that the sharing costs
-/// nothing (a block takes about a microsecond, handing out a piece about as much).
+/// Blocks per piece of a loop: small enough to distribute, large enough that the overhead is negligible. (A block takes
+/// about a microsecond, distributing a piece about as much.)
 inline constexpr std::size_t blocks_per_piece = 256;
 
 /// Number of pieces of a loop over `count` blocks; it depends on nothing else.

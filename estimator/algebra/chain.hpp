@@ -9,7 +9,7 @@
 namespace orbid::estimator {
 
 /// One node of a chain: rows on its own latent states, and rows that link it to the next node of the chain. All rows
-/// are weighted; `next` is the following node of the same chain (the first one again in a cyclic chain). Matrices are
+/// are weighted. `next` is the following node of the same chain (the first one again in a cyclic chain). Matrices are
 /// those of the stacked problem and not copied.
 struct ChainNode {
     std::size_t block = 0;                   ///< which block of the stacked problem this is
@@ -23,7 +23,7 @@ struct ChainNode {
     const std::vector<bool>* dead = nullptr;  ///< states that leave the problem; null: none
 };
 
-/// Elimination of one node between its neighbours of that moment, or of the last one or two nodes of a chain together:
+/// Elimination of one node between its neighbours at that stage, or of the last one or two nodes of a chain together:
 ///
 ///     R_pivot (z_node, z_partner) + R_left z_left + R_right z_right + R_theta d + r = 0
 struct Elimination {
@@ -44,8 +44,8 @@ struct ChainLevel {
     std::vector<double> values;       ///< of all rows, one elimination after the other
     std::vector<Eigen::Index> order;  ///< k-th pivot = order[first + k]-th latent state; from `rank` on: undecided
 
-    /// [R_pivot | R_left | R_right | R_theta | r], shape (rank, columns), columns of R_pivot in pivot order and cut to
-    /// rank: upper triangle, shape (rank, rank).
+    /// [R_pivot | R_left | R_right | R_theta | r], shape (rank, columns). R_pivot has its columns in pivot order and is
+    /// cut to rank: upper triangle, shape (rank, rank).
     [[nodiscard]] Eigen::Map<const Eigen::MatrixXd> rows(const Elimination& step) const {
         return {values.data() + step.place, step.rank, step.columns};
     }
@@ -60,16 +60,17 @@ struct ChainFactor {
     Eigen::MatrixXd rest;  ///< triangle of what is left for [d | w], shape (q + 1, q + 1)
 };
 
-/// Eliminates every second node, then every second one of those left, ... ; both ends of an open chain stay to the last
-/// and are eliminated together. Every node is thus eliminated between its two neighbours, expressed by the earlier one
-/// in contracting and by the later one in expanding directions, so growth over the chain never multiplies up: what
-/// elimination from both ends promises, and the nodes of a level are independent of each other. Cost linear in nodes.
-/// Source: odd-even (cyclic) reduction with orthogonal transformations, S. J. Wright, "Stable parallel algorithms for
-/// two-point boundary value problems", SIAM J. Sci. Stat. Comput. 13 (1992) 742; pivoting in eliminate().
+/// Eliminates every second node, then every second remaining one, ... ; both ends of an open chain stay to the last and
+/// are eliminated together. Every node is thus eliminated between its two neighbours. The earlier one expresses it in
+/// contracting directions and the later one in expanding directions, so growth over the chain never multiplies up.
+/// Elimination from both ends has the same property, but here the nodes of a level are independent of each other. Cost
+/// linear in nodes. Source: odd-even (cyclic) reduction with orthogonal transformations, S. J. Wright, "Stable parallel
+/// algorithms for two-point boundary value problems", SIAM J. Sci. Stat. Comput. 13 (1992) 742; pivoting in
+/// eliminate().
 /// @param parameters  q.
 [[nodiscard]] ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Eigen::Index parameters);
 
-/// Best latent states for the parameters d, written to z[block]; states that nothing decides are zero.
+/// Best latent states for the parameters d, written to z[block]; undetermined states are zero.
 void solve_chain(const ChainFactor& chain, const Eigen::VectorXd& d, std::vector<Eigen::VectorXd>& z);
 
 /// Sum of ln|R_jj| over all latent states of the chain.
@@ -79,9 +80,9 @@ void solve_chain(const ChainFactor& chain, const Eigen::VectorXd& d, std::vector
 using CovarianceUse = std::function<void(std::size_t block, const Eigen::Ref<const Eigen::MatrixXd>& covariance)>;
 
 /// Covariance of neighbours: of (z_b, y) for every node to `node`, of (z_b, z_next, y) for every link to `link` (block:
-/// of the node the link starts from; an empty function: not wanted), y = the parameters with the covariance given (0,
-/// 0: not varied, left out). States that nothing decides have zeros. Every term is a sum of positive semidefinite ones.
-/// Linear cost; memory for the links of half the nodes.
+/// of the node the link starts from; an empty function: not wanted). y = the parameters with the covariance given (0,
+/// 0: not varied, left out). Undetermined states have zeros. Every term is a sum of positive semidefinite ones. Linear
+/// cost; memory for the links of half the nodes.
 void chain_covariance(const ChainFactor& chain, const Eigen::MatrixXd& parameter_covariance, const CovarianceUse& node,
                       const CovarianceUse& link);
 

@@ -6,23 +6,23 @@ namespace orbid::estimator {
 
 /// Upper trapezoid R of a = Q R, shape (columns, columns), padded with zero rows.
 ///
-/// Tall stacks are cut into panels that fit the cache; the panels' triangles are stacked and factorised again (a tree
-/// that depends on the shape alone: same bytes with any number of threads). Rows of a panel whose sizes differ by more
-/// than a thousand are sorted, heavy ones first: Householder reflections are then row-wise stable.
-/// Source: Demmel, Grigori, Hoemmen, Langou, SIAM J. Sci. Comput. 34 (2012) A206 (tall-skinny QR); Cox and Higham,
-/// "Stability of Householder QR factorization for weighted least squares problems" (1998) (row sorting).
+/// Tall stacks are divided into panels that fit the cache; the panels' R factors are stacked and factorised again. This
+/// tree depends on the shape alone: same bytes with any number of threads. If the sizes of a panel's rows differ by
+/// more than a thousand, they are sorted, heavy ones first: Householder reflections are then row-wise stable. Source:
+/// Demmel, Grigori, Hoemmen, Langou, SIAM J. Sci. Comput. 34 (2012) A206 (tall-skinny QR); Cox and Higham, "Stability
+/// of Householder QR factorization for weighted least squares problems" (1998) (row sorting).
 [[nodiscard]] Eigen::MatrixXd upper_triangle(const Eigen::Ref<const Eigen::MatrixXd>& a);
 
-/// Householder elimination of the columns [first, first + count) from the rows [top, a.rows()), in place, all columns
+/// Householder elimination of the columns [first, first + count) from the rows [top, a.rows()), in place; all columns
 /// from `first` on are transformed. Rows top ... top + rank - 1 then hold the pivots in pivot order (the columns keep
 /// their places: R(k, order[k]) is the k-th diagonal), and those columns are zero below.
 ///
 /// The pivot column is the one with the largest remaining norm, the pivot row the one with the largest entry in it
-/// (Powell and Reid 1969): rows may differ in weight by 1e10 and more without losing the light ones.
-/// A column whose remaining norm is not above limit[j] is set to zero in the rows left and is no pivot.
+/// (Powell and Reid 1969). Light rows are thus not lost beside rows that weigh 1e10 times as much or more. A column
+/// whose remaining norm is not above limit[j] is set to zero in the remaining rows and is no pivot.
 /// @param limit  shape (count).
 /// @param order  shape (count), written: order[k] = the column (counted from `first`) that became the k-th pivot; the
-///               columns order[rank], order[rank + 1] ... are decided by nothing.
+///               columns order[rank], order[rank + 1] ... are undetermined.
 /// @return the rank.
 Eigen::Index eliminate(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Index top, Eigen::Index first, const double* limit,
                        Eigen::Index count, Eigen::Index* order);

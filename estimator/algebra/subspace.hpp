@@ -4,7 +4,7 @@
 
 namespace orbid::estimator {
 
-/// The parameter space split by who decides: the data, the prior alone, nobody.
+/// The parameter space split by what determines it: the data, the prior alone, nothing.
 ///
 /// Steps are d = diag(1 / unit) V y with orthonormal V = [data | prior | flat], unit = norms of the sensitivity
 /// columns.
@@ -16,19 +16,19 @@ struct Subspace {
     Eigen::MatrixXd left;             ///< left singular vectors that belong to `data`
     Eigen::VectorXd singular_values;  ///< of the equilibrated matrix, descending, shape (q)
 
-    /// Basis of all directions that are decided, in coordinates u: diag(1 / unit) [data | prior].
+    /// Basis of all determined directions, in coordinates u: diag(1 / unit) [data | prior].
     [[nodiscard]] Eigen::MatrixXd decided() const;
 };
 
-/// Splits by the singular values of the equilibrated (unit columns) condensed sensitivity matrix.
+/// Splits by the singular values of the equilibrated (unit columns) sensitivity matrix of the reduced problem.
 ///
-/// Equilibration makes the decision independent of units and sizes of parameters, so that the rule speaks of
-/// cancellation between columns only.
+/// Equilibration makes the decision independent of units and sizes of parameters: only cancellation between columns
+/// counts.
 ///
 /// @param r          shape (q, q): latent-condensed whitened sensitivities of the data, without prior.
 /// @param prior      square root of the curvature of -ln prior, shape (any, q): prior^T prior is the curvature.
 /// @param fallback   shape (q), > 0: size of a parameter in u, sets the unit of a column that is zero.
-/// @param tolerance  singular values below this share of the largest count as zero.
+/// @param tolerance  singular values below this fraction of the largest count as zero.
 [[nodiscard]] Subspace split(const Eigen::MatrixXd& r, const Eigen::MatrixXd& prior, const Eigen::VectorXd& fallback,
                              double tolerance);
 

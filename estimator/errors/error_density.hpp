@@ -16,8 +16,8 @@ inline double real_part(const std::complex<double>& x) {
     return x.real();
 }
 
-/// f(x) for a real function f with derivative df, continued to complex numbers by its first-order Taylor polynomial:
-/// all that a complex step needs, for functions that the library knows on the real line only.
+/// f(x) for a real function f with derivative df, continued to complex numbers by its first-order Taylor polynomial. A
+/// complex step needs no more, and the library knows some functions on the real line only.
 template <class F, class D>
 double lift(double x, const F& f, const D& /*df*/) {
     return f(x);

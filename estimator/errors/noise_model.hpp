@@ -27,10 +27,10 @@ struct ErrorCoordinate {
     [[nodiscard]] double slope(double psi) const;  ///< d natural / d psi
 };
 
-/// The errors of one channel, or of several responses with a full covariance: records that need each other.
+/// The errors of one channel, or of several responses with a full covariance: records that must be treated together.
 ///
 /// The errors e of a lognormal law are ln y - ln yhat and its rows a = de/dx = -dyhat/dx / yhat in every function
-/// below: whoever collects the records transforms them. All other laws take e = y - yhat.
+/// below; the caller transforms them. All other laws take e = y - yhat.
 ///
 /// Error parameters in their coordinates psi, in this order:
 ///     normal, laplace, lognormal  ln s                student_t  ln s, ln dof
@@ -45,7 +45,7 @@ struct NoiseModel {
     Eigen::MatrixXd inverse_wishart_psi;
 
     [[nodiscard]] bool joint() const { return channels.size() > 1; }
-    /// Records may be replaced by the triangle of their factorisation: the law sees sums of squares only.
+    /// Records may be replaced by the R factor of their rows: the law depends on sums of squares only.
     [[nodiscard]] bool compressible() const;
     /// Its records need y: relative errors for the prediction y - e, lognormal ones for ln y.
     [[nodiscard]] bool needs_observed() const;
@@ -54,14 +54,15 @@ struct NoiseModel {
     [[nodiscard]] double scale(const Eigen::VectorXd& psi, std::size_t channel) const;
 };
 
-/// The laws of all groups of all residuals, in the order of their first channel; channel numbers count groups through.
+/// The laws of all groups of all residuals, in the order of their first channel; channels are numbered across
+/// residuals.
 ///
 /// A group's floor is the lower limit of its ln s (of ln L_ii in a full covariance). The limits of an estimated
 /// coordinate exclude where its prior is zero. V starts at diag(scale^2).
-/// @throws std::invalid_argument naming the group: dof < 1 or > 1e4, |correlation| >= 1, relative < 1e-9, negative
-///         floor, a fixed scale <= 0, a start where its prior is zero, a group in two covariances or one that does not
-///         exist, a covariance of groups that are not normal, or whose scales are fixed or have priors,
-///         inverse-Wishart with dof <= m - 1 or psi not positive definite, priors that are refused by validate().
+/// @throws std::invalid_argument naming the group. Values: dof < 1 or > 1e4, |correlation| >= 1, relative < 1e-9,
+///         negative floor, a fixed scale <= 0, a start where its prior is zero. Covariances: a group in two of them or
+///         one that does not exist; groups that are not normal, or whose scales are fixed or have priors;
+///         inverse-Wishart with dof <= m - 1 or psi not positive definite. Also priors that are refused by validate().
 [[nodiscard]] std::vector<NoiseModel> error_laws(const std::vector<Residual*>& residuals);
 
 /// Records of one law in one block: [A | e], records in order (several responses: one response after the other).
@@ -71,19 +72,19 @@ struct LawRecords {
     Eigen::Index count = 0;    ///< records; differs from rows when these are compressed
 };
 
-/// Which second derivative the standardised rows carry.
+/// Which second derivative the whitened rows carry.
 ///
-/// step: of the objective itself as far as it is positive, for fast steps. expected: the Fisher information, for
-/// uncertainties and for ln|H| of (M9). guarded: as step, but a record of Student's t that lies so far
-/// out that a step would carry it beyond its mirror image counts with its weight g / e, which always descends; for
-/// records that are to vanish rather than to scatter. Equal for normal errors with a fixed covariance.
+/// step: of the objective itself where it is positive, for fast steps. expected: the Fisher information, for
+/// uncertainties and for ln|H| of (M9). guarded: as step, except for far outliers under Student's t. If a step would
+/// carry such a record beyond its mirror image, it counts with its weight g / e, which always descends. This is for
+/// records that are to vanish rather than to scatter. All are equal for normal errors with a fixed covariance.
 enum class Curvature { step, expected, guarded };
 
 /// Rows S with S^T S = second derivative and S_A^T s = gradient of -ln p with respect to the columns of A (s = last
-/// column of S), and the value of -ln p itself (with normalisation, without the prior of psi). That of lognormal errors
-/// is of the density of y where `observed` is given, of ln y otherwise.
+/// column of S). Also the value of -ln p itself (with normalisation, without the prior of psi). For lognormal errors it
+/// is the density of y where `observed` is given, of ln y otherwise.
 ///
-/// Relative errors have two rows per record, the second ones after all first ones: their variance moves with the
+/// Relative errors have two rows per record, the second ones after all first ones: their variance changes with the
 /// prediction. Under Curvature::step the second rows are zero.
 template <class T>
 struct WhitenedRows {
@@ -91,9 +92,9 @@ struct WhitenedRows {
     T value{};
 };
 
-/// @param psi  all error parameters of the law in their coordinates, shape (coordinates).
-/// Instantiated for double and for std::complex<double>: f(psi + i h) gives derivatives exact to rounding (complex
-/// step), so that no formula is written twice.
+/// @param psi  all error parameters of the law in their coordinates, shape (coordinates). Instantiated for double and
+/// for std::complex<double>: f(psi + i h) gives derivatives exact to rounding (complex step), so no formula is written
+/// twice.
 template <class T>
 [[nodiscard]] WhitenedRows<T> whitened_rows(const NoiseModel& law, const LawRecords& records,
                                             const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi, Curvature curvature);
@@ -103,11 +104,10 @@ template <class T>
 [[nodiscard]] double value_change(const NoiseModel& law, const Eigen::VectorXd& e, const Eigen::VectorXd& next,
                                   const Eigen::VectorXd& observed, const Eigen::VectorXd& psi);
 
-/// Errors divided by what the law expects of them: independent, mean 0 and sd 1 when the law is right (for
-/// diagnostics).
+/// Whitened errors: independent, mean 0 and sd 1 when the law is right (for diagnostics).
 ///
 /// Student_t and laplace: normal score Phi^-1(F(e)), at most 37.5 in size. Autoregressive: innovations. Joint: L^-1 e,
-/// in which response i is given responses 0 ... i - 1. Shape (records).
+/// in which response i is conditional on responses 0 ... i - 1. Shape (records).
 [[nodiscard]] Eigen::VectorXd standard_errors(const NoiseModel& law, const Eigen::VectorXd& e,
                                               const Eigen::VectorXd& observed, const Eigen::VectorXd& psi);
 

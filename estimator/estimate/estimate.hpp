@@ -12,8 +12,8 @@ namespace orbid::estimator {
 
 /// Verbeek's modified off-line Bayesian estimator: theta, latent states and error scales from residuals (M8)-(M11).
 ///
-/// Estimates with wrong options, starts outside their bounds, a log scale with a start <= 0 or duplicate names are
-/// refused with std::invalid_argument naming value and rule.
+/// Throws std::invalid_argument naming value and rule: wrong options, starts outside their bounds, a log scale with a
+/// start <= 0, duplicate names.
 [[nodiscard]] Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
                                 const std::vector<DerivedQuantity>& derived = {}, const EstimateOptions& options = {});
 

@@ -14,7 +14,7 @@ namespace orbid::estimator {
 void report(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
             const Posterior& posterior, const std::vector<DerivedQuantity>& derived, Estimate& estimate);
 
-/// What is left to say when the minimisation failed: values without uncertainty, no residuals.
+/// The result when the minimisation failed: values without uncertainty, no residuals.
 void report_failure(const Problem& problem, const State& state, Estimate& estimate);
 
 }  // namespace orbid::estimator

@@ -33,7 +33,7 @@ struct Unknown {
     double natural_upper = 0.0;
 };
 
-/// Where a minimisation starts: everything an estimate finds.
+/// Start of a minimisation: all values that an estimate finds.
 struct ConditionalStart {
     Eigen::VectorXd theta;                               ///< natural, not tied ones
     std::vector<std::vector<Eigen::VectorXd>> latents;   ///< per residual, per block
@@ -47,30 +47,30 @@ struct ConditionalEstimate {
     double objective = 0.0;     ///< as Estimate
     double log_integral = 0.0;  ///< as Estimate: the unknown itself is not integrated over, its prior not included
     ConditionalStart at;
-    /// Of all parameters that are not tied, natural units; rows of what is held or undetermined are zero.
+    /// Of all parameters that are not tied, natural units; rows of held or undetermined ones are zero.
     Eigen::MatrixXd covariance;
     double degrees_of_freedom = 0.0;  ///< as Estimate
     int evaluations = 0;
 
-    /// Comparable with its neighbours: at a minimum, all blocks of the estimate took part.
+    /// Comparable with its neighbours: at a minimum, with all blocks of the estimate active.
     [[nodiscard]] bool good() const {
         return status == EstimateStatus::converged || status == EstimateStatus::singular;
     }
 };
 
-/// The same data asked again and again with one unknown held: profile likelihoods and nested Laplace.
+/// Repeated estimates from the same data with one unknown held: profile likelihoods and nested Laplace.
 ///
-/// Sets of blocks are frozen as they are at construction; the residuals themselves are not touched, and at() may be
-/// called from several threads.
+/// Sets of blocks are frozen at construction. The residuals are not changed, and at() may be called from several
+/// threads.
 class Conditional {
 public:
-    /// @param estimate  a finished estimate of the same parameters and residuals, the start of everything.
+    /// @param estimate  a finished estimate of the same parameters and residuals, the start of every minimisation.
     /// @throws std::invalid_argument when the estimate has other parameters, or failed.
     Conditional(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
                 const EstimateOptions& options, const Estimate& estimate);
 
-    /// All parameters that are not tied, then all estimated error parameters (not those of full covariances, which
-    /// belong together).
+    /// All parameters that are not tied, then all estimated error parameters except those of full covariances, which
+    /// belong together.
     [[nodiscard]] const std::vector<Unknown>& unknowns() const { return unknowns_; }
     /// Index of a name. @throws std::invalid_argument when there is none.
     [[nodiscard]] std::size_t index(const std::string& name) const;
@@ -79,13 +79,13 @@ public:
     [[nodiscard]] double slope(const Unknown& unknown, double u) const;  ///< d natural / du
     /// u of a natural value.
     [[nodiscard]] double coordinate(const Unknown& unknown, double value) const;
-    /// ln prior density of the unknown in its coordinate: 0 for flat, -infinity outside the support. Of a joint prior:
-    /// its marginal; at() takes the rest of it conditionally.
+    /// ln prior density of the unknown in its coordinate: 0 for flat, -infinity outside the support. For a joint prior:
+    /// its marginal; at() uses the rest conditionally.
     [[nodiscard]] double log_prior(const Unknown& unknown, double u) const;
 
     [[nodiscard]] const ConditionalStart& start() const { return start_; }
-    /// A start with the unknown moved to u and the others as they follow linearly (by Laplace's covariance), within
-    /// their bounds.
+    /// A start with the unknown moved to u and the others moved linearly (by Laplace's covariance), within their
+    /// bounds.
     [[nodiscard]] ConditionalStart moved(const ConditionalStart& from, const Unknown& unknown, double u) const;
     /// Minimises over everything else. @throws nothing for points that cannot be evaluated: see status.
     [[nodiscard]] ConditionalEstimate at(const Unknown& unknown, double u, const ConditionalStart& from,

@@ -14,20 +14,20 @@ struct ImproperPrior {
     std::string coordinate;  ///< in which it is flat: "linear", "log", ...
 };
 
-/// What the evidence of one model is made of.
+/// The components of the evidence of one model.
 struct EvidenceTerms {
     double log_integral = 0.0;  ///< Estimate::log_integral with priors cut off at bounds renormalised
     std::vector<ImproperPrior> improper;
     std::size_t records = 0;
-    /// Why Laplace's integral does not stand for an evidence: not converged, undetermined directions, a parameter at a
-    /// bound (naming it); empty when it does.
+    /// Why Laplace's integral is not a valid evidence: not converged, undetermined directions, a parameter at a bound
+    /// (naming it); empty when it is valid.
     std::string obstacle;
-    /// What Laplace's integral is too small by where the minimisation ended up to unfinished_sds before its minimum.
+    /// By how much Laplace's integral is too small if the minimisation ended up to unfinished_sds before its minimum.
     double excess = 0.0;
 };
 
-/// A minimisation that ended so near its minimum, in posterior sds, may still be compared with others: the quadratic
-/// that Laplace's integral rests on says what is missing.
+/// A minimisation that ended this close to its minimum, in posterior sds, may still be compared with others: the
+/// quadratic model of Laplace's integral gives what is missing.
 inline constexpr double unfinished_sds = 3.0;
 
 struct Evidence {
@@ -42,11 +42,11 @@ struct Evidence {
                                            const std::vector<Residual*>& residuals, const EstimateOptions& options,
                                            const Estimate& estimate);
 
-/// ln p(y | model), theta, latent states and error parameters integrated out (Laplace). Only when every prior is
-/// proper: a flat one leaves a factor that is anything. Latent states count as flat in their own units.
+/// ln p(y | model), theta, latent states and error parameters integrated out (Laplace). Requires proper priors: a flat
+/// one leaves an arbitrary factor. Latent states count as flat in their own units.
 [[nodiscard]] Evidence log_evidence(const EvidenceTerms& model);
 
-/// ln p(y | a) - ln p(y | b). Flat priors that both models share (same name, same coordinate) cancel; one that only one
+/// ln p(y | a) - ln p(y | b). Flat priors that both models share (same name, same coordinate) cancel. One that only one
 /// of them has is refused by name, as are models of different numbers of records.
 [[nodiscard]] Evidence log_bayes_factor(const EvidenceTerms& a, const EvidenceTerms& b);
 

@@ -7,9 +7,9 @@
 
 namespace orbid::estimator {
 
-/// A density of one number known by its logarithm at some points: cubic spline between them, zero beyond.
+/// A density of one number, given by its logarithm at some points: cubic spline between them, zero beyond.
 ///
-/// A spline of the logarithm never becomes negative and is exact for a normal density; its error is O(h^4) (twice
+/// A spline of the logarithm never becomes negative and is exact for a normal density. Its error is O(h^4) (twice
 /// differentiable, with the third derivative continuous at the points next to the ends: "not a knot").
 class LogDensitySpline {
 public:

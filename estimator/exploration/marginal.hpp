@@ -20,14 +20,14 @@ struct MarginalOptions {
     double fall = 12.0;
     double reach = 40.0;      ///< and this many sds from the estimate at the latest, > 0: heavy tails
     int maximum_points = 41;  ///< to each side, > 0
-    /// Whether the inner determinants are those of the full Hessian, 2 q further evaluations per point: the
+    /// Whether the inner determinants are those of the full Hessian, 2 q further evaluations per point. The
     /// Gauss-Newton one misses how a curved model widens or narrows. Empty: when there are at most 12 parameters.
     std::optional<bool> full_hessian;
     std::vector<std::string> names;  ///< which unknowns: parameters, "group.scale", "group.dof" ...; empty: all
 };
 
-/// Why a grid ends on a side. reach: the density has not fallen (improper, or a very heavy tail): what is beyond is
-/// left out, mean and sd in particular may not exist. failed: points further out cannot be evaluated.
+/// Why a grid ends on a side. reach: the density has not fallen (improper, or a very heavy tail). What lies beyond is
+/// left out; mean and sd in particular may not exist. failed: points further out cannot be evaluated.
 enum class MarginalEnd { fallen, bound, reach, failed, interrupted };
 [[nodiscard]] std::string_view name(MarginalEnd end);
 
@@ -67,8 +67,8 @@ struct Marginal {
 ///
 /// on a grid that follows the density, cubic spline of ln p between, moments and quantiles by quadrature in natural
 /// units. theta and latent states are integrated at fixed error parameters, these around their own conditional mode.
-/// Exact where the conditional densities are normal (linear models: t marginals with an unknown scale); the error is
-/// of second order in their departure from it. Unknowns are worked on side by side; the same result for any number of
+/// Exact where the conditional densities are normal (linear models: t marginals with an unknown scale); the error is of
+/// second order in their departure from it. Unknowns are computed in parallel; the same result for any number of
 /// threads.
 /// @param estimate  the estimate of the same parameters, residuals and options; residuals are not changed.
 /// @throws std::invalid_argument for options out of range, unknown names, an estimate that failed or is of other

@@ -19,12 +19,12 @@ struct MultiStartOptions {
     int starts = 20;         ///< > 0, the given start included
     std::uint64_t seed = 1;  ///< of the drawn starts
     double width = 1.0;      ///< > 0: of parameters without prior and without two finite bounds, see random_start()
-    /// Steps for a first look at every start, after which the `kept` best go on from where they are; 0: all go on.
+    /// Steps of a screening run from every start, after which only the `kept` best continue; 0: all continue.
     int screening_iterations = 0;
     int kept = 10;  ///< > 0
     /// Two ends are the same optimum when every determined parameter agrees within this many posterior sds and the
-    /// objectives (in ln units) within objective_tolerance. Converged ends agree to about 1e-6 sds; a density has
-    /// changed by 1 % over 0.1 sds at 0.01 in ln units.
+    /// objectives (in ln units) within objective_tolerance. Converged ends agree to about 1e-6 sds. A density changes
+    /// by 1 % over 0.1 sds at 0.01 in ln units.
     double distance = 0.1;              ///< > 0
     double objective_tolerance = 0.01;  ///< > 0
     EstimateOptions estimate;           ///< of every run; `interrupted` is asked from several threads
@@ -62,16 +62,16 @@ struct MultiStart {
     bool interrupted = false;      ///< not all starts were run to their ends; `best` is the best so far
 };
 
-/// Fresh residuals for one run. Calls come one at a time, in no particular order and from several threads; what one
-/// call returns must not share anything that changes with what another one returns.
+/// Fresh residuals for one run. Calls are made one at a time, in no particular order and from several threads. The
+/// results of two calls must not share anything that changes.
 using ResidualFactory = std::function<std::vector<std::unique_ptr<Residual>>()>;
 
 /// Global search: estimate() from several starts, the given one and random ones (random_start(), a stream per start).
 /// The same result for any number of threads.
 ///
 /// Ends are ordered by status (converged, singular, stopped or limited, interrupted, failed) and then by the objective.
-/// Where sets of blocks differ, objectives are not comparable as they are: then runs that use less than nine tenths of
-/// the largest number of records come last, and the others are ordered by objective per record.
+/// Where sets of blocks differ, objectives are not directly comparable. Runs that use less than nine tenths of the
+/// largest number of records then come last, and the others are ordered by objective per record.
 /// @throws std::invalid_argument as estimate() does, and for starts, width, kept, distance or objective_tolerance <= 0,
 ///         screening_iterations < 0, an empty factory.
 [[nodiscard]] MultiStart multi_start(const std::vector<FreeParameter>& parameters, const ResidualFactory& residuals,

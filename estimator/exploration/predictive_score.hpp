@@ -8,7 +8,7 @@
 
 namespace orbid::estimator {
 
-/// Records that stand or fall together in cross-validation.
+/// Records that are left out together in cross-validation.
 struct HeldOut {
     std::vector<std::string> labels;  ///< of the blocks
     std::size_t records = 0;
@@ -30,17 +30,17 @@ struct PredictiveScore {
 ///
 ///     ln p(y_k | y_-k) = ln of the integral for all data - ln of the integral without y_k      (Laplace both)
 ///
-/// so that the uncertainty of theta, of latent states and of error parameters is in it, and flat priors cancel: for a
-/// linear model with known errors this is the normal density with covariance V + J C J^T. Latent states of a block that
-/// is left out are integrated with a flat density in their own units: scores of models with the same ones compare.
+/// so it includes the uncertainty of theta, of latent states and of error parameters, and flat priors cancel. For a
+/// linear model with known errors this is the normal density with covariance V + J C J^T. Latent states of a left-out
+/// block are integrated with a flat density in their own units. Scores of models with the same latent states are
+/// comparable.
 ///
 /// Blocks linked by constraints are left out together. Sets of blocks are frozen; residuals are not changed. Folds are
-/// worked on side by side; the same result for any number of threads.
-/// A fold is unknown when the rest does not converge, leaves a direction undetermined that the fold determines, or
-/// leaves an estimated error scale without data.
+/// computed in parallel; the same result for any number of threads. A fold is unknown when the rest does not converge,
+/// leaves a direction undetermined that the fold determines, or leaves an estimated error scale without data.
 ///
 /// @param folds  at most this many, > 1: block k goes to fold k mod folds; fewer blocks make fewer folds.
-/// @throws std::invalid_argument when fewer than two sets of blocks can be told apart, folds < 2, or the estimate
+/// @throws std::invalid_argument when there are fewer than two separate sets of blocks, folds < 2, or the estimate
 ///         failed or is of other parameters.
 [[nodiscard]] PredictiveScore predictive_score(const std::vector<FreeParameter>& parameters,
                                                const std::vector<Residual*>& residuals, const EstimateOptions& options,

@@ -22,8 +22,8 @@ struct ProfileOptions {
 };
 
 /// How an end of a profile interval was reached. bound: the likelihood has not fallen to the threshold at the bound,
-/// which is the end. open: it has not within the reach (the parameter may go on for ever). failed: minimisations
-/// further out fail, the end is the last that did not.
+/// which is the end. open: it has not within the reach (the parameter may be unbounded). failed: minimisations further
+/// out fail; the end is the last that succeeded.
 enum class ProfileEnd { found, bound, open, failed, interrupted };
 [[nodiscard]] std::string_view name(ProfileEnd end);
 
@@ -54,15 +54,15 @@ struct Profile {
     int evaluations = 0;
 };
 
-/// Profile likelihood of parameters and error parameters: everything else at its best at each value, error parameters
-/// at their maximum likelihood with latent states integrated out ("ml" of (M9)).
+/// Profile likelihood of parameters and error parameters: everything else at its best at each value. Error parameters
+/// are at their maximum likelihood with latent states integrated out ("ml" of (M9)).
 ///
 ///     interval = { u : 2 [Phi(u) - min Phi] <= threshold }
 ///
-/// One scale unknown, everything else normal and flat: m ln(1 + t^2 / nu) with t the quantile of Student's t with nu =
-/// n - q degrees of freedom and m = nu + number of determined parameters, which is exact for linear models; otherwise
+/// One scale unknown, everything else normal and flat: m ln(1 + t^2 / nu), exact for linear models. Here t is the
+/// quantile of Student's t with nu = n - q degrees of freedom and m = nu + number of determined parameters. Otherwise
 /// chi-squared with one degree of freedom. The ends come from the signed root, nearly linear in u: secant steps kept in
-/// a bracket, each minimisation started from its neighbour. Unknowns and sides are worked on side by side; the same
+/// a bracket, each minimisation started from its neighbour. Unknowns and sides are computed in parallel; the same
 /// result for any number of threads.
 /// @param estimate  the estimate of the same parameters, residuals and options; residuals are not changed.
 /// @throws std::invalid_argument for options out of range, unknown names, an estimate that failed or is of other

@@ -46,26 +46,26 @@ struct DerivedQuantity {
 /// are integrated out under Jeffreys' prior or their own, others as with ml.
 enum class Variance { ml, restricted, integrated };
 
-/// Which records may depend on each other in a way that the error model does not say, for the sandwich covariance.
+/// Which records may depend on each other beyond what the error model says, for the sandwich covariance.
 ///
-/// automatic: stretches of consecutive records of ordered groups whose residuals are autocorrelated, no others.
-/// blocks: all records of a block (panels, cycles, runs), blocks independent of each other. none: every interval from
-/// Laplace's covariance.
+/// automatic: runs of consecutive records of ordered groups whose residuals are autocorrelated, no others. blocks: all
+/// records of a block (panels, cycles, runs), blocks independent of each other. none: every interval from Laplace's
+/// covariance.
 enum class Clusters { automatic, blocks, none };
 
 struct EstimateOptions {
     /// Priors that several parameters share.
     std::vector<JointNormalPrior> joint_priors;
     Variance variance = Variance::restricted;
-    /// With fewer than two blocks, or blocks linked by constraints, `blocks` is not possible: Laplace, and the message
-    /// says so.
+    /// With fewer than two blocks, or blocks linked by constraints, `blocks` is not possible: Laplace is used, with a
+    /// message.
     Clusters clusters = Clusters::automatic;
     int maximum_iterations = 200;  ///< theta steps, over all rounds, > 0
     int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, provisional ones not counted, > 0
     double step_tolerance = 1e-6;  ///< converged when every step is below this many posterior sds (see Minimum), > 0
-    /// Below this share of the largest (columns at unit length) a direction carries no information: the geometric
-    /// middle between the noise of integrated derivatives (1e-10) and the weakest directions that are still determined
-    /// (1e-5).
+    /// Below this fraction of the largest (columns at unit length) a direction carries no information. It is the
+    /// geometric mean of the noise of integrated derivatives (1e-10) and the weakest directions that are still
+    /// determined (1e-5).
     double relative_singular_value = 3e-8;
     /// Whether the normal approximation is checked against the objective itself (a few evaluations per parameter).
     bool verdict = true;

@@ -15,7 +15,7 @@
 
 namespace orbid::estimator {
 
-/// Why a minimisation ended, and what the estimate is worth.
+/// Why a minimisation ended, and how valid the estimate is.
 enum class EstimateStatus { converged, no_progress, iteration_limit, singular, failed, interrupted };
 [[nodiscard]] std::string_view name(EstimateStatus status);
 
@@ -32,8 +32,8 @@ struct Estimated {
     std::string at_bound;         ///< "", "lower" or "upper"
     /// sd if the errors were independent; equal to sd unless interval_method is "sandwich" or "effective_count"
     double laplace_sd = 0.0;
-    /// Share of the posterior information on this parameter that the data bring, in [0, 1]; 0 = the prior alone
-    /// decides.
+    /// Share of the posterior information on this parameter that comes from the data, in [0, 1]; 0 = from the prior
+    /// alone.
     double data_share = 1.0;
 };
 
@@ -89,7 +89,7 @@ struct NullDirection {
     Eigen::VectorXd components;  ///< in log parameters (relative changes), largest component 1; shape (parameters)
 };
 
-/// A product of powers of parameters that the data know within a factor e or worse, while they know others well.
+/// A product of powers of parameters that the data determine only within a factor e or worse, but others well.
 struct SloppyDirection {
     Eigen::VectorXd
         components;   ///< exponents, simple fractions where the data cannot tell; largest 1, shape (parameters)
@@ -120,14 +120,14 @@ struct Estimate {
     double objective = 0.0;       ///< Phi_psi at the estimate
     double log_likelihood = 0.0;  ///< ln p(y | theta, z, psi)
     /// Laplace's value of ln of the integral of p(y | theta, z, psi) p(theta) p(psi) over all coordinates (theta, z,
-    /// psi), flat priors counting as 1: the log evidence up to what flat priors leave open.
+    /// psi), with flat priors counting as 1. It is the log evidence up to the factor that flat priors leave open.
     double log_integral = 0.0;
     double degrees_of_freedom = 0;
     int iterations = 0;
     int evaluations = 0;
     int rounds = 0;  ///< provisional ones included
-    /// Length of the full step that is left, in posterior sds; nan without a step. Half of its square is what the
-    /// objective lies above its minimum, to second order.
+    /// Length of the remaining full step, in posterior sds; nan without a step. To second order the objective lies
+    /// above its minimum by half of its square.
     double remaining = std::numeric_limits<double>::quiet_NaN();
     std::vector<StepRecord> history;
 };

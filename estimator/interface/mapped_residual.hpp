@@ -23,36 +23,35 @@ struct ErrorOverride {
     bool estimate = false;            ///< false: fixed at `value`; true: estimated from there. Priors stay
 };
 
-/// What a MappedResidual changes besides the parameters.
+/// Changes of a MappedResidual besides the parameters.
 struct MappedResidualOptions {
     std::vector<ErrorOverride> errors;
-    /// Latent states to start from, one vector per block of the wrapped residual; empty = its own. A block whose
-    /// number of latent states has changed by a refresh starts from the wrapped residual's own.
+    /// Latent states to start from, one vector per block of the wrapped residual; empty = its own. If
+    /// update_active_set() changed the number of a block's latent states, it starts from the wrapped residual's own.
     std::optional<std::vector<Eigen::VectorXd>> initial_latents;
-    /// true: the set of blocks is that of the moment of construction, update_active_set() does nothing, and blocks that
-    /// are suspended are so for this adapter alone. The wrapped residual is never changed, so that several frozen
-    /// adapters of one residual may work at the same time.
+    /// true: the set of blocks is that at construction, update_active_set() does nothing, and deactivated blocks are so
+    /// for this adapter alone. The wrapped residual is never changed, so several frozen adapters of one residual may
+    /// work at the same time.
     bool frozen = false;
 };
 
-/// A residual seen through a smaller parameter vector: some parameters pinned, several tied to one, error parameters
-/// fixed or started elsewhere, latent states started elsewhere.
+/// A residual as a function of a smaller parameter vector. Some parameters are pinned, several tied to one, error
+/// parameters fixed or started elsewhere, latent states started elsewhere.
 ///
 ///     e(reduced, z) = inner e(M reduced + pins, z),   de/d reduced = de/d theta M,   c likewise
 ///
-/// The same data with a question of its own: profile likelihoods pin one parameter, nested Laplace pins error
-/// parameters, multi-start begins elsewhere. What is estimated has the length and the order of the reduced vector.
+/// Used for other questions to the same data: profile likelihoods pin one parameter, nested Laplace pins error
+/// parameters, multi-start begins elsewhere. The estimated vector has the length and the order of the reduced one.
 ///
-/// update_active_set() and deactivate() go through to the wrapped residual unless frozen, with theta mapped. Scales
-/// that update_active_set() receives are those of this adapter's groups, which have the order of the wrapped
-/// residual's.
+/// update_active_set() and deactivate() are forwarded to the wrapped residual unless frozen, with theta mapped.
+/// update_active_set() receives scales of this adapter's groups, which have the order of the wrapped residual's.
 class MappedResidual : public Residual {
 public:
     /// `inner` is not owned and must outlive the adapter.
     ///
-    /// @throws std::invalid_argument naming the group: an override of an unknown group or of a parameter that its
-    ///         distribution does not have, of a group in a full covariance (its elements belong together), a value that
-    ///         is not finite or outside the parameter's domain; latent states that do not fit the layout.
+    /// @throws std::invalid_argument naming the group. Overrides: of an unknown group, of a parameter that its
+    ///         distribution does not have, or of a group in a full covariance (its elements belong together). Values:
+    ///         not finite or outside the parameter's domain; latent states that do not fit the layout.
     MappedResidual(Residual& inner, ParameterMap map, MappedResidualOptions options = {});
 
     [[nodiscard]] std::string_view type() const override { return inner_->type(); }

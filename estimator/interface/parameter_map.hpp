@@ -12,7 +12,7 @@
 
 namespace orbid::estimator {
 
-/// Where one parameter of a full vector theta comes from.
+/// The source of one parameter of a full vector theta.
 struct ParameterSource {
     Eigen::Index reduced = -1;  ///< index into the reduced vector; -1: pinned
     double value = 0.0;         ///< pinned: its value; else the factor on the reduced parameter

@@ -81,9 +81,10 @@ struct Support {
 };
 [[nodiscard]] Support support(const Prior& prior);
 
-/// The x below which a share p of the density lies, for starting points and samplers; the ends of the support at 0, 1.
+/// The x below which a fraction p of the density lies, for starting points and samplers; the ends of the support at 0,
+/// 1.
 ///
-/// Of priors of positive numbers never zero for p > 0, however close to zero the quantile.
+/// For priors of positive numbers never zero if p > 0, however close to zero the quantile.
 /// @throws std::invalid_argument for a flat prior and for p outside [0, 1].
 [[nodiscard]] double quantile(const Prior& prior, double p);
 
@@ -101,7 +102,8 @@ struct JointPriorDerivatives {
 [[nodiscard]] JointPriorDerivatives derivatives(const JointNormalPrior& prior, const Eigen::VectorXd& x);
 
 /// Throws std::invalid_argument naming the value and the rule: no or repeated names, shapes that do not fit the names,
-/// values that are not finite, a covariance that is not symmetric (to 1e-12 of the sds) or not positive definite.
+/// values that are not finite. Also for a covariance that is not symmetric (to 1e-12 of the sds) or not positive
+/// definite.
 void validate(const JointNormalPrior& prior);
 
 }  // namespace orbid::estimator

@@ -9,8 +9,8 @@
 
 namespace orbid::estimator {
 
-/// What random numbers are drawn for, in this room and above it. Streams of different purpose are independent; the
-/// values are part of what a seed means and never change.
+/// Purposes of random numbers in this and higher modules. Streams of different purpose are independent; the values are
+/// part of what a seed means and never change.
 enum class RandomPurpose : std::uint64_t {
     initial_state = 1,
     reading_noise = 2,
@@ -19,10 +19,10 @@ enum class RandomPurpose : std::uint64_t {
     multi_start = 5        ///< index = start
 };
 
-/// Random numbers that depend on (seed, purpose, index, position) alone: whoever draws in which order, on whatever
-/// thread, gets the same numbers. Philox-4x64-10 (Salmon et al. 2011): key (seed, purpose), counter (block, index).
+/// Random numbers that depend on (seed, purpose, index, position) alone: any order of drawing, on any thread, gives the
+/// same numbers. Philox-4x64-10 (Salmon et al. 2011): key (seed, purpose), counter (block, index).
 ///
-/// A stream has 2^64 blocks of four numbers. Copies go on independently from the same position.
+/// A stream has 2^64 blocks of four numbers. Copies continue independently from the same position.
 class RandomStream {
 public:
     RandomStream(std::uint64_t seed, RandomPurpose purpose, std::uint64_t index)

@@ -56,7 +56,7 @@ using ErrorDistribution =
     std::variant<NormalErrors, StudentErrors, LaplaceErrors, LogNormalErrors, RelativeErrors, AutoregressiveErrors>;
 
 /// Normal errors of several responses with one full covariance V (m x m): the k-th records of the groups in a block
-/// belong together. V is estimated, the groups' own scales are its start.
+/// belong together. V is estimated, starting from the groups' own scales.
 struct JointCovariance {
     std::vector<int> groups;  ///< two or more, each with the same number of records in every block, normal
     /// Inverse-Wishart prior with `dof` > m - 1 and matrix `psi`; dof = 0: none. Its density is taken in V itself, so
@@ -73,7 +73,7 @@ struct Group {
     ErrorDistribution distribution = NormalErrors{};
     double floor = 0.0;   ///< least value of an estimated scale, >= 0: below it errors are known not to fall
     bool factor = false;  ///< s_g is a factor on a covariance that the blocks bring (unit 1), not a sd in `unit`
-    /// Consecutive records of this group within a block are equidistant samples in time: the estimator then looks at
+    /// Consecutive records of this group within a block are equidistant samples in time: the estimator then computes
     /// their autocorrelation. `interval` is the distance in `interval_unit`.
     bool ordered = false;
     double interval = 0.0;
@@ -93,7 +93,7 @@ struct BlockLayout {
     Eigen::VectorXd deviation;  ///< known sd of each record, > 0, times its group's scale; empty = 1. Not with a shape
     Eigen::VectorXd observed;   ///< y of each record, for errors that depend on the size of the prediction y - e
     Eigen::Index latents = 0;
-    /// Equality constraints c(theta, z, z_next) = 0 of this block (matching conditions): they hold at the estimate.
+    /// Equality constraints c(theta, z, z_next) = 0 of this block (continuity): they hold at the estimate.
     Eigen::Index constraints = 0;
     /// Records [linked_from, group.size()) depend on z_next as well; -1: none does. A group has either only linked or
     /// only other records. Not with a shape.
@@ -111,7 +111,7 @@ struct BlockValue {
     Eigen::VectorXd e;
     Eigen::MatrixXd e_theta;  ///< shape (records, parameters); empty when derivatives were not asked for
     Eigen::MatrixXd e_z;      ///< shape (records, latents)
-    /// Records that also depend on the latent states of the next block (matching with an error of its own): shape
+    /// Records that also depend on the latent states of the next block (continuity with an error of its own): shape
     /// (records, latents of the next block); empty when none does. Chains only.
     Eigen::MatrixXd e_next;
     Eigen::VectorXd c;        ///< constraints, shape (constraints)
@@ -128,9 +128,8 @@ struct RefreshReport {
     int added = 0;
 };
 
-/// A source of residuals. Knows models and data; the estimator knows neither.
-/// Const functions are thread-safe. layout() does not change during a minimisation, only by update_active_set() or
-/// deactivate().
+/// A source of residuals. It knows models and data; the estimator knows neither. Const functions are thread-safe.
+/// layout() does not change during a minimisation, only by update_active_set() or deactivate().
 class Residual {
 public:
     virtual ~Residual() = default;
@@ -144,19 +143,19 @@ public:
     /// One vector per block, of length layout()[b].latents.
     [[nodiscard]] virtual std::vector<Eigen::VectorXd> initial_latents() const = 0;
     /// Values of all ACTIVE blocks (others are left empty), theta in natural units, in the order of the estimate's
-    /// parameters. A block that cannot be evaluated has status failed; nothing is thrown for that.
+    /// parameters. A block that cannot be evaluated has status failed; it does not throw.
     [[nodiscard]] virtual std::vector<BlockValue> evaluate(const Eigen::VectorXd& theta,
                                                            const std::vector<Eigen::VectorXd>& latents,
                                                            bool derivatives) const = 0;
-    /// Between two minimisations: gating, new starting solutions, matching. scales = current s_g of groups(). Sds that
-    /// layout() knows and the values of fixed scales in groups() may change with it; nothing else of groups() does.
+    /// Called between two minimisations: gating, new starting solutions, continuity. scales = current s_g of groups().
+    /// It may change sds that layout() knows and the values of fixed scales in groups(), nothing else of groups().
     virtual RefreshReport update_active_set(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
                                             const Eigen::VectorXd& scales) = 0;
-    /// Takes a block out (it stopped too many steps). Counted as lost.
+    /// Deactivates a block (it stopped too many steps). Counted as lost.
     virtual void deactivate(std::size_t block) = 0;
-    /// The present residual is a stage on the way (a matching sd that update_active_set() will lower): it is minimised
-    /// only roughly, error scales stay as they are (at the values of groups(), read anew for each such round), and
-    /// update_active_set() is asked again until this is false.
+    /// This is an intermediate stage (with a continuity sd that update_active_set() will lower). It is minimised only
+    /// roughly, and error scales stay at the values of groups(), read anew for each such stage. update_active_set() is
+    /// called again until this is false.
     [[nodiscard]] virtual bool is_intermediate_stage() const { return false; }
 
 protected:

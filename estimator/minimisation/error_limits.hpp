@@ -10,9 +10,9 @@
 
 namespace orbid::estimator {
 
-/// Where error parameters may lie, in their coordinates psi.
+/// Limits of the error parameters, in their coordinates psi.
 struct ErrorLimits {
-    /// Of scales: what rounding of theta and z alone does to the residuals; of others: their own.
+    /// For scales: the effect of rounding of theta and z alone on the residuals; for others: their own.
     Eigen::VectorXd floor;
     Eigen::VectorXd ceiling;  ///< of scales without a prior: a thousand times the residuals' size; of others: their own
     Eigen::VectorXd size;     ///< ln of the root mean square of the residuals for scales, the present value for others
@@ -24,20 +24,20 @@ struct ErrorLimits {
                                        const std::vector<BlockRows>& rows, const Eigen::VectorXd& latent_fit);
 
 /// ln of the root mean square of the residuals of each law after an unweighted fit of the latent states, at its first
-/// parameter; -infinity elsewhere and without latent states. Latent states may start exactly at the data: their
-/// residuals then say nothing about a scale.
+/// parameter; -infinity elsewhere and without latent states. Latent states may start exactly at the data, where
+/// residuals give no information about a scale.
 [[nodiscard]] Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, const State& state,
                                                const std::vector<BlockRows>& rows, double matching);
 
-/// ln of the error, at the first parameter of each law of records that depend on their own block alone, that would
-/// explain how far neighbours of a chain fail to meet: the rms gap of constraints and linked records over the rms
-/// length of their derivatives with respect to latent states, times that of the law's own. -infinity elsewhere, nan
-/// where nothing links the blocks.
+/// ln of the error that would explain how far neighbours of a chain fail to meet. It stands at the first parameter of
+/// each law of records that depend on their own block alone. It is the rms gap of constraints and linked records over
+/// the rms length of their derivatives with respect to latent states, times that of the law's own. -infinity elsewhere,
+/// nan where nothing links the blocks.
 [[nodiscard]] Eigen::VectorXd gap_sizes(const Problem& problem, const BlockSet& set,
                                         const std::vector<BlockRows>& rows);
 
-/// Why a full covariance cannot be estimated without a prior; empty when it can: fewer records of each response than
-/// m + q / m + 5 (m responses, q = `determined` parameters), or a covariance about to become singular, because the
+/// Why a full covariance cannot be estimated without a prior; empty when it can. Either each response has fewer records
+/// than m + q / m + 5 (m responses, q = `determined` parameters). Or the covariance is about to become singular: the
 /// responses can be fitted exactly together and the likelihood has no bound.
 [[nodiscard]] std::string why_no_covariance(const Problem& problem, const BlockSet& set, const Eigen::VectorXd& psi,
                                             Eigen::Index determined);

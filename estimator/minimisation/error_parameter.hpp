@@ -10,14 +10,14 @@
 
 namespace orbid::estimator {
 
-/// The error parameters as a minimisation of their own, Phi_psi of (M9), at a fixed linearisation:
+/// The error parameters as a separate minimisation, Phi_psi of (M9), at a fixed linearisation:
 ///
 ///     Phi_psi = sum_g -ln p_g - ln p(psi) + 1/2 ln|H|
 ///
-/// H over the latent states (ml, integrated) or over latent states and decided parameters (restricted), with the
-/// expected information of the errors. Errors are taken at the minimum of the quadratic model over z for each psi,
-/// and with Follow::all errors and the parameter prior at that over (theta, z): the min in (M9). Far from the minimum
-/// the model promises too much of theta; latent states must always follow, or those that start at the data send a scale
+/// H over the latent states (ml, integrated) or over latent states and determined parameters (restricted), with the
+/// expected information of the errors. Errors are taken at the minimum of the quadratic model over z for each psi. With
+/// Follow::all it is the minimum over (theta, z) of errors and parameter prior: the min in (M9). Far from the minimum
+/// the model promises too much of theta. Latent states must always follow, or those that start at the data send a scale
 /// to zero.
 enum class Follow { latents, all };
 
@@ -38,7 +38,8 @@ struct ErrorProblem {
 struct ErrorPoint {
     double value = 0.0;
     Eigen::VectorXd gradient;
-    /// For scales of laws that see squares only: sum of squares of the standard errors, and records less trace; else 0.
+    /// For scales of laws that depend on squares only: sum of squares of the whitened errors, and records less trace;
+    /// else 0.
     Eigen::VectorXd fit;
     Eigen::VectorXd left;
     WhitenedArrow standard;  ///< rows kept
@@ -65,31 +66,31 @@ struct ErrorMinimum {
     std::vector<bool> at_ceiling;  ///< held at its upper limit
 };
 
-/// What a minimisation learned of the curvature of Phi_psi over the free parameters, for the next one.
+/// What a minimisation learned about the curvature of Phi_psi over the free parameters, for the next one.
 struct ErrorCurvature {
     std::vector<Eigen::Index> free;
     Eigen::MatrixXd hessian;
 };
 
-/// How far a minimisation goes.
+/// Stopping rules of a minimisation.
 struct ErrorSearch {
-    /// Distance to the minimum, in sds, that is good enough; below 1e-12 no figure of a result changes.
+    /// Distance to the minimum, in sds, that is close enough; below 1e-12 no figure of a result changes.
     double tolerance = 1e-12;
-    /// > 0: a Newton step that changes no psi by more is taken without being tried, and is the last one. For searches
-    /// that are asked again soon.
+    /// > 0: a Newton step that changes no psi by more is taken without a trial, as the last one. For searches that are
+    /// soon repeated.
     double untried = 0.0;
     ErrorCurvature* known = nullptr;  ///< curvature to start with and to leave behind; null: computed anew
 };
 
-/// Fixed-point steps of (M10) from afar, secant steps near the minimum; each accepted step decreases Phi_psi.
+/// Fixed-point steps of (M10) far from the minimum, secant steps near it; each accepted step decreases Phi_psi.
 ///
 /// @param floor, ceiling  limits of psi.
 [[nodiscard]] ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi,
                                            const Eigen::VectorXd& floor, const Eigen::VectorXd& ceiling,
                                            const ErrorSearch& search = {});
 
-/// Scales of normal errors at which the expected weight under the conditional density of ln s is the one that steps
-/// use: s^-2 = E[s^-2 | theta]. With Jeffreys' prior this is the minimum of (M9) itself; with another prior the
+/// Scales of normal errors at which the weight used by steps equals the expected weight under the conditional density
+/// of ln s: s^-2 = E[s^-2 | theta]. With Jeffreys' prior this is the minimum of (M9) itself. With another prior the
 /// expectation is taken by Gauss-Hermite quadrature around it.
 [[nodiscard]] Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimum& minimum);
 

@@ -13,13 +13,14 @@
 
 namespace orbid::estimator {
 
-/// Violations of constraints fall by this factor from stage to stage, down to a share of their sizes that changes no
-/// estimate: what data with errors of a ten-thousandth say is still 1e5 times looser.
+/// Violations of constraints fall by this factor from stage to stage, down to a fraction of their sizes that changes no
+/// estimate. The information from data with errors of a ten-thousandth is still 1e5 times looser.
 inline constexpr double tightening = 0.1;
 inline constexpr double exact_matching = 1e-9;
 
-/// Stages of loose constraints settle within a dozen steps, or parameters run along a valley to infinity. Then the
-/// minimisation begins again with parameters kept within their own size of the start until violations are this small.
+/// Stages of loose constraints settle within a dozen steps, or parameters run along a valley to infinity. The
+/// minimisation is then restarted with parameters kept within their own size of the start until violations are this
+/// small.
 inline constexpr int stage_limit = 20;
 inline constexpr double tight_matching = 1e-3;
 
@@ -72,9 +73,9 @@ private:
         const ErrorCoordinate& coordinate = problem_.errors[k];
         return coordinate.kind == ErrorCoordinate::Kind::log && !(coordinate.start > 0.0);
     }
-    /// Starts of stages on the way lie far out: steps then are never longer than what far records bear.
+    /// Intermediate stages start far out: their steps are never longer than far records can bear.
     [[nodiscard]] Curvature curvature() const { return set_.provisional ? Curvature::guarded : Curvature::step; }
-    /// Half the sum of squares of standard errors and constraints.
+    /// Half the sum of squares of whitened residuals and constraints.
     [[nodiscard]] double misfit() const {
         double square = 0.0;
         for (const BlockTriangle& block : arrow_.blocks) {

@@ -12,8 +12,7 @@
 
 namespace orbid::estimator {
 
-/// Steps go on while they gain digits, but not below this length in posterior sds, where nothing that is ever shown
-/// changes.
+/// Steps continue while they gain digits, but not below this length in posterior sds, where no reported figure changes.
 inline constexpr double polished_sds = 1e-10;
 
 enum class Outcome { converged, no_progress, iteration_limit, interrupted, blocks_stopped, start_failed, no_freedom };
@@ -29,7 +28,7 @@ struct Minimum {
     std::vector<std::size_t> stopped;  ///< blocks that stopped three steps in a row, or failed at the start
     std::vector<bool> error_at_floor;  ///< error parameters held at their lower limit
     std::vector<bool> error_at_ceiling;  ///< and at the upper one
-    /// Weight of the constraints at the end, as the size of a violation that costs 1/2, in units of their sizes.
+    /// Weight of the constraints at the end: the size of a violation that costs 1/2, in units of their sizes.
     double matching = 1.0;
     double remaining = 0.0;  ///< length of the full step that is left, in posterior sds
 };
@@ -49,17 +48,17 @@ struct SolverStatistics {
 
 /// Minimises (M8)/(M9) over theta, latent states and scales with the given blocks; (M11) with a trust region.
 ///
-/// theta- and latent steps decrease Phi at fixed psi, psi-steps decrease Phi_psi at a fixed linearisation. Constraints
-/// take part as errors of known size that falls in stages until it no longer changes the estimate: demanded exactly at
-/// once they fail from most starts, in stages they lead there (Bock's and Baake's problems).
-/// Converged: the full step that is left is shorter than `step_tolerance` in the metric of the posterior information
-/// (then every parameter's step is below that many of its posterior sds, and the gradient is as small in the inverse
-/// metric), with the scales at their minimum; some more steps are taken then as long as they gain digits. When no
-/// shorter step decreases Phi any more although its length is below `rounding_sds`, the residuals' own rounding is
-/// reached: converged too, and the message says so. Otherwise no_progress.
+/// theta- and latent steps decrease Phi at fixed psi; psi-steps decrease Phi_psi at a fixed linearisation. Constraints
+/// enter as errors of known size, which falls in stages until it no longer changes the estimate. Demanded exactly at
+/// once they fail from most starts; in stages they succeed (Bock's and Baake's problems). Converged: the remaining full
+/// step is shorter than `step_tolerance` in the metric of the posterior information, with the scales at their minimum.
+/// (Then every parameter's step is below that many of its posterior sds, and the gradient is as small in the inverse
+/// metric.) A few more steps follow as long as they gain digits. If no shorter step decreases Phi although its length
+/// is below `rounding_sds`, the residuals' own rounding is reached: converged too, and the message says so. Otherwise
+/// no_progress.
 [[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger);
 
-/// See minimise(): a thousandth of a sd is below anything a result shows.
+/// See minimise(): a thousandth of a sd changes no reported figure.
 inline constexpr double rounding_sds = 1e-3;
 
 }  // namespace orbid::estimator

@@ -8,7 +8,7 @@
 
 namespace orbid::estimator {
 
-/// A step of all parameters and latent states, with what the quadratic model says about it.
+/// A step of all parameters and latent states, with the prediction of the quadratic model.
 struct TrialStep {
     BoundedStep parameters;
     std::vector<Eigen::VectorXd> latents;  ///< per active block
@@ -34,8 +34,8 @@ void stretch(TrialStep& step, double factor);
 
 [[nodiscard]] TrialStep step_at(const StepModel& model, double mu);
 
-/// The step whose length is at most about `radius` (within a tenth), by the damping mu that makes it so; the full step
-/// when that is short enough.
+/// The step whose length is at most about `radius` (within a tenth), by a suitable damping mu; the full step when that
+/// is short enough.
 [[nodiscard]] TrialStep step_within(const StepModel& model, double radius);
 
 }  // namespace orbid::estimator

@@ -11,7 +11,7 @@
 
 namespace orbid::estimator {
 
-/// Latent states: per residual, per block (also of blocks that take no part).
+/// Latent states: per residual, per block (including inactive ones).
 using Latents = std::vector<std::vector<Eigen::VectorXd>>;
 
 /// One group of one residual: records with a common error scale s_g.
@@ -27,7 +27,7 @@ struct LawPart {
     Eigen::VectorXd observed;  ///< y of the records; empty unless the law needs it
 };
 
-/// One block that takes part in a minimisation.
+/// One active block of a minimisation.
 struct ActiveBlock {
     std::size_t residual = 0;
     std::size_t block = 0;
@@ -57,14 +57,14 @@ struct BlockSet {
 /// All groups of all residuals, in order.
 [[nodiscard]] std::vector<Channel> channels_of(const std::vector<Residual*>& residuals);
 
-/// The active blocks of all residuals as they are now. Constraints and linked records whose next block takes no part
-/// are left out.
+/// The active blocks of all residuals at present. Constraints and linked records whose next block is inactive are left
+/// out.
 ///
-/// @throws std::invalid_argument naming the block when a shape has the wrong size or is not positive definite, known
-///         sds or observed values are missing or out of range, a record names a group that does not exist, a block
-///         without structure has latent states or constraints, a covariance shape meets errors that are not normal;
-///         records are linked outside chains, without a next block, with a shape, or are of a group (or of responses
-///         with one full covariance) that has other records as well.
+/// @throws std::invalid_argument naming the block. Shapes: of the wrong size or not positive definite; with errors that
+///         are not normal. Data: known sds or observed values missing or out of range; a record of a group that does
+///         not exist. Structure: latent states or constraints in a block without structure. Linked records: outside
+///         chains, without a next block, with a shape, or of a group (or of responses with one full covariance) that
+///         has other records as well.
 [[nodiscard]] BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
                               const std::vector<NoiseModel>& laws);
 
@@ -74,13 +74,13 @@ struct Evaluation {
     std::vector<std::size_t> failed;  ///< indices into BlockSet::blocks; a value that is not finite counts as failed
 };
 
-/// Asks every residual once. @throws std::invalid_argument naming the block when an answer has the wrong shape.
+/// Evaluates every residual once. @throws std::invalid_argument naming the block when a result has the wrong shape.
 [[nodiscard]] Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set,
                                   const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta,
                                   const Latents& latents, bool derivatives);
 
-/// The errors of one law's records in the unit in which the law takes them: e, e divided by known sds, or
-/// ln y - ln yhat for log-normal errors.
+/// The errors of one law's records in the unit of the law: e, e divided by known sds, or ln y - ln yhat for log-normal
+/// errors.
 [[nodiscard]] Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const NoiseModel& law,
                                          const Eigen::VectorXd& e);
 
@@ -88,7 +88,7 @@ struct Evaluation {
 [[nodiscard]] double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
                                   const std::vector<BlockValue>& from, const std::vector<BlockValue>& to);
 
-/// Constraints divided by their sizes: 1/2 sum (c / size)^2 at `to` less the same at `from`.
+/// Constraints divided by their sizes: 1/2 sum (c / size)^2 at `to` minus the same at `from`.
 [[nodiscard]] double violation_change(const BlockSet& set, const std::vector<BlockValue>& from,
                                       const std::vector<BlockValue>& to);
 /// Largest |c| / size and root mean square of c / size; 0 without constraints.

@@ -22,7 +22,7 @@ struct PriorModel {
     }
 };
 
-/// Where a step may go: lower <= d <= upper (inclusive, may be infinite), relative to the present point.
+/// Range of a step: lower <= d <= upper (inclusive, may be infinite), relative to the present point.
 struct StepBounds {
     Eigen::VectorXd lower;  ///< <= 0
     Eigen::VectorXd upper;  ///< >= 0
@@ -40,7 +40,7 @@ struct BoundedStep {
 };
 
 /// Minimises 1/2 ||r d + rhs||^2 + g^T d + 1/2 d^T h d + 1/2 mu ||D d||^2 within bounds, by an active set that can
-/// leave a bound again; no motion along directions that nothing decides.
+/// leave a bound again. Undetermined directions are not moved.
 ///
 /// @param reduced_problem  the data, latent states eliminated.
 /// @param damping    D, shape (q), > 0; does not act on directions that only the prior decides: there the quadratic

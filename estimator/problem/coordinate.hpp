@@ -13,10 +13,10 @@ namespace orbid::estimator {
 struct PriorTerm {
     double value = 0.0;     ///< +infinity outside the support
     double gradient = 0.0;  ///< d value / du
-    /// >= 0, for steps: `second` where that is positive, else a curvature that steps can rely on (heavy tails, normal
-    /// densities in log coordinates far from their mode): the part of the second derivative that cannot be negative,
-    /// with the weight (dof + 1) / (dof scale^2 + (x - location)^2) of Student's t and its kin; its parabola with the
-    /// true gradient lies above the true -ln p where the coordinate is linear.
+    /// >= 0, for steps: `second` where that is positive, else a reliable curvature (heavy tails, normal densities in
+    /// log coordinates far from their mode). It is the part of the second derivative that cannot be negative; for
+    /// Student's t and related densities its weight is (dof + 1) / (dof scale^2 + (x - location)^2). Where the
+    /// coordinate is linear, its parabola with the true gradient lies above the true -ln p.
     double curvature = 0.0;
     double second = 0.0;  ///< d^2 value / du^2, of either sign, for the full Hessian
 };
@@ -54,17 +54,17 @@ struct Coordinate {
         double natural) const;  ///< dx/du at x: 1, x, x ln 10, (x - lower)(upper - x)/(upper - lower)
     [[nodiscard]] PriorTerm term(const Prior& prior, double u) const;
 
-    /// How far a proper prior reaches in u, finite and positive; infinite for flat.
+    /// Width of a proper prior in u, finite and positive; infinite for flat.
     ///
-    /// The sd in u: exact where it is known (log-normal, gamma, half-normal, half-Cauchy in log coordinates, any prior
+    /// The sd in u. Exact where it is known (log-normal, gamma, half-normal, half-Cauchy in log coordinates, any prior
     /// in a linear one), by the slope at `natural` otherwise. Where a density has no sd: that of the normal density
     /// with the same quartiles.
     [[nodiscard]] double prior_sd(const Prior& prior, double natural) const;
 
-    /// What a change of x by max(|x|, typical) is in u (to first order): 1 for log. The unit of null directions.
+    /// A change of x by max(|x|, typical) expressed in u (to first order): 1 for log. The unit of null directions.
     [[nodiscard]] double size(double natural, double typical) const;
 
-    /// x(u - half_width) and x(u + half_width): an interval taken in u, in natural units.
+    /// x(u - half_width) and x(u + half_width): an interval in u, converted to natural units.
     [[nodiscard]] Interval interval(double u, double half_width) const;
 };
 

@@ -18,9 +18,9 @@ struct PartRows {
 
 /// Rows [de/dz | de/du | e] of one block, not yet divided by the errors, sorted by error law.
 ///
-/// Where a law sees sums of squares only, its rows are replaced by the triangle of their orthogonal factorisation: all
-/// sums of squares and products stay the same, and so does everything (M8)-(M11) needs of them for any error scale, at
-/// a cost that no longer depends on the number of records.
+/// Where a law depends on sums of squares only, its rows are replaced by their R factor. All sums of squares and
+/// products stay the same, and so does everything (M8)-(M11) needs of them for any error scale. The cost no longer
+/// depends on the number of records.
 struct BlockRows {
     std::vector<PartRows> parts;
     /// Records that depend on the latent states of the block `next` as well: rows [de/dz | de/dz_next | de/du | e].
@@ -46,14 +46,14 @@ struct BlockRows {
 /// The same rows in other parameters y, u = u_0 + basis y: shape of basis (parameters, columns).
 [[nodiscard]] std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen::MatrixXd& basis);
 
-/// Standard rows per record: relative errors have two, first all of the mean and then all of the variance.
+/// Whitened rows per record: relative errors have two, first all of the mean and then all of the variance.
 [[nodiscard]] int rows_per_record(const NoiseModel& law);
 
-/// One block's rows divided by the errors (constraints and linked records not among them), and -ln p of its records
-/// without ln|Sigma_b| and known sds.
+/// One block's rows divided by the errors (without constraints and linked records), and -ln p of its records without
+/// ln|Sigma_b| and known sds.
 [[nodiscard]] WhitenedRows<double> standard_rows(const BlockRows& block, const std::vector<NoiseModel>& laws,
                                                  const Eigen::VectorXd& psi, Curvature curvature);
-/// The same of some parts alone, for instance BlockRows::linked_parts.
+/// The same for some parts only, for instance BlockRows::linked_parts.
 [[nodiscard]] WhitenedRows<double> standard_rows(const std::vector<PartRows>& parts,
                                                  const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
                                                  Curvature curvature);
@@ -70,7 +70,7 @@ struct BlockRows {
 /// All blocks divided by the errors and factorised; constraints enter as rows divided by `matching`.
 struct WhitenedArrow {
     BlockArrow arrow;
-    /// Per block, kept when asked for; empty where the arrow has them as they are, see own_rows().
+    /// Per block, kept on request; empty where the block-arrow matrix has them unchanged, see own_rows().
     std::vector<WhitenedRows<double>> rows;
     std::vector<Eigen::Index> linked_records;  ///< standard rows of linked records per block
     double value = 0.0;                        ///< sum of the blocks' values

@@ -12,7 +12,7 @@
 
 namespace orbid::estimator {
 
-/// What does not change during an estimate.
+/// The constant part of an estimate.
 struct Problem {
     std::vector<FreeParameter> parameters;
     std::vector<Coordinate> coordinates;
@@ -31,7 +31,7 @@ struct Problem {
     EstimateOptions options;
 };
 
-/// Where the estimate stands.
+/// The present state of an estimate.
 struct State {
     Eigen::VectorXd theta;  ///< natural units
     Eigen::VectorXd u;      ///< coordinates
@@ -43,10 +43,10 @@ struct State {
 /// The parameter prior at u to second order.
 [[nodiscard]] PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u);
 
-/// Size of each parameter in its coordinate: what a change by max(|value|, typical size) is there.
+/// Size of each parameter in its coordinate: the effect there of a change by max(|value|, typical size).
 [[nodiscard]] Eigen::VectorXd sizes(const Problem& problem, const Eigen::VectorXd& theta);
 
-/// Which error parameters are estimated and have data (none in a provisional round), shape (error parameters).
+/// Which error parameters are estimated and have data (none in an intermediate stage), shape (error parameters).
 [[nodiscard]] std::vector<bool> free_errors(const Problem& problem, const BlockSet& set);
 
 }  // namespace orbid::estimator

@@ -4,7 +4,7 @@
 
 namespace orbid::estimator {
 
-/// Checks the whole call and brings it into coordinates.
+/// Checks the whole call and converts it to coordinates.
 ///
 /// @throws std::invalid_argument naming value and rule: see estimate().
 [[nodiscard]] Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,

@@ -10,10 +10,10 @@
 
 namespace orbid::estimator {
 
-/// An estimate with tied parameters (FreeParameter::tied_to), put as one without them.
+/// An estimate with tied parameters (FreeParameter::tied_to), reformulated without them.
 ///
-/// The estimate of `parameters` with `residuals` and the result of derived() is the one asked for; expand() writes its
-/// parameters back as they were given. Derived quantities and residuals keep the full vector theta as argument.
+/// The estimate of `parameters` with `residuals` and the result of derived() is the requested one; expand() restores
+/// the original list of parameters. Derived quantities and residuals keep the full vector theta as argument.
 struct TiedProblem {
     std::vector<FreeParameter> parameters;  ///< those that are not tied; bounds of their followers hold for them
     std::vector<std::unique_ptr<MappedResidual>> adapters;
@@ -26,20 +26,20 @@ struct TiedProblem {
     /// The same quantities as functions of the reduced vector.
     [[nodiscard]] std::vector<DerivedQuantity> derived(const std::vector<DerivedQuantity>& quantities) const;
 
-    /// Parameters, covariance, correlation, directions and hessian_ratio of `estimate` in terms of the full list: a
-    /// tied parameter has value, start, sd and interval of the one it follows times its factor, and takes part in null
-    /// directions as that one does; products of powers (sloppy directions) stay those of the free ones.
+    /// Parameters, covariance, correlation, directions and hessian_ratio of `estimate` in terms of the full list. A
+    /// tied parameter has value, start, sd and interval of the one it follows times its factor, and the same part in
+    /// null directions. Products of powers (sloppy directions) stay those of the free ones.
     void expand(Estimate& estimate) const;
 };
 
 /// Whether any parameter is tied.
 [[nodiscard]] bool any_tied(const std::vector<FreeParameter>& parameters);
 
-/// Puts an estimate with tied parameters as one without them.
+/// Reformulates an estimate with tied parameters without them.
 ///
-/// @throws std::invalid_argument naming the parameter: duplicate names, a tie to itself, to an unknown name or to a
-///         parameter that is tied itself, a factor that is 0 or not finite, a tied parameter with a prior of its own
-///         (alone or in a joint one), bounds of a follower that leave the parameter it follows no room.
+/// @throws std::invalid_argument naming the parameter. Names: duplicates. Ties: to itself, to an unknown name or to a
+///         tied parameter; a factor that is 0 or not finite. A tied parameter with a prior of its own (alone or in a
+///         joint one), or with bounds that leave no room for the one it follows.
 [[nodiscard]] TiedProblem resolve_ties(const std::vector<FreeParameter>& parameters,
                                        const std::vector<Residual*>& residuals,
                                        const std::vector<JointNormalPrior>& joint_priors = {});

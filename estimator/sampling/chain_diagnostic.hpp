@@ -4,16 +4,16 @@
 
 namespace orbid::estimator {
 
-// Is a sample long enough, and do its chains agree? One quantity at a time: draws of shape (iterations, chains).
-// Source of all: Vehtari, Gelman, Simpson, Carpenter, Buerkner, Bayesian Analysis 16 (2021) 667; details where the
-// paper leaves a choice as in the R package posterior 1.4.0, which the tests compare with. Every function answers nan
-// for draws that are not finite, all equal, or fewer than twelve per chain.
+// Is a sample long enough, and do its chains agree? One quantity at a time: draws of shape (iterations, chains). Source
+// of all: Vehtari, Gelman, Simpson, Carpenter, Buerkner, Bayesian Analysis 16 (2021) 667. Details that the paper leaves
+// open are as in the R package posterior 1.4.0, which the tests compare with. Every function returns nan for draws that
+// are not finite, all equal, or fewer than twelve per chain.
 
 /// Rank-normalised split R-hat, the larger of bulk and folded: 1 when all halves of all chains have the same
 /// distribution, below 1.01 when they may be used.
 [[nodiscard]] double rank_normalised_rhat(const Eigen::MatrixXd& draws);
 
-/// Effective sample size of the centre of the distribution: of the ranks, so that heavy tails do no harm.
+/// Effective sample size of the centre of the distribution; by ranks, so that heavy tails do not matter.
 [[nodiscard]] double bulk_effective_sample_size(const Eigen::MatrixXd& draws);
 
 /// The smaller of the effective sample sizes of the 5 % and 95 % quantiles.

@@ -18,7 +18,7 @@ public:
 
     /// Forgets everything but the target.
     void restart(double step) {
-        // Early steps are drawn to ten times the guess: too long a step is found out sooner than too short a one.
+        // Early steps are drawn to ten times the guess: too long a step is detected sooner than too short a one.
         mu_ = std::log(10.0 * step);
         ln_step_ = std::log(step);
         ln_averaged_ = 0.0;
@@ -41,7 +41,7 @@ public:
     }
 
     [[nodiscard]] double step() const { return std::exp(ln_step_); }
-    /// The step to keep afterwards; step() before anything was observed.
+    /// The step to keep afterwards; step() before any observation.
     [[nodiscard]] double averaged() const { return count_ > 0 ? std::exp(ln_averaged_) : step(); }
 
 private:

@@ -6,8 +6,8 @@
 
 namespace orbid::estimator {
 
-/// Refuses a posterior that has no finite integral as far as this can be seen at the estimate: a sampler would wander
-/// off without an end, and every number it reports would depend on its length.
+/// Refuses a posterior whose integral is infinite, as far as can be seen at the estimate. A sampler would drift without
+/// end, and all its results would depend on its length.
 ///
 /// @throws std::invalid_argument naming the parameter, group or block:
 ///   - parameters in a direction that leaves the data unchanged, which neither a proper prior nor two bounds of a

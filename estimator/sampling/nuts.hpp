@@ -48,9 +48,9 @@ struct NutsResult {
     bool interrupted = false;  ///< then chains may hold different numbers of draws, down to none
 };
 
-/// Samples p(x) with the No-U-Turn sampler: trajectories double until they turn back, the draw is taken from all their
+/// Samples p(x) with the No-U-Turn sampler. Trajectories double until they turn back. The draw is taken from all their
 /// points with weights exp(-H), later halves preferred (multinomial variant, generalised U-turn criterion also across
-/// the two halves); step by dual averaging, dense metric from windows of the warm-up of doubling length.
+/// the two halves). Step by dual averaging, dense metric from windows of the warm-up of doubling length.
 ///
 /// Same draws for any number of threads. Cost: one evaluation with gradient per leapfrog step, 2^depth - 1 per draw.
 ///
@@ -62,8 +62,8 @@ struct NutsResult {
 [[nodiscard]] NutsResult sample(const NegativeLogDensity& density, const Eigen::VectorXd& start,
                                 const Eigen::MatrixXd& metric, const NutsOptions& options = {});
 
-/// How a warm-up is spent: the first iterations find the place, the last ones the step; between them windows of 25, 50,
-/// 100, ... iterations, each of which ends with a new metric; the last window takes what is left.
+/// Schedule of a warm-up: the first iterations find the place, the last ones the step. Between them are windows of 25,
+/// 50, 100, ... iterations, each of which ends with a new metric; the last window takes the rest.
 struct WarmUpPlan {
     int skipped = 0;           ///< first iterations, in no window: 75, or 15 % of a warm-up below 150
     std::vector<int> updates;  ///< iterations, counted from 1, that end a window; none after the last 50, or 10 %
@@ -73,8 +73,8 @@ struct WarmUpPlan {
 /// 2017), which finds 100, 150, 250, 450 and 950 for 1000 iterations.
 [[nodiscard]] WarmUpPlan warm_up_plan(int warm_up);
 
-/// Metric from a window: (n S + k M) / (n + k), k = dimension + 5, which keeps it positive definite and lets a window
-/// that is short for its dimension change little.
+/// Metric from a window: (n S + k M) / (n + k), k = dimension + 5. This keeps it positive definite, and a window that
+/// is short for its dimension changes little.
 /// @param window  the draws, shape (dimension, n), n >= 2.   @param previous  M.
 [[nodiscard]] Eigen::MatrixXd renewed_metric(const Eigen::MatrixXd& window, const Eigen::MatrixXd& previous);
 

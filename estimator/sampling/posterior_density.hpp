@@ -23,12 +23,12 @@ struct PosteriorPlace {
 ///     v  the parameters, u(v) between their bounds; z  the latent states of the active blocks; w  the estimated error
 ///     parameters, psi(w) between their limits
 ///
-/// Priors carry their Jacobians as in (M8): in u and psi, flat = no term there. The map to v and w brings its own, so
-/// that the target is the posterior truncated to bounds and limits, whatever the map. Blocks are frozen.
+/// Priors carry their Jacobians as in (M8): in u and psi, flat = no term there. The map to v and w brings its own. The
+/// target is thus the posterior truncated to bounds and limits, whatever the map. Blocks are frozen.
 class PosteriorDensity {
 public:
-    /// @param start  a place within the limits, on them or inside; the density starts from there or, where that is
-    ///               within a tenth of its sd of a limit, from a little inside.
+    /// @param start  a place within the limits, on them or inside. The density starts there or, within a tenth of its
+    ///               sd of a limit, slightly inside.
     PosteriorDensity(const Problem& problem, const BlockSet& set, PosteriorPlace start);
 
     [[nodiscard]] Eigen::Index dimension() const { return start_.size(); }
@@ -39,7 +39,7 @@ public:
 
     [[nodiscard]] const Eigen::VectorXd& start() const { return start_; }
     /// Laplace covariance of x at the start: expected information of parameters and latent states with the priors'
-    /// curvature, error parameters by differences of the gradient; positive definite. Empty if nothing can be evaluated
+    /// curvature, error parameters by differences of the gradient. Positive definite. Empty if nothing can be evaluated
     /// there.
     [[nodiscard]] const Eigen::MatrixXd& covariance() const { return covariance_; }
 

@@ -35,7 +35,7 @@ struct SampledQuantity {
     double tail_size = 0.0;
 };
 
-/// How one chain went.
+/// Statistics of one chain.
 struct SampledChain {
     double step = 0.0;
     double acceptance = 0.0;
@@ -68,20 +68,20 @@ struct PosteriorSample {
     double least_size = 0.0;
 };
 
-/// Draws from the posterior of an estimate: parameters, latent states and error parameters jointly, without any
-/// approximation but the finite number of draws. The check of everything that estimate() reports.
+/// Draws from the posterior of an estimate: parameters, latent states and error parameters jointly. The only
+/// approximation is the finite number of draws. It checks all that estimate() reports.
 ///
-/// Target: p(y | theta, z, psi) p(theta) p(psi) of (M8), truncated to the bounds; a flat prior has no term in the
-/// coordinate of its parameter (ln s for error scales). `options.variance` plays no part: nothing is maximised. The set
+/// Target: p(y | theta, z, psi) p(theta) p(psi) of (M8), truncated to the bounds. A flat prior has no term in the
+/// coordinate of its parameter (ln s for error scales). `options.variance` is not used: nothing is maximised. The set
 /// of active blocks is the present one. Starts and first metric come from the estimate; a parameter that it holds at a
-/// bound is sampled all the same.
+/// bound is sampled too.
 ///
 /// @param start    estimate() of the same call, converged, or singular where priors or bounds decide the rest.
 /// @param options  seed, chains and lengths; the same draws for any number of threads.
 /// Cost: one evaluation of all residuals with derivatives per leapfrog step; memory of a dense metric per chain.
 /// @throws std::invalid_argument where estimate() does; when the estimate has not converged or does not belong to the
-///         call; when equality constraints are present; and when the posterior is improper, naming the parameter,
-///         group or block: nothing decides a parameter, or the data can be fitted exactly while a scale without prior
+///         call; when equality constraints are present. Also when the posterior is improper, naming the parameter,
+///         group or block: a parameter is undetermined, or the data can be fitted exactly while a scale without prior
 ///         and floor goes to zero.
 [[nodiscard]] PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters,
                                                const std::vector<Residual*>& residuals,

@@ -10,8 +10,9 @@ namespace orbid::estimator {
 ///     both  u = lower + (upper - lower) / (1 + e^-v)
 ///
 /// All grow with v. A density p(u) becomes p(u(v)) du/dv in v: its truncation to the interval, sampled without walls.
-/// One limit: the plain logarithm of the distance makes a normal density fall like exp(-e^(2v)), which threw 1 to 14 of
-/// 1000 trajectories of a half normal off; far from the limit this form is linear and a normal density stays one.
+/// With one limit, the plain logarithm of the distance makes a normal density fall like exp(-e^(2v)). That made 1 to 14
+/// of 1000 trajectories of a half normal diverge. Far from the limit this form is linear and a normal density stays
+/// one.
 struct UnboundedCoordinate {
     double lower = -std::numeric_limits<double>::infinity();
     double upper = std::numeric_limits<double>::infinity();

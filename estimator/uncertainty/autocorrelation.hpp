@@ -6,7 +6,7 @@
 
 namespace orbid::estimator {
 
-/// How much consecutive residuals repeat each other.
+/// The correlation of consecutive residuals.
 struct Autocorrelation {
     double lag1 = 0.0;
     double windowed = 1.0;        ///< 1 + 2 sum of correlations up to a window of five times itself, in records
@@ -18,9 +18,9 @@ struct Autocorrelation {
 
 /// Autocorrelation of equidistant residuals about zero, pooled over uninterrupted sequences.
 ///
-/// The mean is not subtracted: residuals of a right model have mean zero, and a mean that is left is correlation.
-/// Nothing to say (fewer than three records, or all zero): lag1 = 0, not significant.
-/// Source: the window is Sokal's (Monte Carlo methods in statistical mechanics, 1997): smallest W >= 5 tau(W).
+/// The mean is not subtracted: residuals of a right model have mean zero, and a remaining mean is correlation.
+/// Undefined (fewer than three records, or all zero): lag1 = 0, not significant. Source: the window is Sokal's (Monte
+/// Carlo methods in statistical mechanics, 1997): smallest W >= 5 tau(W).
 [[nodiscard]] Autocorrelation autocorrelation(const std::vector<Eigen::VectorXd>& sequences);
 
 }  // namespace orbid::estimator

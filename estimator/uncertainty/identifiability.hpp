@@ -11,14 +11,14 @@
 
 namespace orbid::estimator {
 
-/// What the data alone say about the parameters that are not held at a bound.
+/// The information of the data alone on the parameters that are not held at a bound.
 struct Identifiability {
     Eigen::VectorXd singular_values;             ///< of the condensed sensitivities in units of `column_size`
     std::vector<NullDirection> null_directions;  ///< directions that leave the data unchanged, sparsest basis
     std::vector<NullDirection> undecided;        ///< those of them that no prior decides either
     std::vector<bool> undetermined;              ///< per parameter: takes part in an undecided direction
-    /// Directions that the data decide, but only within a factor e or worse, although they decide others much better;
-    /// the least determined first.
+    /// Directions that the data determine only within a factor e or worse, but others much better; the least determined
+    /// first.
     std::vector<SloppyDirection> sloppy_directions;
     Eigen::VectorXd data_variance;  ///< posterior variance in u from the data alone; infinite in a null direction
 };
@@ -31,7 +31,7 @@ struct Identifiability {
 
 /// The product of powers of the parameters along a direction in log parameters: "m^1 k2^1 k3^(-1/2)".
 ///
-/// Exponents that are the same as a fraction p/q, q <= 6, to 1e-6 are written so, others with three digits.
+/// Exponents equal to a fraction p/q, q <= 6, to 1e-6 are written so, others with three digits.
 [[nodiscard]] std::string as_product(const Eigen::VectorXd& components, const std::vector<FreeParameter>& parameters);
 
 /// "m, k2 and k3 enter only in a combination: m +1, k2 +1, k3 +1 leaves the data unchanged"

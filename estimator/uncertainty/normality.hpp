@@ -6,7 +6,7 @@
 
 namespace orbid::estimator {
 
-/// A statistic and the probability of one as extreme or more when the hypothesis holds. nan: not defined for this
+/// A statistic, and the probability of one at least as extreme when the hypothesis holds. nan: not defined for this
 /// sample (too small, or all values equal).
 struct TestResult {
     double statistic;
@@ -15,9 +15,9 @@ struct TestResult {
 
 inline constexpr TestResult undefined_test{nan_value, nan_value};
 
-/// Anderson-Darling distance from the normal distribution whose mean and variance (divisor n - 1) are the sample's,
-/// with the factor 1 + 0.75/n + 2.25/n^2 included in the statistic. Needs n >= 8.
-/// Source: D'Agostino and Stephens, Goodness-of-fit techniques (1986), table 4.9 (p within about 1 % of itself).
+/// Anderson-Darling distance from the normal distribution with the sample's mean and variance (divisor n - 1). The
+/// statistic includes the factor 1 + 0.75/n + 2.25/n^2. Needs n >= 8. Source: D'Agostino and Stephens, Goodness-of-fit
+/// techniques (1986), table 4.9 (p within about 1 % of itself).
 [[nodiscard]] TestResult anderson_darling(const Eigen::VectorXd& sample);
 
 /// Skewness as a standard normal deviate, two-sided p. Needs n >= 8. Source: D'Agostino, Biometrika 57 (1970) 679.

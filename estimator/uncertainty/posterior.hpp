@@ -32,23 +32,23 @@ public:
     [[nodiscard]] const Eigen::MatrixXd& covariance() const { return covariance_; }  ///< of u, as reported
     [[nodiscard]] const Eigen::MatrixXd& laplace() const { return laplace_; }        ///< of u, independent errors
     [[nodiscard]] const Identifiability& identifiable() const { return identifiability_; }
-    /// Phi_psi of (M9) at the estimate; H in the coordinates u, directions that nothing decides left out.
+    /// Phi_psi of (M9) at the estimate; H in the coordinates u, undetermined directions left out.
     [[nodiscard]] double objective() const;
     [[nodiscard]] double log_likelihood() const;  ///< ln p(y | theta, z, psi)
     [[nodiscard]] double degrees_of_freedom() const { return degrees_of_freedom_; }
     [[nodiscard]] bool has_sandwich() const { return sandwich_ != nullptr; }
     [[nodiscard]] std::size_t clusters() const { return sandwich_ ? sandwich_->clusters() : 0; }
-    /// What there is to say about the sandwich, or why there is none although it was asked for; may be empty.
+    /// A remark on the sandwich, or why there is none although it was requested; may be empty.
     [[nodiscard]] const std::string& sandwich_note() const { return sandwich_note_; }
-    /// Error parameters on a logarithmic scale that went to where they no longer matter (the absolute part of errors
-    /// that are relative, the dof of normal ones): held there, as at a limit.
+    /// Error parameters on a logarithmic scale that reached where they no longer matter (the absolute part of errors
+    /// that are relative, the dof of normal ones). They are held there, as at a limit.
     [[nodiscard]] const std::vector<Eigen::Index>& negligible_errors() const { return negligible_errors_; }
     /// Covariance of the error parameters psi; zero rows where fixed or held at a limit.
     [[nodiscard]] const Eigen::MatrixXd& error_covariance() const { return error_covariance_; }
     /// Laplace's ln of the integral over all coordinates, see Estimate::log_integral.
     [[nodiscard]] double log_integral() const;
     [[nodiscard]] const std::vector<Autocorrelation>& autocorrelations() const { return autocorrelations_; }
-    /// sds of the latent states of each active block; nan where the data say nothing.
+    /// sds of the latent states of each active block; nan where the data contain no information.
     [[nodiscard]] const std::vector<Eigen::VectorXd>& latent_sds() const { return latent_sds_; }
     [[nodiscard]] const BlockArrow& arrow() const { return arrow_; }                          ///< in the coordinates u
     [[nodiscard]] const ReducedProblem& reduced_problem() const { return reduced_problem_; }  ///< in the coordinates u

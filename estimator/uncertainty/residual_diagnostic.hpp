@@ -12,8 +12,8 @@ namespace orbid::estimator {
 /// Whitened residuals of one group.
 struct ResidualSample {
     Eigen::VectorXd residual;  ///< e divided by what its error law expects: independent with mean 0 and sd 1 if right
-    /// Lengths of the uninterrupted sequences of equidistant records, in order, that make up `residual`; empty: the
-    /// records have no order, and nothing is said about independence.
+    /// Lengths of the uninterrupted sequences of equidistant records, in order, that make up `residual`. Empty: the
+    /// records have no order, and independence is not tested.
     std::vector<Eigen::Index> sequences;
     /// h_i in [0, 1]: derivative of the fitted value with respect to the reading; empty: unknown, taken as
     /// fitted / n for all.
@@ -28,14 +28,14 @@ struct DiagnosticOptions {
     std::size_t listed = 10;      ///< how many records of large leverage or influence are listed at most
 };
 
-/// A record that its neighbours in the fit do not expect.
+/// A record that does not fit its neighbours.
 struct Outlier {
     Eigen::Index record = 0;
     double studentised = 0.0;  ///< externally: by a scale from which this record is left out
     double p = 1.0;            ///< two-sided, times n (Bonferroni), at most 1
 };
 
-/// A record that the estimate depends on.
+/// A record with influence on the estimate.
 struct Influence {
     Eigen::Index record = 0;
     double leverage = 0.0;
@@ -62,13 +62,13 @@ struct ResidualDiagnostic {
     std::vector<Influence> influential;  ///< largest Cook's distances beyond 4 / n, largest first; likewise
 };
 
-/// What the residuals of a group say about its error model: normality, independence, outliers, influence.
+/// Diagnostics of the error model of a group from its residuals: normality, independence, outliers, influence.
 ///
 ///     s^2 = sum e^2 / nu,  nu = n - sum h,  r_i = e_i / (s sqrt(1 - h_i)),  t_i = r_i sqrt((nu - 1) / (nu - r_i^2))
 ///
 /// t_i is t-distributed with nu - 1 degrees of freedom; with a known scale s = 1 and t_i = r_i is normal. Undefined
-/// figures (too few records) are nan. Tests of the distribution look at the residuals as they are: those of a fit with
-/// few records per parameter are closer to normal and less correlated than the errors.
+/// figures (too few records) are nan. Tests of the distribution use the residuals unchanged. In a fit with few records
+/// per parameter these are closer to normal and less correlated than the errors.
 /// @throws std::invalid_argument for values that are not finite, leverages outside [0, 1] or of the wrong number,
 ///         sequences that do not add up to the number of records, options out of their ranges.
 /// Source: Cook and Weisberg, Residuals and influence in regression (1982), chapters 2 and 3.

@@ -19,7 +19,7 @@ struct FullHessian {
 };
 
 /// Central differences of the exact gradient at 0.1 sds to both sides of each parameter: 2 q evaluations with
-/// derivatives, error a hundredth of what a fourth derivative changes over one sd.
+/// derivatives. The error is a hundredth of the effect of a fourth derivative over one sd.
 [[nodiscard]] FullHessian full_hessian(const Problem& problem, const BlockSet& set, const State& state,
                                        const Minimum& minimum, const Posterior& posterior, int& evaluations);
 
@@ -29,10 +29,10 @@ struct Verdict {
     std::string reason;  ///< names the parameter and what was found; empty when trusted
 };
 
-/// The objective two sds to both sides of each parameter, the others at their best (at fixed error parameters): the
+/// The objective two sds to both sides of each parameter, the others at their best (at fixed error parameters). The
 /// signed roots of its rise, taken as normal, must leave between 1 and 7.5 % outside (4.55 % when all is normal). The
-/// others are first moved linearly and only brought to their minimum when that is not good enough: 2 evaluations per
-/// parameter in the usual case.
+/// others are first moved linearly, and brought to their minimum only when that is not accurate enough: 2 evaluations
+/// per parameter in the usual case.
 [[nodiscard]] Verdict judge(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
                             const Posterior& posterior, const FullHessian& hessian, int& evaluations);
 
