@@ -199,6 +199,34 @@ std::vector<Optimum> Search::cluster() {
     return optima;
 }
 
+/// The starts that a short look leaves: the best `kept` of all, and the given one.
+std::vector<std::size_t> screened(Search& search, const std::vector<std::size_t>& which,
+                                  const MultiStartOptions& options) {
+    EstimateOptions look = options.estimate;
+    look.maximum_iterations = options.screening_iterations;
+    look.maximum_rounds = 1;
+    look.verdict = false;
+    search.run(which, look);
+    // What matters now is how far down they are, not how they ended.
+    for (StartedRun& run : search.runs)
+        run.screened = run.status != EstimateStatus::failed;
+    std::vector<std::size_t> order(which);
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        const auto worth = [&](std::size_t s) {
+            const double objective = search.runs[s].objective;
+            return std::isfinite(objective) ? objective : std::numeric_limits<double>::infinity();
+        };
+        return worth(a) != worth(b) ? worth(a) < worth(b) : a < b;
+    });
+    order.resize(static_cast<std::size_t>(options.kept));
+    // The given start is never dropped.
+    if (std::find(order.begin(), order.end(), std::size_t{0}) == order.end()) order.back() = 0;
+    std::sort(order.begin(), order.end());
+    for (const std::size_t s : order)
+        search.runs[s].screened = false;
+    return order;
+}
+
 }  // namespace
 
 MultiStart multi_start(const std::vector<FreeParameter>& parameters, const ResidualFactory& residuals,
@@ -207,32 +235,8 @@ MultiStart multi_start(const std::vector<FreeParameter>& parameters, const Resid
     Search search(parameters, residuals, derived, options);
     std::vector<std::size_t> which(search.runs.size());
     std::iota(which.begin(), which.end(), std::size_t{0});
-    const auto kept = static_cast<std::size_t>(options.kept);
-    if (options.screening_iterations > 0 && kept < which.size()) {
-        EstimateOptions look = options.estimate;
-        look.maximum_iterations = options.screening_iterations;
-        look.maximum_rounds = 1;
-        look.verdict = false;
-        search.run(which, look);
-        // What matters now is how far down they are, not how they ended.
-        for (StartedRun& run : search.runs)
-            run.screened = run.status != EstimateStatus::failed;
-        std::vector<std::size_t> order(which);
-        std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-            const auto worth = [&](std::size_t s) {
-                const double objective = search.runs[s].objective;
-                return std::isfinite(objective) ? objective : std::numeric_limits<double>::infinity();
-            };
-            return worth(a) != worth(b) ? worth(a) < worth(b) : a < b;
-        });
-        order.resize(kept);
-        // The given start is never dropped.
-        if (std::find(order.begin(), order.end(), std::size_t{0}) == order.end()) order.back() = 0;
-        std::sort(order.begin(), order.end());
-        which = order;
-        for (const std::size_t s : which)
-            search.runs[s].screened = false;
-    }
+    if (options.screening_iterations > 0 && static_cast<std::size_t>(options.kept) < which.size())
+        which = screened(search, which, options);
     search.run(which, options.estimate);
 
     MultiStart result;

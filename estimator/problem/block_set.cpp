@@ -149,6 +149,71 @@ std::vector<Channel> channels_of(const std::vector<Residual*>& residuals) {
     return channels;
 }
 
+namespace {
+
+[[noreturn]] void refuse_block(const BlockLayout& from, const std::string& what) {
+    throw std::invalid_argument("residual block \"" + from.label + "\": " + what);
+}
+
+/// @param groups  of the residual; the first one is channel `first_channel`.
+void take_records(const BlockLayout& from, int groups, int first_channel, bool joined, ActiveBlock& block,
+                  BlockSet& set) {
+    const std::size_t linked = first_linked(from);
+    block.channel.reserve(from.group.size());
+    for (const int g : from.group) {
+        if (g < 0 || g >= groups)
+            refuse_block(from, "group " + std::to_string(g) + " does not exist, there are " + std::to_string(groups));
+        const bool counts = block.channel.size() < linked || joined;
+        block.channel.push_back(counts ? first_channel + g : -1);
+        if (!counts) continue;
+        set.count[first_channel + g] += 1.0;
+        ++set.records;
+    }
+}
+
+void take_deviations(const BlockLayout& from, ActiveBlock& block, BlockSet& set) {
+    const auto records = static_cast<Eigen::Index>(from.group.size());
+    if (from.deviation.size() != records || !(from.deviation.array() > 0.0).all() || !from.deviation.allFinite())
+        refuse_block(
+            from, "known sds must be positive and finite, one for each of the " + std::to_string(records) + " records");
+    if (from.shape.size() > 0) refuse_block(from, "has both known sds and a covariance shape: give one of them");
+    block.deviation = from.deviation;
+    for (Eigen::Index i = 0; i < records; ++i)
+        if (block.channel[static_cast<std::size_t>(i)] >= 0) set.ln_det_shapes += 2.0 * std::log(from.deviation[i]);
+}
+
+void take_shape(const BlockLayout& from, const std::vector<const NoiseModel*>& law_of, ActiveBlock& block,
+                BlockSet& set) {
+    const auto records = static_cast<Eigen::Index>(from.group.size());
+    if (from.shape.rows() != records || from.shape.cols() != records)
+        refuse_block(from, "covariance shape must be " + std::to_string(records) + " x " + std::to_string(records));
+    const models::CholeskyFactor factor(from.shape);
+    // A computed covariance is symmetric up to rounding.
+    const double largest = from.shape.diagonal().cwiseAbs().maxCoeff();
+    const bool symmetric = (from.shape - from.shape.transpose()).cwiseAbs().maxCoeff() <= 1e-12 * largest;
+    if (!factor.positive_definite() || !symmetric || !from.shape.allFinite())
+        refuse_block(from, "covariance shape must be symmetric and positive definite");
+    block.cholesky = factor.lower();
+    set.ln_det_shapes += 2.0 * block.cholesky.diagonal().array().log().sum();
+    for (const int c : block.channel) {
+        const NoiseModel* law = law_of[static_cast<std::size_t>(c)];
+        if (law->joint() || !std::holds_alternative<NormalErrors>(law->distribution))
+            refuse_block(from, "a covariance shape needs normal errors in all its groups");
+    }
+}
+
+void take_constraints(const BlockLayout& from, ActiveBlock& block) {
+    block.constraints = from.constraints;
+    block.next = from.next;
+    block.constraint_size = from.constraint_size;
+    if (block.constraint_size.size() == 0) block.constraint_size = Eigen::VectorXd::Ones(from.constraints);
+    if (block.constraint_size.size() != from.constraints || !(block.constraint_size.array() > 0.0).all())
+        refuse_block(from, "constraint sizes must be positive, one for each of the " +
+                               std::to_string(from.constraints) + " constraints");
+}
+
+}  // namespace
+
 BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
                 const std::vector<NoiseModel>& laws) {
     BlockSet set;
@@ -169,38 +234,15 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
         for (std::size_t b = 0; b < layout.size(); ++b) {
             const BlockLayout& from = layout[b];
             if (!takes_part(from)) continue;
-            const auto refuse = [&from](const std::string& what) {
-                throw std::invalid_argument("residual block \"" + from.label + "\": " + what);
-            };
             check_links(from, structure, layout.size());
             ActiveBlock block;
             block.residual = r;
             block.block = b;
             block.latents = from.latents;
-            const auto records = static_cast<Eigen::Index>(from.group.size());
             const std::size_t linked = first_linked(from);
             const bool joined = from.next >= 0 && takes_part(layout[static_cast<std::size_t>(from.next)]);
-            block.channel.reserve(from.group.size());
-            for (const int g : from.group) {
-                if (g < 0 || g >= groups)
-                    refuse("group " + std::to_string(g) + " does not exist, there are " + std::to_string(groups));
-                const bool counts = block.channel.size() < linked || joined;
-                block.channel.push_back(counts ? first_channel + g : -1);
-                if (!counts) continue;
-                set.count[first_channel + g] += 1.0;
-                ++set.records;
-            }
-            if (from.deviation.size() > 0) {
-                if (from.deviation.size() != records || !(from.deviation.array() > 0.0).all() ||
-                    !from.deviation.allFinite())
-                    refuse("known sds must be positive and finite, one for each of the " + std::to_string(records) +
-                           " records");
-                if (from.shape.size() > 0) refuse("has both known sds and a covariance shape: give one of them");
-                block.deviation = from.deviation;
-                for (Eigen::Index i = 0; i < records; ++i)
-                    if (block.channel[static_cast<std::size_t>(i)] >= 0)
-                        set.ln_det_shapes += 2.0 * std::log(from.deviation[i]);
-            }
+            take_records(from, groups, first_channel, joined, block, set);
+            if (from.deviation.size() > 0) take_deviations(from, block, set);
             if (from.shape.size() == 0) {
                 block.parts = parts_of(block, from, laws, 0, linked);
                 if (joined) block.linked_parts = parts_of(block, from, laws, linked, from.group.size());
@@ -210,31 +252,9 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
                     set.linked = true;
                 }
             } else {
-                if (from.shape.rows() != records || from.shape.cols() != records)
-                    refuse("covariance shape must be " + std::to_string(records) + " x " + std::to_string(records));
-                const models::CholeskyFactor factor(from.shape);
-                // A computed covariance is symmetric up to rounding.
-                const double largest = from.shape.diagonal().cwiseAbs().maxCoeff();
-                const bool symmetric = (from.shape - from.shape.transpose()).cwiseAbs().maxCoeff() <= 1e-12 * largest;
-                if (!factor.positive_definite() || !symmetric || !from.shape.allFinite())
-                    refuse("covariance shape must be symmetric and positive definite");
-                block.cholesky = factor.lower();
-                set.ln_det_shapes += 2.0 * block.cholesky.diagonal().array().log().sum();
-                for (const int c : block.channel) {
-                    const NoiseModel* law = law_of[static_cast<std::size_t>(c)];
-                    if (law->joint() || !std::holds_alternative<NormalErrors>(law->distribution))
-                        refuse("a covariance shape needs normal errors in all its groups");
-                }
+                take_shape(from, law_of, block, set);
             }
-            if (from.constraints > 0 && (from.next < 0 || joined)) {
-                block.constraints = from.constraints;
-                block.next = from.next;
-                block.constraint_size = from.constraint_size;
-                if (block.constraint_size.size() == 0) block.constraint_size = Eigen::VectorXd::Ones(from.constraints);
-                if (block.constraint_size.size() != from.constraints || !(block.constraint_size.array() > 0.0).all())
-                    refuse("constraint sizes must be positive, one for each of the " +
-                           std::to_string(from.constraints) + " constraints");
-            }
+            if (from.constraints > 0 && (from.next < 0 || joined)) take_constraints(from, block);
             set.latents += from.latents;
             place[b] = static_cast<std::ptrdiff_t>(set.blocks.size());
             set.blocks.push_back(std::move(block));

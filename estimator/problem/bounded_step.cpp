@@ -67,6 +67,40 @@ Eigen::VectorXd free_minimum(const ReducedProblem& reduced_problem, const PriorM
     return inverse_unit.cwiseProduct(basis * y);
 }
 
+/// The held parameter that the objective pulls inward most; -1: none.
+Eigen::Index pulled_inward(const ReducedProblem& reduced_problem, const PriorModel& prior,
+                           const Eigen::VectorXd& gradient, const std::vector<int>& active, double size) {
+    double strongest = 0.0;
+    Eigen::Index freed = -1;
+    for (Eigen::Index i = 0; i < gradient.size(); ++i) {
+        const int side = active[static_cast<std::size_t>(i)];
+        if (side == 0) continue;
+        const double norm = std::max(reduced_problem.r.col(i).norm(), prior.rows.col(i).norm());
+        const double inward = (side < 0 ? -gradient[i] : gradient[i]) / std::max(norm, 1e-300);
+        if (inward > multiplier_tolerance * size && inward > strongest) {
+            strongest = inward;
+            freed = i;
+        }
+    }
+    return freed;
+}
+
+void describe_decided(BoundedStep& step) {
+    // What the last set of free parameters decides, as a basis over all parameters.
+    step.decided = Eigen::MatrixXd::Zero(step.d.size(), step.space.data.cols() + step.space.prior.cols());
+    const Eigen::MatrixXd basis = step.space.decided();
+    for (std::size_t k = 0; k < step.free.size(); ++k)
+        step.decided.row(step.free[k]) = basis.row(static_cast<Eigen::Index>(k));
+    step.seen = step.d;
+    const Eigen::VectorXd moved = step.space.unit.cwiseProduct(pick(step.d, step.free));
+    const Eigen::VectorXd unseen =
+        step.space.unit.cwiseInverse().cwiseProduct(step.space.prior * (step.space.prior.transpose() * moved));
+    for (std::size_t k = 0; k < step.free.size(); ++k)
+        step.seen[step.free[k]] -= unseen[static_cast<Eigen::Index>(k)];
+    step.from_data = step.decided;
+    step.from_data.rightCols(step.space.prior.cols()).setZero();
+}
+
 }  // namespace
 
 BoundedStep bounded_step(const ReducedProblem& reduced_problem, const PriorModel& prior, const StepBounds& bounds,
@@ -116,34 +150,11 @@ BoundedStep bounded_step(const ReducedProblem& reduced_problem, const PriorModel
         Eigen::VectorXd gradient = reduced_problem.r.transpose() * (reduced_problem.r * step.d + reduced_problem.rhs) +
                                    prior.gradient + prior.rows.transpose() * (prior.rows * step.d);
         if (mu > 0.0) gradient += mu * damping.cwiseAbs2().cwiseProduct(step.d);
-        double strongest = 0.0;
-        Eigen::Index freed = -1;
-        for (Eigen::Index i = 0; i < q; ++i) {
-            const int side = step.active[static_cast<std::size_t>(i)];
-            if (side == 0) continue;
-            const double norm = std::max(reduced_problem.r.col(i).norm(), prior.rows.col(i).norm());
-            const double inward = (side < 0 ? -gradient[i] : gradient[i]) / std::max(norm, 1e-300);
-            if (inward > multiplier_tolerance * size && inward > strongest) {
-                strongest = inward;
-                freed = i;
-            }
-        }
+        const Eigen::Index freed = pulled_inward(reduced_problem, prior, gradient, step.active, size);
         if (freed < 0) break;
         step.active[static_cast<std::size_t>(freed)] = 0;
     }
-    // What the last set of free parameters decides, as a basis over all parameters.
-    step.decided = Eigen::MatrixXd::Zero(q, step.space.data.cols() + step.space.prior.cols());
-    const Eigen::MatrixXd basis = step.space.decided();
-    for (std::size_t k = 0; k < step.free.size(); ++k)
-        step.decided.row(step.free[k]) = basis.row(static_cast<Eigen::Index>(k));
-    step.seen = step.d;
-    const Eigen::VectorXd moved = step.space.unit.cwiseProduct(pick(step.d, step.free));
-    const Eigen::VectorXd unseen =
-        step.space.unit.cwiseInverse().cwiseProduct(step.space.prior * (step.space.prior.transpose() * moved));
-    for (std::size_t k = 0; k < step.free.size(); ++k)
-        step.seen[step.free[k]] -= unseen[static_cast<Eigen::Index>(k)];
-    step.from_data = step.decided;
-    step.from_data.rightCols(step.space.prior.cols()).setZero();
+    describe_decided(step);
     return step;
 }
 

@@ -45,6 +45,33 @@ void check_parameter(const FreeParameter& parameter) {
 
 }  // namespace
 
+namespace {
+
+std::vector<Problem::Joint> joint_priors_of(const std::vector<FreeParameter>& parameters,
+                                            const std::vector<JointNormalPrior>& priors) {
+    std::vector<Problem::Joint> joints;
+    for (const JointNormalPrior& prior : priors) {
+        validate(prior);
+        Problem::Joint joint{prior, {}};
+        for (const std::string& name : prior.names) {
+            const auto found = std::find_if(parameters.begin(), parameters.end(),
+                                            [&name](const FreeParameter& parameter) { return parameter.name == name; });
+            if (found == parameters.end()) refuse("joint prior: \"" + name + "\" is not an estimated parameter");
+            if (!std::holds_alternative<FlatPrior>(found->prior))
+                refuse("joint prior: \"" + name + "\" has a prior of its own as well");
+            const auto place = static_cast<Eigen::Index>(found - parameters.begin());
+            for (const Problem::Joint& other : joints)
+                if (std::find(other.place.begin(), other.place.end(), place) != other.place.end())
+                    refuse("joint prior: \"" + name + "\" is in two joint priors");
+            joint.place.push_back(place);
+        }
+        joints.push_back(std::move(joint));
+    }
+    return joints;
+}
+
+}  // namespace
+
 Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
                const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {
     if (options.maximum_iterations <= 0)
@@ -99,23 +126,7 @@ Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<R
     problem.laws = error_laws(residuals);
     for (const NoiseModel& law : problem.laws)
         problem.errors.insert(problem.errors.end(), law.coordinates.begin(), law.coordinates.end());
-    for (const JointNormalPrior& prior : options.joint_priors) {
-        validate(prior);
-        Problem::Joint joint{prior, {}};
-        for (const std::string& name : prior.names) {
-            const auto found = std::find_if(parameters.begin(), parameters.end(),
-                                            [&name](const FreeParameter& parameter) { return parameter.name == name; });
-            if (found == parameters.end()) refuse("joint prior: \"" + name + "\" is not an estimated parameter");
-            if (!std::holds_alternative<FlatPrior>(found->prior))
-                refuse("joint prior: \"" + name + "\" has a prior of its own as well");
-            const auto place = static_cast<Eigen::Index>(found - parameters.begin());
-            for (const Problem::Joint& other : problem.joint_priors)
-                if (std::find(other.place.begin(), other.place.end(), place) != other.place.end())
-                    refuse("joint prior: \"" + name + "\" is in two joint priors");
-            joint.place.push_back(place);
-        }
-        problem.joint_priors.push_back(std::move(joint));
-    }
+    problem.joint_priors = joint_priors_of(parameters, options.joint_priors);
     return problem;
 }
 

@@ -76,6 +76,25 @@ double beyond(double x) {
     return 0.5 * std::erfc(x / std::numbers::sqrt2);
 }
 
+/// Whether the full Hessian is definite, and by how much its determinant and sds differ from Gauss and Newton's.
+void compare_curvatures(const Eigen::MatrixXd& hessian, const Eigen::MatrixXd& gauss_newton,
+                        const std::vector<Eigen::Index>& free, FullHessian& result) {
+    result.known = true;
+    result.hessian = hessian;
+    const Eigen::VectorXd unit = gauss_newton.diagonal().cwiseSqrt().cwiseInverse();
+    const models::LdltFactor factor(unit.asDiagonal() * hessian * unit.asDiagonal());
+    const models::LdltFactor reference(unit.asDiagonal() * gauss_newton * unit.asDiagonal());
+    const auto pivots = factor.pivots();
+    const auto reference_pivots = reference.pivots();
+    result.definite = factor.succeeded() && (pivots.array() > 0.0).all();
+    if (!result.definite || !(reference_pivots.array() > 0.0).all()) return;
+    result.ln_determinant = pivots.array().log().sum() - reference_pivots.array().log().sum();
+    const Eigen::MatrixXd inverse = factor.inverse();
+    const Eigen::MatrixXd inverse_reference = reference.inverse();
+    for (Eigen::Index i = 0; i < hessian.cols(); ++i)
+        result.ratio[free[static_cast<std::size_t>(i)]] = std::sqrt(inverse(i, i) / inverse_reference(i, i));
+}
+
 }  // namespace
 
 FullHessian full_hessian(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
@@ -133,20 +152,7 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
             hessian(i, j) += minimum.prior.second(a, b);
             gauss_newton(i, j) = curvature(a, b);
         }
-    result.known = true;
-    result.hessian = hessian;
-    const Eigen::VectorXd unit = gauss_newton.diagonal().cwiseSqrt().cwiseInverse();
-    const models::LdltFactor factor(unit.asDiagonal() * hessian * unit.asDiagonal());
-    const models::LdltFactor reference(unit.asDiagonal() * gauss_newton * unit.asDiagonal());
-    const auto pivots = factor.pivots();
-    const auto reference_pivots = reference.pivots();
-    result.definite = factor.succeeded() && (pivots.array() > 0.0).all();
-    if (!result.definite || !(reference_pivots.array() > 0.0).all()) return result;
-    result.ln_determinant = pivots.array().log().sum() - reference_pivots.array().log().sum();
-    const Eigen::MatrixXd inverse = factor.inverse();
-    const Eigen::MatrixXd inverse_reference = reference.inverse();
-    for (Eigen::Index i = 0; i < count; ++i)
-        result.ratio[free[static_cast<std::size_t>(i)]] = std::sqrt(inverse(i, i) / inverse_reference(i, i));
+    compare_curvatures(hessian, gauss_newton, free, result);
     return result;
 }
 

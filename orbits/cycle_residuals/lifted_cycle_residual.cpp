@@ -29,6 +29,15 @@ CycleTargetOptions points_of(CycleTargetOptions options) {
     return options;
 }
 
+void check_matching(const LiftedCycleOptions& options) {
+    if (!(options.matching_end > 0.0 && options.matching_end <= 1.0))
+        throw std::invalid_argument("LiftedCycleResidual: matching_end must be in (0, 1]");
+    if (!(options.matching_factor > 0.0 && options.matching_factor < 1.0))
+        throw std::invalid_argument("LiftedCycleResidual: matching_factor must be in (0, 1)");
+    if (!(options.matching_start >= 0.0))
+        throw std::invalid_argument("LiftedCycleResidual: matching_start must be >= 0");
+}
+
 }  // namespace
 
 LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
@@ -42,12 +51,7 @@ LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> s
       targets_(select_targets(map_, binding_.values(start), binding_.parameter, cycles, points_of(options.targets))),
       scale_(target_scale(map_.coordinates(), cycles)),
       cycle_count_(cycles.size()) {
-    if (!(options.matching_end > 0.0 && options.matching_end <= 1.0))
-        throw std::invalid_argument("LiftedCycleResidual: matching_end must be in (0, 1]");
-    if (!(options.matching_factor > 0.0 && options.matching_factor < 1.0))
-        throw std::invalid_argument("LiftedCycleResidual: matching_factor must be in (0, 1)");
-    if (!(options.matching_start >= 0.0))
-        throw std::invalid_argument("LiftedCycleResidual: matching_start must be >= 0");
+    check_matching(options);
     const Index n = map_.dimension();
     const bool factor = options.targets.weights == CycleWeights::covariance;
     VectorXd size(n);

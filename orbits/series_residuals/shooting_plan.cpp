@@ -47,12 +47,12 @@ ShootingPlan plan_shooting(const models::System& system, const Series& series, c
     const auto rate = static_cast<Index>(sensor.rate);
     const bool sections = series.sampling == Series::Sampling::section;
     if (sections && system.kind() == models::Kind::forced) plan.clock = models::Clock::phase;
+    Index angle_row = -1;
+    for (const ObservedCoordinate& o : observed)
+        if (o.coordinate == angle) angle_row = o.row;
     for (const std::size_t s : segments) {
         const Segment& data = series.segments[s];
         const Index samples = data.values.cols();
-        Index angle_row = -1;
-        for (const ObservedCoordinate& o : observed)
-            if (o.coordinate == angle) angle_row = o.row;
         // Times of a section of a forced model are of no use: its phases are exact.
         const auto at = [&](Index k) {
             if (plan.clock == models::Clock::phase) return 2.0 * std::numbers::pi * static_cast<double>(k);
@@ -69,23 +69,16 @@ ShootingPlan plan_shooting(const models::System& system, const Series& series, c
             InstantPattern pattern;
             pattern.input = system.inputs().empty() ? 0 : s;
             for (Index k = first; k < std::min(next, samples); ++k) {
-                Index now = -1;
-                if (k > first) {
-                    now = std::ssize(pattern.instants);
-                    pattern.instants.push_back({at(k) - at(first), false});
-                }
-                Index later = -1;
-                if (difference) {
-                    later = std::ssize(pattern.instants);
-                    pattern.instants.push_back({at(k) - at(first), true});
-                }
+                const double after = at(k) - at(first);
+                const Index now = k > first ? std::ssize(pattern.instants) : -1;
+                if (k > first) pattern.instants.push_back({after, false});
+                const Index later = difference ? std::ssize(pattern.instants) : -1;
+                if (difference) pattern.instants.push_back({after, true});
                 for (const ObservedCoordinate& o : observed) {
                     PlannedReading reading{o.coordinate, now, k, data.values(o.row, k), 1.0, o.group};
-                    if (difference && o.coordinate == rate) {
-                        reading.coordinate = angle;
-                        reading.instant = later;
-                        reading.value = data.values(angle_row, k) + sensor.delay * data.values(o.row, k);
-                    }
+                    if (difference && o.coordinate == rate)
+                        reading = {angle, later,  k, data.values(angle_row, k) + sensor.delay * reading.value,
+                                   1.0,   o.group};
                     if (!std::isfinite(reading.value)) continue;
                     if (o.known_sds) reading.deviation = data.deviations(o.row, k);
                     plan.readings.push_back(reading);

@@ -35,6 +35,24 @@ std::vector<Transition> transitions(const models::System& system, const VectorXd
     return transitions(std::span(&one, 1), theta, series, sensor, segments, interval, count, seed);
 }
 
+namespace {
+
+/// One somewhere in each of `count` equal stretches of `total` samples: multiples of the golden ratio fall evenly, and
+/// in step with no period of the data.
+std::vector<std::size_t> spread_places(std::size_t total, std::size_t count, std::uint64_t seed) {
+    const std::size_t wanted = std::min(count, total);
+    std::vector<std::size_t> places;
+    for (std::size_t i = 0; i < wanted; ++i) {
+        const double turns = std::numbers::phi * (static_cast<double>(i) + static_cast<double>(seed % 1000003));
+        const double share = wanted == total ? 0.5 : turns - std::floor(turns);
+        places.push_back(static_cast<std::size_t>((static_cast<double>(i) + share) * static_cast<double>(total) /
+                                                  static_cast<double>(wanted)));
+    }
+    return places;
+}
+
+}  // namespace
+
 std::vector<Transition> transitions(std::span<const std::shared_ptr<const models::System>> systems,
                                     const VectorXd& theta, const Series& series, const models::Sensor& sensor,
                                     const std::vector<std::size_t>& segments, Index interval, std::size_t count,
@@ -49,16 +67,7 @@ std::vector<Transition> transitions(std::span<const std::shared_ptr<const models
         total += static_cast<std::size_t>(std::max<Index>(series.segments[s].values.cols() - interval, 0));
     std::vector<Transition> result;
     if (total == 0) return result;
-    // One somewhere in each of `count` equal stretches of the record: multiples of the golden ratio fall evenly, and in
-    // step with no period of the data.
-    const std::size_t wanted = std::min(count, total);
-    std::vector<std::size_t> places;
-    for (std::size_t i = 0; i < wanted; ++i) {
-        const double turns = std::numbers::phi * (static_cast<double>(i) + static_cast<double>(seed % 1000003));
-        const double share = wanted == total ? 0.5 : turns - std::floor(turns);
-        places.push_back(static_cast<std::size_t>((static_cast<double>(i) + share) * static_cast<double>(total) /
-                                                  static_cast<double>(wanted)));
-    }
+    const std::vector<std::size_t> places = spread_places(total, count, seed);
     std::size_t first = 0;
     auto place = places.begin();
     for (const std::size_t s : chosen_segments) {

@@ -101,6 +101,18 @@ void validate(const models::System& system, const VirtualExperimentOptions& opti
     }
 }
 
+/// The records of all trajectories, one after the other.
+StateRecord joined(std::vector<StateRecord>& parts) {
+    StateRecord record;
+    for (StateRecord& part : parts) {
+        std::move(part.pieces.begin(), part.pieces.end(), std::back_inserter(record.pieces));
+        std::move(part.events.begin(), part.events.end(), std::back_inserter(record.events));
+        record.complete = record.complete && part.complete;
+        if (!part.message.empty()) record.message += (record.message.empty() ? "" : "; ") + part.message;
+    }
+    return record;
+}
+
 /// Samples of every trajectory. A trajectory that comes to rest goes on resting: that is reported.
 StateRecord record_samples(const models::System& system, const Eigen::VectorXd& theta,
                            const VirtualExperimentOptions& options, const Eigen::VectorXd& range) {
@@ -131,10 +143,9 @@ StateRecord record_samples(const models::System& system, const Eigen::VectorXd& 
             const auto flow =
                 system.flow(state, options.phase + rate * time, durations, theta, models::Clock::time, options.flow);
             std::size_t good = size;
-            if (flow.status != models::FlowStatus::ok) {
+            if (flow.status != models::FlowStatus::ok)
                 good = static_cast<std::size_t>(
                     std::lower_bound(durations.begin(), durations.end(), flow.stopped_after) - durations.begin());
-            }
             piece.states.middleCols(static_cast<Eigen::Index>(done), static_cast<Eigen::Index>(good)) =
                 flow.states.leftCols(static_cast<Eigen::Index>(good));
             done += good;
@@ -161,14 +172,7 @@ StateRecord record_samples(const models::System& system, const Eigen::VectorXd& 
         }
         if (kept > 0) part.pieces.push_back(std::move(piece));
     });
-    StateRecord record;
-    for (StateRecord& part : parts) {
-        std::move(part.pieces.begin(), part.pieces.end(), std::back_inserter(record.pieces));
-        std::move(part.events.begin(), part.events.end(), std::back_inserter(record.events));
-        record.complete = record.complete && part.complete;
-        if (!part.message.empty()) record.message += (record.message.empty() ? "" : "; ") + part.message;
-    }
-    return record;
+    return joined(parts);
 }
 
 double rounded(double value, const models::Sensor& sensor) {

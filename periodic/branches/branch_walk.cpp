@@ -184,16 +184,8 @@ private:
         if (note_events(events, there)) return true;
         if (closes(there)) return true;
         add({there, Bifurcation::none, 0.0, arclength_ + length});
-        if (next.edge) {
-            result_.end = *next.edge;
-            return true;
-        }
-        if (curve.autonomous() && size < smallest_orbit && size < size_) {
-            result_.end = BranchEnd::equilibrium;
-            return true;
-        }
-        if (curve.autonomous() && !(curve.time(there.y) <= options_.longest)) {
-            result_.end = BranchEnd::period_limit;
+        if (const auto end = end_at(next, size)) {
+            result_.end = *end;
             return true;
         }
         choose_step(correction, angle, move, size);
@@ -205,6 +197,16 @@ private:
         here_ = std::move(fitting);
         if (!same) before_.reset();
         return false;
+    }
+
+    /// Why the walk is over at this point; none while it goes on.
+    [[nodiscard]] std::optional<BranchEnd> end_at(const Trial& next, double size) const {
+        if (next.edge) return *next.edge;
+        const OrbitCurve& curve = *here_.curve;
+        if (!curve.autonomous()) return std::nullopt;
+        if (size < smallest_orbit && size < size_) return BranchEnd::equilibrium;
+        if (!(curve.time(next.correction.point.y) <= options_.longest)) return BranchEnd::period_limit;
+        return std::nullopt;
     }
 
     void choose_step(const Correction& correction, double angle, double move, double size) {

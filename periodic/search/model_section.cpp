@@ -155,6 +155,22 @@ VectorXd start_range(const ModelSection& section, std::uint64_t seed, const mode
     return range;
 }
 
+namespace {
+
+/// Appends columns from `skip` on, without those at the end that are not finite. @return how many.
+Index append_finite(MatrixXd& piece, const MatrixXd& further, Index skip) {
+    Index added = std::max<Index>(further.cols() - skip, 0);
+    while (added > 0 && !further.col(skip + added - 1).allFinite())
+        --added;
+    MatrixXd longer(piece.rows(), piece.cols() + added);
+    longer.leftCols(piece.cols()) = piece;
+    longer.rightCols(added) = further.middleCols(skip, added);
+    piece = std::move(longer);
+    return added;
+}
+
+}  // namespace
+
 SectionPieces simulate_pieces(const ModelSection& section, const SectionPiecesOptions& options) {
     const models::System& system = section.system;
     const Index n = system.dimension();
@@ -185,13 +201,7 @@ SectionPieces simulate_pieces(const ModelSection& section, const SectionPiecesOp
             const auto column = static_cast<Index>(k);
             // The first column repeats the last one; the state that a trajectory of a plane begins at is not on it.
             const Index skip = running[k].cols() > 0 || off_section ? 1 : 0;
-            Index added = std::max<Index>(run.sections[k].cols() - skip, 0);
-            while (added > 0 && !run.sections[k].col(skip + added - 1).allFinite())
-                --added;
-            MatrixXd longer(n, running[k].cols() + added);
-            longer.leftCols(running[k].cols()) = running[k];
-            longer.rightCols(added) = run.sections[k].middleCols(skip, added);
-            running[k] = std::move(longer);
+            const Index added = append_finite(running[k], run.sections[k], skip);
             if (run.status[k] != models::FlowStatus::ok || added < static_cast<Index>(chunk)) {
                 ++result.lost;
                 retire(k, cut_short);

@@ -54,16 +54,29 @@ VectorXd shares(const ShootingMesh& mesh) {
     return result;
 }
 
+ShootingOptions coarsened(const ShootingOptions& options) {
+    ShootingOptions coarse = options;
+    coarse.flow.relative_tolerance = std::max(options.flow.relative_tolerance, coarse_tolerance);
+    coarse.flow.absolute_tolerance = std::max(options.flow.absolute_tolerance, coarse_tolerance);
+    coarse.tolerance = std::max(options.tolerance, coarsely_closed);
+    return coarse;
+}
+
+/// Turns of each angle over the whole orbit.
+std::vector<int> rotation_of(const MatrixXd& turns, const std::vector<Index>& angles) {
+    std::vector<int> sums;
+    for (const Index i : angles)
+        sums.push_back(static_cast<int>(std::lround(turns.row(i).sum())));
+    return sums;
+}
+
 }  // namespace
 
 FarStartSearch improve_guess(const models::System& system, const VectorXd& theta, const ShootingMesh& mesh,
                              const StartingSolution& start, const VectorXd& scale, const ShootingOptions& options) {
     FarStartSearch result{mesh, false, {}, 0};
     if (!mesh.simulated) return result;
-    ShootingOptions coarse = options;
-    coarse.flow.relative_tolerance = std::max(options.flow.relative_tolerance, coarse_tolerance);
-    coarse.flow.absolute_tolerance = std::max(options.flow.absolute_tolerance, coarse_tolerance);
-    coarse.tolerance = std::max(options.tolerance, coarsely_closed);
+    ShootingOptions coarse = coarsened(options);
     const FlowSteps steps(system, theta, mesh, coarse.flow);
     const ClosingError first =
         closing_error(steps, mesh.nodes, mesh.time, MatrixXd::Zero(mesh.nodes.rows(), mesh.nodes.cols()));
@@ -71,13 +84,7 @@ FarStartSearch improve_guess(const models::System& system, const VectorXd& theta
     const std::vector<Index> angles = angle_coordinates(system);
     const MatrixXd nearest = winding_numbers(first.error, angles, start.rotation);
     const MatrixXd likely = likely_turns(first, nearest, angles, scale, start.rotation);
-    const auto rotation = [&](const MatrixXd& turns) {
-        std::vector<int> sums;
-        for (const Index i : angles)
-            sums.push_back(static_cast<int>(std::lround(turns.row(i).sum())));
-        return sums;
-    };
-    result.rotation = rotation(likely);
+    result.rotation = rotation_of(likely, angles);
     const auto condition = phase_condition(system, theta, mesh.nodes, shares(mesh), start.section, options.phase);
 
     const auto solve = [&](const MatrixXd& turns, bool carefully) {
@@ -100,7 +107,7 @@ FarStartSearch improve_guess(const models::System& system, const VectorXd& theta
             for (std::size_t j = 0; j < mesh.segments.size(); ++j)
                 result.mesh.segments[j].duration = mesh.segments[j].duration * found.time / mesh.time;
         }
-        result.rotation = rotation(turns);
+        result.rotation = rotation_of(turns, angles);
         result.closed = true;
         result.iterations = found.iterations;
     };

@@ -97,6 +97,18 @@ double SolvedCurve::place_of_point(Index j) const {
                                                   : orbit_.times(j) - orbit_.times(0);
 }
 
+namespace {
+
+/// The order in which values ascend.
+std::vector<std::size_t> ascending(const std::vector<double>& values) {
+    std::vector<std::size_t> order(values.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
+    return order;
+}
+
+}  // namespace
+
 CurveStates SolvedCurve::states(std::span<const double> places, std::optional<std::span<const Index>> free) const {
     const bool forced = system_.kind() == models::Kind::forced;
     const Index n = orbit_.points.rows();
@@ -110,9 +122,7 @@ CurveStates SolvedCurve::states(std::span<const double> places, std::optional<st
         turns[k] = std::floor(places[k] / length());
         inside[k] = std::clamp(places[k] - turns[k] * length(), 0.0, length());
     }
-    std::vector<std::size_t> order(places.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return inside[a] < inside[b]; });
+    const std::vector<std::size_t> order = ascending(inside);
 
     CurveStates result;
     result.states.resize(n, count);

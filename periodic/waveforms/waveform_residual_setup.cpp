@@ -47,6 +47,29 @@ bool is_autoregressive(const WaveformChannel& channel) {
     return std::holds_alternative<estimator::AutoregressiveErrors>(channel.distribution);
 }
 
+/// @param need  throws with the name of the record.
+template <class Need>
+void check_start(const models::System& system, const models::ParameterBinding& binding, const VectorXd& start,
+                 const Need& need) {
+    const auto q = std::ssize(system.parameters());
+    need(binding.base.size() == q,
+         fmt::format("binding: {} values, model {} has {} parameters", binding.base.size(), system.name(), q));
+    need(binding.parameter.size() == binding.estimated.size(), "binding: lists of different lengths");
+    need(start.size() == binding.estimated_count,
+         fmt::format("{} parameters at the start, must be {}", start.size(), binding.estimated_count));
+    for (std::size_t i = 0; i < binding.parameter.size(); ++i) {
+        need(binding.parameter[i] >= 0 && binding.parameter[i] < q, "binding: no such parameter of the model");
+        need(binding.estimated[i] >= 0 && binding.estimated[i] < binding.estimated_count,
+             "binding: no such estimated parameter");
+    }
+    const VectorXd theta = binding.values(start);
+    for (Index i = 0; i < q; ++i) {
+        const auto& parameter = system.parameters()[static_cast<std::size_t>(i)];
+        need(models::contains(parameter.domain, theta(i)),
+             fmt::format("{} starts at {}, must be {}", parameter.name, theta(i), models::rule(parameter.domain)));
+    }
+}
+
 }  // namespace
 
 WaveformResidual::WaveformResidual(std::shared_ptr<const models::System> system, std::vector<WaveformRecord> records,
@@ -97,25 +120,8 @@ void WaveformResidual::check_channels() const {
 
 void WaveformResidual::check_record(const WaveformRecord& record) const {
     const auto need = [&](bool rule, const std::string& message) { require(rule, record.label + ": " + message); };
-    const auto q = std::ssize(system_->parameters());
-    const models::ParameterBinding& binding = record.binding;
-    need(binding.base.size() == q,
-         fmt::format("binding: {} values, model {} has {} parameters", binding.base.size(), system_->name(), q));
-    need(binding.parameter.size() == binding.estimated.size(), "binding: lists of different lengths");
-    need(options_.start.size() == binding.estimated_count,
-         fmt::format("{} parameters at the start, must be {}", options_.start.size(), binding.estimated_count));
-    for (std::size_t i = 0; i < binding.parameter.size(); ++i) {
-        need(binding.parameter[i] >= 0 && binding.parameter[i] < q, "binding: no such parameter of the model");
-        need(binding.estimated[i] >= 0 && binding.estimated[i] < binding.estimated_count,
-             "binding: no such estimated parameter");
-    }
-    const VectorXd theta = binding.values(options_.start);
-    for (Index i = 0; i < q; ++i) {
-        const auto& parameter = system_->parameters()[static_cast<std::size_t>(i)];
-        need(models::contains(parameter.domain, theta(i)),
-             fmt::format("{} starts at {}, must be {}", parameter.name, theta(i), models::rule(parameter.domain)));
-    }
-
+    check_start(*system_, record.binding, options_.start, need);
+    const VectorXd theta = record.binding.values(options_.start);
     const auto channels = std::ssize(options_.channels);
     const Index count = record.times.size();
     need(count >= 2, fmt::format("{} samples, needed are 2 or more", count));

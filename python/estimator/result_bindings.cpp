@@ -216,7 +216,9 @@ py::dict estimate_dict(const Estimate& estimate) {
     return dict;
 }
 
-void bind_estimate_result(py::module_& module) {
+namespace {
+
+void bind_estimated(py::module_& module) {
     py::class_<Estimated>(module, "Estimated", "One estimated or derived number with its uncertainty.")
         .def_readonly("name", &Estimated::name)
         .def_readonly("unit", &Estimated::unit)
@@ -251,7 +253,33 @@ void bind_estimate_result(py::module_& module) {
         .def("__repr__", [](const EstimatedScale& one) {
             return shown(one.group, one.value, one.uncertainty, one.factor ? "" : one.unit);
         });
+}
 
+void bind_numbers(Class& result) {
+    member(result, "trust_normal", &Estimate::trust_normal, "False: use profiles, marginals or samples");
+    member(result, "distrust", &Estimate::distrust, "why not");
+    member(result, "objective", &Estimate::objective, "-ln of the posterior density at the estimate");
+    member(result, "log_likelihood", &Estimate::log_likelihood, "");
+    member(result, "log_integral", &Estimate::log_integral, "");
+    member(result, "degrees_of_freedom", &Estimate::degrees_of_freedom, "");
+    member(result, "effective_count", &Estimate::effective_count, "");
+    member(result, "iterations", &Estimate::iterations, "");
+    member(result, "evaluations", &Estimate::evaluations, "");
+    member(result, "rounds", &Estimate::rounds, "");
+    member(result, "remaining", &Estimate::remaining, "full step that is left, in posterior sds");
+}
+
+py::array theta_array(const EstimateResult& one) {
+    Eigen::VectorXd theta(std::ssize(one.estimate.parameters));
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
+        theta[i] = one.estimate.parameters[static_cast<std::size_t>(i)].value;
+    return read_only(array(std::move(theta)));
+}
+
+}  // namespace
+
+void bind_estimate_result(py::module_& module) {
+    bind_estimated(module);
     Class result(module, "Estimate", "Result of estimate(); profiles, marginals and samples are asked of it.");
     result.def_property_readonly(
         "status", [](const EstimateResult& one) { return std::string(name(one.estimate.status)); },
@@ -261,15 +289,7 @@ void bind_estimate_result(py::module_& module) {
         "parameters", [](const EstimateResult& one) { return by_name(one.estimate.parameters); },
         "dict of Estimated, in the order of theta");
     result.def_property_readonly("derived", [](const EstimateResult& one) { return by_name(one.estimate.derived); });
-    result.def_property_readonly(
-        "theta",
-        [](const EstimateResult& one) {
-            Eigen::VectorXd theta(std::ssize(one.estimate.parameters));
-            for (Eigen::Index i = 0; i < theta.size(); ++i)
-                theta[i] = one.estimate.parameters[static_cast<std::size_t>(i)].value;
-            return read_only(array(std::move(theta)));
-        },
-        "values of the parameters, shape (parameters,)");
+    result.def_property_readonly("theta", theta_array, "values of the parameters, shape (parameters,)");
     made(result, "scales", scales_by_group, "dict of EstimatedScale by group");
     made(result, "covariances", covariances, "full covariances of several responses");
     result.def_property_readonly(
@@ -292,17 +312,7 @@ void bind_estimate_result(py::module_& module) {
     result.def(
         "to_dict", [](const EstimateResult& one) { return estimate_dict(one.estimate); },
         "All of it but latent states, errors and history as dicts, lists, numbers and texts.");
-    member(result, "trust_normal", &Estimate::trust_normal, "False: use profiles, marginals or samples");
-    member(result, "distrust", &Estimate::distrust, "why not");
-    member(result, "objective", &Estimate::objective, "-ln of the posterior density at the estimate");
-    member(result, "log_likelihood", &Estimate::log_likelihood, "");
-    member(result, "log_integral", &Estimate::log_integral, "");
-    member(result, "degrees_of_freedom", &Estimate::degrees_of_freedom, "");
-    member(result, "effective_count", &Estimate::effective_count, "");
-    member(result, "iterations", &Estimate::iterations, "");
-    member(result, "evaluations", &Estimate::evaluations, "");
-    member(result, "rounds", &Estimate::rounds, "");
-    member(result, "remaining", &Estimate::remaining, "full step that is left, in posterior sds");
+    bind_numbers(result);
     result.def("__repr__", [](const EstimateResult& one) {
         std::string text = "<Estimate " + std::string(name(one.estimate.status));
         for (const Estimated& value : one.estimate.parameters)
