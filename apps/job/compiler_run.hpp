@@ -10,11 +10,11 @@ namespace orbid::apps {
 /// A C++ compiler on this machine.
 struct Compiler {
     std::filesystem::path path;  ///< absolute
-    std::string identity;  ///< path, size and time of the program behind all links: another compiler, another text
+    std::string identity;        ///< path, size and time of the program behind all links: differs between compilers
 };
 
-/// $ORBID_CXX where it is set (a program, without options; empty: none is wanted), else the compiler that built orbid,
-/// else the first c++ of $PATH.
+/// $ORBID_CXX if set (a program, without options; empty: no compiler), else the compiler that built orbid, else the
+/// first c++ in $PATH.
 [[nodiscard]] std::optional<Compiler> find_compiler();
 
 /// How a program ended.
@@ -25,11 +25,11 @@ struct ProgramEnd {
     [[nodiscard]] bool succeeded() const { return started && !timed_out && exit_code == 0; }
 };
 
-/// Runs a program with these arguments (the first after its name), never through a shell: what an argument holds is of
-/// no consequence. No input; what it prints goes to a file.
+/// Runs a program with these arguments (the first after its name), never through a shell, so arguments are not
+/// interpreted. It gets no input; its output goes to a file.
 ///
 /// @param temporary  folder for its temporary files
-/// @param seconds    after that it is killed
+/// @param seconds    time limit; then it is killed
 [[nodiscard]] ProgramEnd run_program(const std::filesystem::path& program, const std::vector<std::string>& arguments,
                                      const std::filesystem::path& printed, const std::filesystem::path& temporary,
                                      double seconds);

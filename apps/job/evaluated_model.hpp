@@ -7,20 +7,20 @@
 
 namespace orbid::apps {
 
-/// The system of a model written in a job, as far as reading a job needs it: interpreted; where that cannot be done,
+/// The system of a model written in a job, as needed to read the job: interpreted or, where that is impossible,
 /// compiled.
 ///
 /// @param compiled  set when it is compiled
-/// @return nothing where neither is possible; `why` then says so.
+/// @return nothing where neither is possible; `why` then gives the reason.
 [[nodiscard]] std::shared_ptr<const models::System> system_of(const std::shared_ptr<const models::Equations>& equations,
                                                               bool& compiled, std::string& why);
 
-/// Seconds that flows of the job would take interpreted, to an order of magnitude, from the job alone: the decision to
-/// compile must not depend on the machine, its load, or what its cache holds.
+/// Seconds that the job's flows would take interpreted, to an order of magnitude, from the job only: the decision to
+/// compile must not depend on the machine, its load or its cache.
 [[nodiscard]] double interpreted_seconds(const Job& job);
 
-/// Compiles the equations of a job, or leaves them interpreted: as "compile" says; "auto" compiles where
-/// interpreted_seconds() exceeds what a compilation takes. Where nothing can be compiled they are interpreted.
+/// Compiles the equations of a job or leaves them interpreted, as "compile" says. "auto" compiles if
+/// interpreted_seconds() exceeds the time of a compilation. Equations that cannot be compiled are interpreted.
 ///
 /// @return what was done and why, for the log; empty for a model of the registry.
 [[nodiscard]] std::string settle_evaluation(Job& job);

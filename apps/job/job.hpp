@@ -33,7 +33,7 @@
 namespace orbid::apps {
 
 /// A job file as plain data: every name resolved to an index, every default filled in, every path absolute.
-/// A Job that job_reader returns has passed all checks that need no data.
+/// A Job from job_reader has passed all checks that need no data.
 
 /// Whether equations of a job are compiled before they are used.
 enum class CompileChoice { automatic, always, never };
@@ -41,12 +41,12 @@ enum class CompileChoice { automatic, always, never };
 struct ModelJob {
     std::string name;
     std::string variant;                                 ///< as the system names it; empty when the model has none
-    std::optional<std::size_t> size;                     ///< number of cells of a model that lets it be chosen
+    std::optional<std::size_t> size;                     ///< number of cells, where the model allows a choice
     std::shared_ptr<const models::Equations> equations;  ///< a model written in the job; nothing: one of the registry
     CompileChoice compile = CompileChoice::automatic;    ///< of such a model
-    bool compiled = false;                               ///< such a model is evaluated by compiled code
+    bool compiled = false;                               ///< it is evaluated by compiled code
     std::shared_ptr<const models::System> system;
-    Eigen::VectorXd values;  ///< shape (q): all parameters; data are simulated at these, fixed ones keep them
+    Eigen::VectorXd values;  ///< shape (q): all parameters, for simulated data and fixed values
 };
 
 /// Values of single parameters, for one experiment.
@@ -56,8 +56,8 @@ struct ParameterValue {
 };
 
 struct SimulationJob {
-    /// Default of `transient` for random starts of a section series; 0 for given starts and for samples. After 300
-    /// periods a contraction of only 10 % per period has left 1e-14 of the way to the attractor.
+    /// Default of `transient` for random starts of a section series; 0 for given starts and for samples. A contraction
+    /// of only 10 % per period leaves 1e-14 of the distance to the attractor after 300 periods.
     static constexpr std::size_t transient_of_random_sections = 300;
 
     orbits::Series::Sampling sampling = orbits::Series::Sampling::section;
@@ -65,9 +65,9 @@ struct SimulationJob {
     double step = 0.0;                     ///< samples: [s], > 0
     std::size_t count = 0;                 ///< samples: per trajectory, >= 2, the first at the end of the transient
     std::size_t trajectories = 1;          ///< >= 1; one segment each
-    std::size_t transient = 0;             ///< section: periods, samples: steps, thrown away before the first point
+    std::size_t transient = 0;             ///< section: periods, samples: steps; discarded before the first point
     std::vector<Eigen::VectorXd> initial;  ///< one state per trajectory; empty = random
-    bool restart = true;                   ///< a captured or resting trajectory is started anew; false = only reported
+    bool restart = true;                   ///< a captured or resting trajectory is restarted; false = only reported
     Eigen::VectorXd noise;                 ///< shape (n): sd of a reading in the coordinate's unit, >= 0
     Eigen::VectorXd noise_correlation;     ///< shape (n): of the errors of successive readings, in (-1, 1)
 };
@@ -81,8 +81,8 @@ struct ColumnJob {
     double offset = 0.0;          ///< in the coordinate's unit
 };
 
-/// A recorded series: a table in text (.csv, .tsv, .txt), or a file that orbid wrote (.h5, .hdf5), which says itself
-/// what its columns are.
+/// A recorded series: a text table (.csv, .tsv, .txt), or a file written by orbid (.h5, .hdf5), which describes its
+/// columns itself.
 struct FileJob {
     std::filesystem::path path;  ///< absolute
     orbits::Series::Sampling sampling = orbits::Series::Sampling::section;
@@ -95,7 +95,7 @@ struct FileJob {
     std::string sha256;              ///< expected, lower-case hex; empty: not given
 };
 
-/// Measured inputs of the model, from the table of the experiment itself or from one of their own.
+/// Measured inputs of the model, from the experiment's own table or a separate one.
 struct InputJob {
     std::optional<std::filesystem::path> file;  ///< absolute; empty: the table of the data
     std::string sha256;                         ///< of `file`, expected; empty: not given
@@ -114,7 +114,7 @@ struct InitialValueJob {
     double lower = -std::numeric_limits<double>::infinity();
     double upper = std::numeric_limits<double>::infinity();
 
-    /// More is said of it than a latent state can have: it becomes a parameter of the estimate, one per segment, named
+    /// It has settings that a latent state cannot have. It becomes a parameter of the estimate, one per segment, named
     /// by initial_parameter_name.
     [[nodiscard]] bool is_parameter() const {
         const bool plain = std::holds_alternative<estimator::FlatPrior>(prior) ||
@@ -134,13 +134,13 @@ struct DataJob {
     std::string name;
     std::optional<SimulationJob> simulation;  ///< exactly one of simulation and file
     std::optional<FileJob> file;
-    std::optional<InputJob> inputs;  ///< of a model that reads some
+    std::optional<InputJob> inputs;  ///< of a model that has some
     models::Sensor sensor;
     std::vector<Eigen::Index> observe;            ///< coordinates used as data, ascending
-    std::vector<ParameterValue> parameters;       ///< values that hold for this experiment only
-    std::vector<Eigen::Index> free;               ///< parameters estimated for this experiment alone (name@experiment)
-    std::optional<std::vector<std::string>> fit;  ///< labels of segments; empty = all that are not in `predict`
-    std::vector<std::string> predict;             ///< labels of segments that are predicted, not fitted
+    std::vector<ParameterValue> parameters;       ///< values for this experiment only
+    std::vector<Eigen::Index> free;               ///< parameters estimated for this experiment only (name@experiment)
+    std::optional<std::vector<std::string>> fit;  ///< labels of segments; empty = all not in `predict`
+    std::vector<std::string> predict;             ///< labels of segments predicted, not fitted
     std::vector<InitialValueJob> initial_state;   ///< one per coordinate
     [[nodiscard]] orbits::Series::Sampling sampling() const {
         return simulation ? simulation->sampling : file->sampling;
@@ -172,11 +172,11 @@ struct OrbitStart {
 /// Methods of the "periodic" block, in the order of periodic::OrbitMethod.
 inline const std::vector<std::string> periodic_method_names{"multiple_shooting", "finite_difference", "collocation"};
 
-/// A branch of orbits over one parameter, from the orbit the job starts it at.
+/// A branch of orbits over one parameter, from the orbit that the job names.
 struct ContinuationJob {
     std::size_t orbit = 0;  ///< of the list in orbits.json where it starts
     periodic::ContinuationOptions options;
-    std::optional<Eigen::Index> plotted;  ///< coordinate of the points that branch.svg shows; empty: the time T
+    std::optional<Eigen::Index> plotted;  ///< coordinate shown in branch.svg; empty: the time T
 };
 
 struct PeriodicJob {
@@ -184,8 +184,8 @@ struct PeriodicJob {
     std::vector<OrbitStart> orbits;
     std::optional<periodic::OrbitSearchOptions> search;  ///< phase and section are the job's
     std::optional<ContinuationJob> continuation;
-    std::vector<Eigen::Index> free;  ///< parameters that sensitivities are computed for, different
-    bool stability = false;          ///< directions, and how the multipliers move with the free parameters
+    std::vector<Eigen::Index> free;  ///< parameters for sensitivities, different
+    bool stability = false;          ///< directions, and derivatives of the multipliers to the free parameters
 };
 
 /// A section of an autonomous flow: coordinate = value, crossed in one direction.
@@ -225,13 +225,13 @@ struct CyclesResidualJob {
     std::vector<int> periods;
     bool covariance = true;        ///< weights: the analysis' covariance times a factor; false: equal, a sd
     bool positions = true;         ///< the points are data
-    bool multipliers = false;      ///< ln|multiplier| is data; one of the two at least
+    bool multipliers = false;      ///< ln|multiplier| is data; at least one of the two
     std::vector<ErrorJob> errors;  ///< one per coordinate of the model, in their order
     std::vector<CovarianceJob> covariances;
     estimator::ErrorScale multiplier_error{true, 0.0, estimator::FlatPrior{}};  ///< as ErrorJob::scale
 };
 
-/// How well the end of one interval of a series has to meet the beginning of the next.
+/// How closely the end of an interval of a series must agree with the beginning of the next.
 struct MatchingJob {
     enum class Kind {
         automatic,  ///< exact
@@ -246,16 +246,15 @@ struct MatchingJob {
 /// A recorded series, by single or multiple shooting.
 struct SeriesResidualJob {
     static constexpr std::size_t automatic_interval = 0;  ///< chosen by how errors grow
-    /// Sampling intervals (sections) from node to node. Nothing: one free initial state per segment, the flow over all
-    /// of it (single shooting).
+    /// Sampling intervals (sections) from node to node. Nothing: one free initial state per segment (single shooting).
     std::optional<std::size_t> interval;
-    MatchingJob matching;           ///< not read without an interval: nothing is to be matched
+    MatchingJob matching;           ///< ignored without an interval
     std::vector<std::size_t> data;  ///< indices into Job::data
     std::vector<ErrorJob> errors;   ///< one per coordinate observed in any of them, ascending
     std::vector<CovarianceJob> covariances;
 };
 
-/// Measured periodic steady states; a fitted segment each.
+/// Measured periodic steady states, one per fitted segment.
 struct WaveformResidualJob {
     struct Experiment {
         int period = 1;     ///< in periods of the forcing
@@ -275,12 +274,12 @@ enum class ResidualType { cycles, series, waveform };
 /// As jobs write them, in the order of ResidualType.
 inline const std::vector<std::string> residual_type_names{"cycles", "series", "waveform"};
 
-/// One step of an estimate; it starts from the best of those before it.
+/// One step of an estimate; it starts from the best earlier one.
 struct StageJob {
     enum class Kind {
-        prediction,  ///< parameters alone, by predictions over one interval from states that the readings say
+        prediction,  ///< parameters only, by predictions over one interval from measured states
         residuals,   ///< the residuals named, together
-        harvest      ///< cycles that the model at hand points to are added, then as the stage of the cycles
+        harvest      ///< adds cycles found with the present model, then as the stage of the cycles
     };
     Kind kind = Kind::residuals;
     std::vector<ResidualType> residuals;  ///< in their order; empty for `prediction`
@@ -295,13 +294,13 @@ struct StageJob {
 /// Other models that the estimate is compared with.
 struct CriticismJob {
     std::vector<std::string> variants;  ///< of the model, other than the job's
-    std::vector<Eigen::Index> without;  ///< parameters of the estimate, held at 0 one at a time
+    std::vector<Eigen::Index> without;  ///< parameters of the estimate, set to 0 one at a time
     double held_out = 0.0;              ///< share of the data left out in turn and predicted; 0: none
 
     [[nodiscard]] bool any() const { return !variants.empty() || !without.empty() || held_out > 0.0; }
 };
 
-/// Estimates from several starts; 1 = from the job's alone.
+/// Estimates from several starts; 1 = only the job's.
 struct MultiStartJob {
     std::size_t starts = 1;
     std::uint64_t seed = 1;  ///< the job's, unless another is given
@@ -310,17 +309,17 @@ struct MultiStartJob {
 /// Draws from the posterior density; 0 draws: none.
 struct SampleJob {
     std::size_t draws = 0;   ///< per chain, after the warm-up
-    std::size_t chains = 4;  ///< >= 2: their agreement is the test
+    std::size_t chains = 4;  ///< >= 2: their agreement is tested
     std::size_t warm_up = 500;
 };
 
-/// Which estimated parameters something is done for.
+/// A selection of estimated parameters.
 struct ParameterChoice {
     bool all = false;
     std::vector<std::string> names;  ///< of the estimate's parameters, unless all
 
     [[nodiscard]] bool any() const { return all || !names.empty(); }
-    /// Also for every segment of an initial value that is named without one.
+    /// Also for every segment of an initial value named without one.
     [[nodiscard]] bool contains(const std::string& name) const;
 };
 
@@ -332,8 +331,8 @@ struct EstimateJob {
     std::optional<SeriesResidualJob> series;
     std::optional<WaveformResidualJob> waveform;
     bool automatic = false;          ///< "strategy": "auto"
-    std::vector<StageJob> strategy;  ///< in this order; every residual present takes part in one of them
-    bool scan = false;               ///< the prediction begins with a coarse scan of the parameters over their bounds
+    std::vector<StageJob> strategy;  ///< in this order; each residual is used in at least one of them
+    bool scan = false;               ///< the prediction starts with a coarse scan of the parameters over their bounds
     CriticismJob criticism;
     estimator::Variance variance = estimator::Variance::restricted;
     MultiStartJob multi_start;

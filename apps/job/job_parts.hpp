@@ -13,10 +13,10 @@
 namespace orbid::apps {
 
 /// The blocks of a job, each read into its part of `job`. Order: model, data, orbits, periodic, estimate, reference;
-/// each block uses what stands before it. Where the model is unknown, names and domains are not checked.
+/// each block uses the earlier ones. Where the model is unknown, names and domains are not checked.
 void read_model(ObjectReader& root, Job& job);
 void read_section(ObjectReader& root, Job& job);
-/// The block "model" of a job that writes its equations, which have been found there.
+/// The block "model" of a job with its own equations.
 void read_equations(ObjectReader& model, Job& job);
 void read_data(ObjectReader& root, Job& job);
 void read_orbits(ObjectReader& root, Job& job);
@@ -25,7 +25,7 @@ void read_estimate(ObjectReader& root, Job& job);
 void read_reference(ObjectReader& root, Job& job);
 
 /// Parts of data.
-/// The noise has an entry per coordinate, whatever is wrong with the job.
+/// The noise has an entry per coordinate even if the job is invalid.
 [[nodiscard]] SimulationJob simulation_without_noise(const Job& job);
 [[nodiscard]] SimulationJob read_simulation(const ValueReader& value, const Job& job);
 void read_file(ObjectReader& data, const ValueReader& path, const Job& job, FileJob& file);
@@ -38,8 +38,8 @@ void read_time(const ValueReader& value, std::string& column, std::string& time_
 void read_inputs(ObjectReader& object, const Job& job, DataJob& data);
 [[nodiscard]] models::Sensor read_sensor(const ValueReader& value, const Job& job);
 
-/// Some of these experiments (indices into Job::data) read an angle in the place of the coordinate; of none: the
-/// coordinate is an angle.
+/// Whether any of these experiments (indices into Job::data) reads an angle for the coordinate; without experiments,
+/// whether the coordinate is an angle.
 [[nodiscard]] bool reads_angle(const Job& job, const std::vector<std::size_t>& data, Eigen::Index coordinate);
 
 /// Parts of periodic: "search" and "continuation"; the latter after the starts.
@@ -52,17 +52,17 @@ void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& pe
 [[nodiscard]] std::optional<estimator::Scale> read_scale(const ValueReader& value);
 /// "tied" of a parameter; resolve_tie() follows when all parameters are read.
 void read_tie(const ValueReader& tie, FreeParameterJob& free);
-/// Checks a tie against all parameters and takes start and scale from the one it follows.
+/// Checks a tie against all parameters; takes start and scale from the parameter it follows.
 void resolve_tie(const ValueReader& at, const Job& job, const EstimateJob& estimate, FreeParameterJob& free);
 /// "joint_priors", after the parameters.
 void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& estimate);
 /// Names of the model's estimated parameters in the result: k2, or k2@run1 where one is free per experiment.
 [[nodiscard]] std::vector<std::string> estimated_parameter_names(const Job& job, const EstimateJob& estimate);
 void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate);
-/// "matching" and "interval" of a series residual, after its data. `staged`: the strategy chooses where it is silent.
+/// "matching" and "interval" of a series residual, after its data. `staged`: the strategy chooses what is not given.
 void read_shooting(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series);
-/// What "auto" uses where no residuals are named: cycles where they are searched or given, and the data as series.
-/// What is wrong with them is reported at `at`; `residuals` is the description of a list of residuals.
+/// What "auto" uses when no residuals are named: cycles if searched or given, and the data as series. Their problems
+/// are reported at `at`; `residuals` describes a list of residuals.
 void add_usual_residuals(const ValueReader& at, const ValueSchema* residuals, const Job& job, EstimateJob& estimate);
 /// "strategy" and "scan", after the residuals.
 void read_strategy(ObjectReader& object, const Job& job, EstimateJob& estimate);
@@ -73,20 +73,20 @@ void read_waveform(ObjectReader& object, const Job& job, EstimateJob& estimate);
 /// "multi_start", "posterior", "profile", "marginals"; after the parameters and residuals.
 void read_posterior(ObjectReader& object, const Job& job, EstimateJob& estimate);
 
-/// Whose errors are read: what their records allow.
+/// What the records allow for their errors.
 struct ErrorUse {
     enum class Records { cycles, cycles_with_covariance, series };
     Records records = Records::series;
-    std::vector<Eigen::Index> coordinates;         ///< that have errors
+    std::vector<Eigen::Index> coordinates;         ///< with errors
     std::vector<std::size_t> data;                 ///< series: indices into Job::data
-    estimator::ErrorScale* multipliers = nullptr;  ///< where those of "ln_multiplier" go; none: they are no data
+    estimator::ErrorScale* multipliers = nullptr;  ///< for those of "ln_multiplier"; none: not data
 };
 
 /// Errors of ln|multiplier|: a sd, or with weights "covariance" a factor on the analysis' covariance.
 [[nodiscard]] estimator::ErrorScale read_multiplier_error(const ValueReader& value);
 
-/// "errors" and "covariance" of a residual: one entry per coordinate of `use`; those not named are normal with an
-/// estimated sd.
+/// "errors" and "covariance" of a residual: one entry per coordinate of `use`; the others are normal with an estimated
+/// sd.
 void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, std::vector<ErrorJob>& errors,
                  std::vector<CovarianceJob>& covariances);
 

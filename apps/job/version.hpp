@@ -14,7 +14,7 @@ using Versions = std::vector<std::pair<std::string, std::string>>;
 /// Version of the program, "0.1.0".
 [[nodiscard]] std::string program_version();
 
-/// The program, its compiler, its level of instructions and the libraries whose versions can change a number.
+/// Versions of the program, its compiler, its instruction level, and the libraries whose versions can change a number.
 [[nodiscard]] Versions versions();
 
 }  // namespace orbid::apps

@@ -6,9 +6,9 @@
 
 namespace orbid::apps {
 
-/// Follows the branches of the job's "continuation" from the orbit of the list that it names, and stores them as
-/// branch.json, branch.csv and branch.svg. Taken from the folder when the fingerprint fits. Without a branch the
-/// message says why, and there is no picture.
+/// Follows the branches of the job's "continuation" from the listed orbit that it names. Stores them as branch.json,
+/// branch.csv and branch.svg, which are reused when the fingerprint fits. Without a branch the message says why, and
+/// there is no plot.
 [[nodiscard]] FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits& orbits);
 
 }  // namespace orbid::apps

@@ -10,24 +10,24 @@
 
 namespace orbid::apps {
 
-/// Leaves a run that was asked to stop while it computes something that is worth nothing before its end (a
-/// simulation, a search for cycles): what there is by then is stored, and the program ends. Minimisations, profiles,
-/// samplers, searches of the model's orbits and continuations stop by themselves with what they have, and are left only
-/// when one of their steps takes longer than `patience`.
+/// Leaves a run when a stop is requested during a computation that is useless unless finished (a simulation, a search
+/// for cycles). Results so far are stored, and the program ends. Minimisations, profiles, samplers, searches of the
+/// model's orbits and continuations stop by themselves with what they have. They are left only when a step takes longer
+/// than `patience`.
 class Departure {
 public:
-    /// @param leave  stores what there is, given the content of result.json (empty: there is none to be stored), and
-    ///               ends the program; called on a thread of its own, at most once. Empty: the run is never left.
+    /// @param leave  stores the results so far, given the content of result.json (empty: none to store), and ends the
+    ///               program; called on its own thread, at most once. Empty: the run is never left.
     /// @param interruption  not null where `leave` is given.
     Departure(const InterruptionGuard* interruption, std::function<void(const std::string& result)> leave);
     ~Departure();
     Departure(const Departure&) = delete;
     Departure& operator=(const Departure&) = delete;
 
-    /// What result.json says when the run is left from now on.
+    /// The content of result.json if the run is left from now on.
     void shows(std::string result);
 
-    /// While it lives the run may be left at any moment.
+    /// While it exists the run may be left at any moment.
     class Allowed {
     public:
         explicit Allowed(Departure& departure);

@@ -2,7 +2,7 @@
 
 namespace orbid::apps {
 
-/// Whether a run was asked to stop. Thread-safe.
+/// Whether a stop of the run was requested. Thread-safe.
 class Interruption {
 public:
     virtual ~Interruption() = default;
@@ -14,9 +14,9 @@ protected:
     Interruption& operator=(const Interruption&) = default;
 };
 
-/// From its construction on, the first Ctrl-C (SIGINT) or SIGTERM only asks to stop: the run stores a valid result with
-/// status `interrupted`. A second one ends the program at once. The former handlers return on destruction. One at a
-/// time.
+/// From construction on, the first Ctrl-C (SIGINT) or SIGTERM only requests a stop: the run stores a valid result with
+/// status `interrupted`. A second one ends the program at once. Destruction restores the former handlers. Only one may
+/// exist at a time.
 class InterruptionGuard final : public Interruption {
 public:
     InterruptionGuard();
@@ -24,9 +24,9 @@ public:
     InterruptionGuard(const InterruptionGuard&) = delete;
     InterruptionGuard& operator=(const InterruptionGuard&) = delete;
 
-    /// Somebody asked to stop.
+    /// A stop was requested.
     [[nodiscard]] bool asked() const override;
-    /// Returns when somebody asks to stop, or wake() was called.
+    /// Returns when a stop is requested or wake() was called.
     void wait() const;
     void wake() const;
 

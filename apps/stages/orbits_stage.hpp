@@ -9,18 +9,18 @@
 
 namespace orbid::apps {
 
-/// What stands above every list of cycles or orbits of this job.
+/// The heading of every list of cycles or orbits of this job.
 [[nodiscard]] CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint);
 
-/// The cycles of the job: read from its file, searched in the series and stored as cycles.json, or taken from there
-/// while its fingerprint fits. Periods that were asked for and not found are said.
+/// The cycles of the job: read from its file, or searched in the series and stored as cycles.json, which is reused
+/// while its fingerprint fits. Requested periods that were not found are reported.
 ///
-/// @param section  to be searched; not needed by a list from a file.
+/// @param section  to search; not needed for a list from a file.
 /// @throws orbits::DataError when the list cannot be read or the series is too short, StaleFile as reusable() does.
 [[nodiscard]] orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<SearchedSection>& section);
 
 /// Exponents, dimensions and entropies of the searched series and its cycles, stored as invariants.json.
-/// @throws orbits::DataError when the series is too short for them.
+/// @throws orbits::DataError when the series is too short.
 [[nodiscard]] orbits::Invariants compute_invariants(const Workspace& work, const SearchedSection& section,
                                                     const orbits::CycleSearch& search);
 

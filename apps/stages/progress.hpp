@@ -31,33 +31,33 @@ struct StageTime {
 /// One stage at a time: begin() while a stage runs ends that stage first.
 class Progress {
 public:
-    /// A bar is drawn when there is a file behind the stream that is a terminal.
+    /// A bar is drawn when the stream's file is a terminal.
     /// @param stream  where to write; not owned.
     Progress(bool quiet, std::ostream& stream, std::FILE* terminal);
     /// @param terminal  draw a bar, whatever the stream is.
     Progress(bool quiet, std::ostream& stream, bool terminal);
-    /// Ends a stage still running, as "stopped".
+    /// Ends a running stage, as "stopped".
     ~Progress();
     Progress(const Progress&) = delete;
     Progress& operator=(const Progress&) = delete;
 
-    /// Starts a stage. `total` units of work, 0 = unknown: no fraction and no remaining time then.
+    /// Starts a stage of `total` units of work; 0 = unknown, without fraction or remaining time.
     void begin(std::string_view stage, double total = 0.0, std::string_view unit = "");
     /// `amount` more units are done.
     void advance(double amount);
-    /// `done` units are done altogether; smaller than before is ignored. May name the state in a few words.
+    /// `done` units are done in all; smaller values than before are ignored. May name the state in a few words.
     void at(double done, std::string_view note = "");
-    /// The stage is done; `outcome` in words goes into its line.
+    /// Ends the stage; its line shows `outcome`.
     void end(std::string_view outcome = "");
     /// A stage whose file fits and is taken from the folder.
     void reused(std::string_view stage, std::string_view what);
-    /// A line for the log that is shown too (unless quiet): warnings, orbits not found.
+    /// A line for the log that is also shown unless quiet: warnings, orbits not found.
     void say(std::string_view line);
-    /// A line for the log alone.
+    /// A line for the log only.
     void log(std::string_view line);
 
     [[nodiscard]] std::vector<StageTime> times() const;
-    /// Content of log.txt: every line with the seconds since the start in front.
+    /// Content of log.txt: each line begins with the seconds since the start.
     [[nodiscard]] std::string log_text() const;
 
 private:
@@ -94,7 +94,7 @@ private:
 [[nodiscard]] std::string timing_text(const std::vector<StageTime>& times, int threads,
                                       const std::vector<std::pair<std::string, std::string>>& versions);
 
-/// A duration for people: "0.12 s", "3.4 s", "2 min 05 s", "1 h 02 min".
+/// A readable duration: "0.12 s", "3.4 s", "2 min 05 s", "1 h 02 min".
 [[nodiscard]] std::string duration_text(double seconds);
 
 }  // namespace orbid::apps

@@ -4,7 +4,7 @@
 
 namespace orbid::apps {
 
-/// What is run of a job: all stages it names, or one.
+/// Which stages of a job are run: all it names, or one.
 enum class Stage { all, simulate, orbits, periodic, estimate };
 
 /// How a job is run.

@@ -11,22 +11,22 @@
 
 namespace orbid::apps {
 
-/// The section that a job's record shows, with the search's options in its coordinates.
+/// The section of a job's record, with the search's options in its coordinates.
 struct SearchedSection {
     const orbits::Series* record = nullptr;
-    std::optional<orbits::Series> cut;  ///< made of the record, where that is no section yet
+    std::optional<orbits::Series> cut;  ///< made from the record if that is not yet a section
     orbits::CycleSearchOptions options;
-    std::string remark;  ///< what was made of the record; empty: nothing
+    std::string remark;  ///< how the section was made from the record; empty: it was one
 
     [[nodiscard]] const orbits::Series& series() const { return cut ? *cut : *record; }
 };
 
-/// Crossings of a plane lose the coordinate that is the same at all of them; samples are cut by the job's plane or at
-/// its phase of the forcing. Keeps a reference to the record.
+/// Crossings of a plane lose the coordinate that is constant there. Samples are cut by the job's plane or at its phase
+/// of the forcing. Keeps a reference to the record.
 /// @throws orbits::DataError when the samples cannot be cut.
 [[nodiscard]] SearchedSection searched_section(const Job& job, const orbits::Series& record);
 
-/// What the points of the job's cycles are made of: the model's coordinates, without the plane's.
+/// The coordinates of the points of the job's cycles: the model's, without the plane's.
 [[nodiscard]] std::vector<orbits::SeriesCoordinate> section_coordinates(const Job& job);
 
 /// The job's section, as lists of cycles name it.

@@ -12,7 +12,7 @@
 namespace orbid::apps {
 
 /// What the file of a stage depends on: the program's version and every value below the given places of the complete
-/// job, in the order given. A place the job does not have counts as absent; data files stand in the job by their hash.
+/// job, in the order given. A place that the job lacks counts as absent; the job holds hashes of its data files.
 ///
 /// @param job     the complete job, as job.json holds it.
 /// @param places  JSON Pointers: "/model", "/data".

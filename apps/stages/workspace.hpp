@@ -18,7 +18,7 @@
 
 namespace orbid::apps {
 
-/// A single-stage command found a file of an earlier stage that belongs to another job.
+/// A file of an earlier stage, found by a single-stage command, belongs to another job.
 class StaleFile : public std::runtime_error {
     using std::runtime_error::runtime_error;
 };
@@ -37,11 +37,10 @@ struct Workspace {
     [[nodiscard]] const models::System& system() const { return *job.model.system; }
 };
 
-/// May the file of an earlier stage be used? Compares the fingerprint in it (as text; empty: none) with what the job
-/// wants.
+/// Whether the file of an earlier stage may be used: compares its fingerprint (as text; empty: none) with the job's.
 ///
-/// @return true when they agree; false when the stage has to run anew.
-/// @throws StaleFile naming file and key when they differ and only a later stage was asked for.
+/// @return true when they agree; false when the stage must run again.
+/// @throws StaleFile naming file and key when they differ and only a later stage was requested.
 [[nodiscard]] bool reusable(const Workspace& work, Stage stage, const std::filesystem::path& file,
                             const std::string& stored_fingerprint, const Fingerprint& wanted);
 

@@ -4,7 +4,7 @@
 
 namespace orbid::apps {
 
-/// What a job may hold: every key with its kinds of value, range, default and one sentence. The reader of jobs, `orbid
+/// What a job may contain: every key with its kinds of value, range, default and one sentence. The job reader, `orbid
 /// schema` and docs/job_reference.md all follow it.
 [[nodiscard]] const ValueSchema& job_description();
 
@@ -40,8 +40,8 @@ namespace describe {
 /// A name that the user gives.
 [[nodiscard]] ValueSchema name();
 
-/// Cycles and measured orbits: longer ones cannot be told from chance recurrences in any series of usable length; also
-/// the rule of CycleSearchOptions::periods.
+/// Cycles and measured orbits: longer ones cannot be distinguished from chance recurrences in any series of usable
+/// length. CycleSearchOptions::periods has the same rule.
 inline constexpr double longest_period = 64;
 /// Largest whole number up to which every whole number is a double.
 inline constexpr double largest_exact = 9007199254740992.0;

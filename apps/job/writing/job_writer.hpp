@@ -13,10 +13,10 @@
 
 namespace orbid::apps {
 
-/// The complete job with every default filled in, as job.json holds it: reading it gives an equal job.
+/// The complete job with all defaults, as in job.json: reading it gives an equal job.
 ///
-/// Keys stand in a fixed order, numbers read back to the same double, infinite bounds are null.
-/// @param folder  where job.json will stand: paths are written relative to it.
+/// Keys have a fixed order, numbers read back to the same double, infinite bounds are null.
+/// @param folder  folder of job.json: paths are written relative to it.
 [[nodiscard]] nlohmann::ordered_json job_document(const Job& job, const std::filesystem::path& folder,
                                                   const Versions& versions = {});
 
@@ -28,18 +28,18 @@ namespace detail {
 // Blocks of the document, one per file of the writer.
 [[nodiscard]] nlohmann::ordered_json data_document(const Job& job, const DataJob& data,
                                                    const std::filesystem::path& folder);
-/// "model" of a job that writes its equations.
+/// "model" of a job with its own equations.
 [[nodiscard]] nlohmann::ordered_json equations_document(const Job& job);
 [[nodiscard]] nlohmann::ordered_json periodic_document(const Job& job);
 [[nodiscard]] nlohmann::ordered_json estimate_document(const Job& job);
 /// "errors" and "covariance" of a residual.
 void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::vector<CovarianceJob>& covariances,
                 nlohmann::ordered_json& residual);
-/// A sd as errors have it: a number, or { "estimate": { "start", "prior" } }.
+/// A sd as in "errors": a number, or { "estimate": { "start", "prior" } }.
 [[nodiscard]] nlohmann::ordered_json scale_document(const estimator::ErrorScale& scale);
 [[nodiscard]] nlohmann::ordered_json prior_document(const estimator::Prior& prior);
 [[nodiscard]] nlohmann::ordered_json joint_priors_document(const std::vector<estimator::JointNormalPrior>& priors);
-/// A tied parameter has nothing but its tie.
+/// A tied parameter has only its tie.
 [[nodiscard]] nlohmann::ordered_json tie_document(const estimator::FreeParameter& parameter);
 [[nodiscard]] std::string_view scale_name(estimator::Scale scale);
 /// [lower, upper], null where infinite.
