@@ -14,14 +14,14 @@ namespace orbid::estimator {
 
 namespace {
 
-/// A latent column whose part independent of the columns before it is below this share of it carries rounding only.
+/// A latent column whose part independent of the columns before it is below this fraction of it is rounding only.
 constexpr double dead_share = 1e-13;
 
 /// The same for a column of link rows: some tens of roundings. Not more, for the light rows count as well, whatever the
 /// weight of the links.
 constexpr double dead_share_of_links = 64.0 * 2.220446049250313e-16;
 
-/// The triangle with the dead columns taken out; a unit row in their place keeps it regular and their step zero.
+/// The R factor without the dead columns; a unit row in their place keeps it regular and their step zero.
 Eigen::MatrixXd without(const std::vector<bool>& dead, const Eigen::MatrixXd& triangle) {
     const Eigen::Index rows = triangle.rows();
     Eigen::MatrixXd extended = Eigen::MatrixXd::Zero(rows + std::count(dead.begin(), dead.end(), true), rows);

@@ -13,8 +13,8 @@ namespace orbid::estimator {
 
 namespace {
 
-/// Row sizes that differ by less do not need sorting: at most three digits of the lightest row are at stake, and
-/// unsorted problems of one scale are the common, time-critical ones.
+/// Row sizes that differ by less do not need sorting: they lose at most three digits of the lightest row. Unsorted
+/// problems of one scale are common and time-critical.
 constexpr double mixed_weights = 1e3;
 
 /// Heavy rows first, where the rows differ enough for it to matter.

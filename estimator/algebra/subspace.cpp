@@ -47,7 +47,7 @@ Subspace split(const Eigen::MatrixXd& r, const Eigen::MatrixXd& prior, const Eig
     const models::SingularValues prior_svd =
         models::singular_value_decomposition(prior_rows, models::SingularVectors::right);
     const Eigen::VectorXd& values = prior_svd.values;
-    // The prior is known exactly; only rounding has to be told from curvature here.
+    // The prior is known exactly; only rounding has to be distinguished from curvature here.
     constexpr double prior_tolerance = 1e-9;
     Eigen::Index prior_rank = 0;
     while (prior_rank < values.size() && values[prior_rank] > prior_tolerance * values[0])

@@ -6,8 +6,8 @@
 namespace orbid::estimator::detail {
 
 double student_normalisation(double nu) {
-    // The ratio at once: the difference of two ln Gamma has lost five digits at nu = 1e4. In double, not extended
-    // precision: it is asked for once per block, and took an eighth of the time of a long chain.
+    // The ratio directly: the difference of two ln Gamma has lost five digits at nu = 1e4. In double, not extended
+    // precision: it is computed once per block, and took an eighth of the time of a long chain.
     using plain = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
     return 0.5 * std::log(nu * std::numbers::pi) + std::log(boost::math::tgamma_delta_ratio(0.5 * nu, 0.5, plain()));
 }

@@ -22,16 +22,16 @@ using detail::uncoupled;
 
 constexpr double ln_two_pi = 1.8378770664093454836;
 
-/// The second derivative of a density that is not log-concave is replaced by this share of the weight g / e (for
-/// relative errors: of the expected information) where it is smaller. Reweighting with the weight itself always
-/// descends, but converges like a geometric series; with a tenth of it a far record may pull ten times as far, and a
-/// line search or trust region guards that.
+/// A density that is not log-concave has its second derivative replaced by this fraction of the weight g / e where it
+/// is smaller. (For relative errors: of the expected information.) Reweighting with the weight itself always descends,
+/// but converges like a geometric series. With a tenth of it a far record may pull ten times as far; a line search or
+/// trust region guards against that.
 constexpr double least_share = 0.1;
-/// The hyperbolic density is log-concave, but nearly flat away from its cusp. Median regressions on three regressors
-/// with backtracking (50 samples each of 20, 50 and 200 records) took 114-146 steps on average, often more than 500,
-/// with the weight itself, 16-38 with a tenth of it and 9-11, never more than 23, with a thousandth.
+/// The hyperbolic density is log-concave, but nearly flat away from its cusp. Steps of median regressions on three
+/// regressors with backtracking, 50 samples each of 20, 50 and 200 records: with the weight itself 114-146 on average,
+/// often more than 500; with a tenth of it 16-38; with a thousandth 9-11, never more than 23.
 constexpr double least_share_laplace = 1e-3;
-/// Curvature::guarded: below this share of the weight the step would be more than twice the error.
+/// Curvature::guarded: below this fraction of the weight the step would be more than twice the error.
 constexpr double mirror_share = 0.5;
 
 template <class T>
@@ -142,7 +142,7 @@ WhitenedRows<T> relative_rows(const LawRecords& records, const Vector<T>& psi, C
     WhitenedRows<T> result{Matrix<T>(2 * n, records.rows.cols()), T(0.5 * static_cast<double>(n) * ln_two_pi)};
     Vector<T> root(n);
     Vector<T> last(n);
-    // The second rows stay zero for a step: shape and sums do not depend on the curvature asked for.
+    // The second rows stay zero for a step: shape and sums do not depend on the curvature requested.
     Vector<T> root_of_variance = Vector<T>::Zero(n);
     Vector<T> last_of_variance = Vector<T>::Zero(n);
     for (Eigen::Index i = 0; i < n; ++i) {

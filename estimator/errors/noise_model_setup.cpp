@@ -17,8 +17,8 @@ namespace {
 
 using Kind = ErrorCoordinate::Kind;
 
-/// Below one degree of freedom Student's likelihood is unbounded in more cases than it is useful; above 1e4 it cannot
-/// be told from the normal one (the densities differ by less than 1e-4 within four sd).
+/// Below one degree of freedom Student's likelihood is often unbounded. Above 1e4 it is indistinguishable from the
+/// normal one (the densities differ by less than 1e-4 within four sd).
 constexpr double least_dof = 1.0;
 constexpr double most_dof = 1e4;
 /// A relative error of 1e-9 is below the rounding of any simulated prediction: in effect zero, but with a logarithm.
@@ -59,7 +59,7 @@ ErrorCoordinate scale_coordinate(const Group& group) {
         refuse(group, fmt::format("scale = {}: a fixed scale must be positive", scale.value));
     ErrorCoordinate result = checked(group, "scale", Kind::log, {scale.estimate, scale.value, scale.prior},
                                      scale.estimate ? group.floor : 0.0, infinity);
-    // A start from the residuals (<= 0) stays one; any other start has to lie where steps may go.
+    // A start to be taken from the residuals (<= 0) is kept; any other start has to lie where steps may go.
     if (scale.estimate && scale.value > 0.0)
         result.start = std::clamp(scale.value, result.natural(result.lower), result.natural(result.upper));
     return result;

@@ -15,7 +15,7 @@ namespace orbid::estimator {
 
 namespace {
 
-/// Slopes below this share of the largest (times the parameters' sds) count as none.
+/// Slopes below this fraction of the largest (times the parameters' sds) count as zero.
 constexpr double no_slope = 1e-10;
 
 /// Equal steps of a mixture: its components are as wide as what is left of phi, and the density is smooth.
@@ -190,7 +190,7 @@ DerivedMarginal derived_marginal(const DerivedQuantity& quantity, const std::vec
         part.weight /= sum;
         first += part.weight * part.mean;
         second += part.weight * (part.mean * part.mean + factor * part.sd * part.sd);
-        // The quantiles asked for lie within 50 sds of any t with two degrees of freedom or more, and of some with one.
+        // The requested quantiles lie within 50 sds of any t with two degrees of freedom or more, and of some with one.
         low = std::min(low, part.mean - 50.0 * part.sd);
         high = std::max(high, part.mean + 50.0 * part.sd);
     }

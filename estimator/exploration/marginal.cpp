@@ -16,7 +16,7 @@ namespace orbid::estimator {
 
 namespace {
 
-/// Up to this many parameters 2 q evaluations more per point are taken for granted.
+/// Up to this many parameters 2 q more evaluations per point are accepted.
 constexpr std::size_t affordable = 12;
 /// Halvings of a step before a point that cannot be evaluated, or a jump of the density, ends the grid.
 constexpr int step_halvings = 5;

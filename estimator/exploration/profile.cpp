@@ -278,8 +278,8 @@ Profile profile_of(const Conditional& conditional, const Unknown& unknown, const
         result.message = "the estimate is at an end that its scale never reaches";
         return result;
     }
-    // The minimum of the profile itself: error parameters at their maximum likelihood, where the estimate may have
-    // restricted ones, so that the unknown moves a little.
+    // The minimum of the profile itself, with error parameters at their maximum likelihood. The estimate may have
+    // restricted ones, so the unknown moves a little.
     const ConditionalEstimate best = conditional.free(Variance::ml, false);
     result.evaluations = best.evaluations;
     if (!best.good()) {

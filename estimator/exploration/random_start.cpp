@@ -22,8 +22,8 @@ namespace {
 /// Cut at both ends of what the bounds leave of a prior.
 constexpr double outer_share = 0.005;
 
-/// Quantile of a distribution cut off at the bounds: share in (0, 1) of the mass between them. nan when no mass is
-/// left there that doubles can tell (bounds far in a tail).
+/// Quantile of a distribution truncated to the bounds, at a fraction in (0, 1) of the mass between them. nan when that
+/// mass is too small for doubles (bounds far in a tail).
 template <class Distribution>
 double between(const Distribution& distribution, double lower, double upper, double share) {
     using boost::math::cdf;

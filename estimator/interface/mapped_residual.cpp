@@ -45,7 +45,7 @@ void apply(const ErrorOverride& change, std::vector<Group>& groups, const std::v
     if (scale) {
         found->scale.value = change.value;
         found->scale.estimate = change.estimate;
-        // A fixed value below the floor is what was asked for.
+        // A fixed value below the floor is what the caller wants.
         return;
     }
     ErrorParameter* parameter = shape_parameter(found->distribution, change.parameter);

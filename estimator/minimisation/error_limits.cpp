@@ -121,7 +121,7 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
         if (own.rows() == 0) continue;
         const Eigen::VectorXd left = own.rightCols(1) + own.leftCols(d_z[b].size()) * d_z[b];
         add(rows[b].parts, left);
-        // Under a covariance shape each row holds a share of the channels before it; the size is good enough.
+        // Under a covariance shape each row contains parts of the channels before it; the size is accurate enough.
         for (std::size_t i = 0; i < rows[b].channel.size(); ++i)
             for (const NoiseModel& law : problem.laws) {
                 if (law.channels.front() != rows[b].channel[i]) continue;
@@ -162,7 +162,7 @@ Eigen::VectorXd gap_sizes(const Problem& problem, const BlockSet& set, const std
 
 std::string why_no_covariance(const Problem& problem, const BlockSet& set, const Eigen::VectorXd& psi,
                               Eigen::Index determined) {
-    // A response whose sd given the others is below this share of its own: correlation 1 - 5e-13.
+    // A response is degenerate if its sd given the others is below this fraction of its own: correlation 1 - 5e-13.
     constexpr double least_share = 1e-6;
     for (const NoiseModel& law : problem.laws) {
         if (!law.joint()) continue;

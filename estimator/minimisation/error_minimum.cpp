@@ -11,8 +11,8 @@ namespace orbid::estimator {
 
 namespace {
 
-/// [S_z S] P of every block, with the columns of latent states that nothing determines left out; and the same of the
-/// rows that link it to the next one.
+/// [S_z S] P of every block, without the columns of undetermined latent states. Likewise for the rows that link it to
+/// the next one.
 struct Spread {
     std::vector<Eigen::MatrixXd> own;
     std::vector<Eigen::MatrixXd> linked;
@@ -91,8 +91,8 @@ std::vector<Eigen::VectorXd> far_steps(const ErrorProblem& problem, const ErrorP
     double left = 0.0;
     for (const Eigen::Index k : free) {
         if (!(point.fit[k] > 0.0)) continue;
-        // (M10) solved for the factor on s^2 with its trace t held: fit / (n - t), exact for one scale; where a
-        // coupled shape makes that meaningless, 1 - gradient / n, which is always positive for one scale.
+        // (M10) solved for the factor on s^2 with its trace t held: fit / (n - t), exact for one scale. Where a coupled
+        // shape makes that meaningless: 1 - gradient / n, which is always positive for one scale.
         const double count = point.gradient[k] + point.fit[k];
         const double ratio =
             point.left[k] > 1e-3 ? point.fit[k] / point.left[k] : 1.0 - point.gradient[k] / std::max(count, 1.0);
@@ -142,7 +142,7 @@ Eigen::MatrixXd first_hessian(const ErrorProblem& problem, const ErrorPoint& poi
         diagonal[i] = 2.0 * point.fit[free[static_cast<std::size_t>(i)]];
         plain = plain && diagonal[i] > 0.0;
     }
-    // Latent states share the residuals out between scales: their curvature is far from that of separate ones.
+    // Latent states distribute the residuals between scales: their curvature is far from that of separate ones.
     if (plain && problem.set->latents == 0) return diagonal.asDiagonal();
     return made_definite(error_hessian(problem, psi, free));
 }
@@ -212,7 +212,7 @@ ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd&
                 step[free[static_cast<std::size_t>(i)]] = newton[i];
             steps.push_back(std::move(step));
         }
-        // Curvature says little about a minimum that is many sds and a good part of the scale itself away.
+        // Curvature does not predict a minimum that is many sds and a large part of the scale itself away.
         constexpr double near = 0.1;
         if (!definite ||
             (minimum.distance > 1.0 && (search.known == nullptr || steps.back().lpNorm<Eigen::Infinity>() > near)))
@@ -225,8 +225,8 @@ ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd&
                 trial[k] = std::clamp(trial[k] + std::clamp(step[k], -5.0, 5.0), floor[k], ceiling[k]);
             return trial;
         };
-        // Close by, the difference of two values is lost in their rounding; the trapezoidal rule of the gradient keeps
-        // it (relative error ~ |step|).
+        // Near the minimum rounding hides the difference of two values. The trapezoidal rule of the gradient keeps it
+        // (relative error ~ |step|).
         const auto change_to = [&](const Eigen::VectorXd& trial, const ErrorPoint& next) {
             const Eigen::VectorXd moved = trial - minimum.psi;
             return moved.lpNorm<Eigen::Infinity>() < 1e-3 ? 0.5 * (point.gradient + next.gradient).dot(moved)
@@ -250,7 +250,7 @@ ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd&
         }
         if (!(best_change < 0.0)) return minimum;
         // A long step past the minimum along its direction may end where a scale no longer matters and the objective is
-        // flat: go back by halves while that gains.
+        // flat. Halve it while that gains.
         constexpr int halvings = 8;
         for (int halving = 0; halving < halvings; ++halving) {
             const Eigen::VectorXd moved = best - minimum.psi;
@@ -269,7 +269,7 @@ ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd&
         minimum.after += best_change;
         point = std::move(best_point);
         ++minimum.steps;
-        // A long step says nothing about the curvature where it ends.
+        // A long step gives no information about the curvature where it ends.
         if (s.lpNorm<Eigen::Infinity>() > 0.5)
             hessian = first_hessian(problem, point, minimum.psi, free);
         else

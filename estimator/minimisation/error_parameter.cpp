@@ -122,7 +122,7 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
     return result;
 }
 
-/// The part of the gradient that some rows of a block bring.
+/// The contribution of some rows of a block to the gradient.
 struct RowSums {
     Eigen::VectorXd gradient;
     Eigen::VectorXd fit;
@@ -262,8 +262,8 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
 
 Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const Eigen::VectorXd& psi,
                               const std::vector<Eigen::Index>& free) {
-    // Four points: error h^4 / 30 of a fifth derivative that is about 64 n, against rounding / h. Of two points it is
-    // h^2 / 6 of a third one that is about 8 n, a millionth: good enough where each of them takes long.
+    // Four points: error h^4 / 30 of a fifth derivative that is about 64 n, against rounding / h. Two points: error h^2
+    // / 6 of a third one that is about 8 n, a millionth. That is enough where each of them takes long.
     constexpr double h = 1e-3;
     constexpr std::size_t many_blocks = 1000;
     using Points = std::vector<std::pair<double, double>>;

@@ -73,8 +73,8 @@ bool Minimisation::update_errors(bool profile) {
     const ErrorLimits limit = limits();
     rounding_ = limit.rounding;
     // Scales of long data need not be better than the parameters, which have this far to go; while that is far the next
-    // step asks again. Short data are searched to the end each time: that costs nothing, and the likelihood of two
-    // scales may have another minimum close by, where one of them is zero.
+    // step repeats the search. Short data are always searched to the end. That costs nothing, and the likelihood of two
+    // scales may have another minimum nearby, where one of them is zero.
     ErrorSearch search;
     if (set_.blocks.size() >= many_blocks) {
         search.tolerance = std::clamp(1e-3 * model_length_, 1e-12, 1e-2);
@@ -94,10 +94,10 @@ bool Minimisation::update_errors(bool profile) {
     return !without_covariance();
 }
 
-/// In provisional rounds scales without a start follow from round to round, by one step of expectation and
-/// maximisation, s^2 = [e^T e + tr(J C J^T)] / n of (M10): where the matching is loose the data say nothing about them
-/// and they stay, and they grow into their own as it tightens. At their minimum they would go to zero instead, for the
-/// matching alone can explain everything.
+/// In intermediate stages scales without a start take one step of expectation and maximisation per stage: s^2 = [e^T e
+/// + tr(J C J^T)] / n of (M10). Where continuity is loose the data do not determine them and they stay. They approach
+/// their own values as it tightens. At their minimum they would go to zero instead, for loose continuity alone can
+/// explain everything.
 void Minimisation::follow_scales() {
     if (state_.errors_known || accepted_ > 0 || ledger_.round <= 1) return;
     ErrorProblem errors = error_problem(problem_, set_, minimum_, Follow::latents);
@@ -119,7 +119,7 @@ void Minimisation::follow_scales() {
     if (psi != state_.psi) rescale([&] { state_.psi = psi; });
 }
 
-/// Whether a full covariance cannot be estimated; the outcome then says why.
+/// Whether a full covariance cannot be estimated; the outcome then gives the reason.
 bool Minimisation::without_covariance() {
     const std::string reason = why_no_covariance(problem_, set_, state_.psi, minimum_.step.space.data.cols());
     if (reason.empty()) return false;
@@ -151,7 +151,7 @@ void Minimisation::rescale(const std::function<void()>& change) {
 /// @return whether there was one
 bool Minimisation::tighten(bool at_once) {
     if (set_.constraints == 0 || !(minimum_.matching > exact_matching)) return false;
-    // Short steps say nothing about how much this stage has left.
+    // Short steps do not show how far this stage is from its end.
     if (!at_once && (!last_step_full_ || !(last_decrease_ < 0.05 * last_objective_))) return false;
     rescale([this] { minimum_.matching = std::max(exact_matching, tightening * minimum_.matching); });
     curvature_ = {};
@@ -165,8 +165,8 @@ bool Minimisation::tighten(bool at_once) {
     return true;
 }
 
-/// The first step may change every parameter by about its own size (a factor e in log coordinates); latent states have
-/// no say: with many of them a parameter could go anywhere. Without parameters they do the same.
+/// The first step may change every parameter by about its own size (a factor e in log coordinates). Latent states do
+/// not count: with many of them a parameter could go anywhere. Without parameters they limit the step instead.
 double Minimisation::initial_radius() const {
     if (model_.damping.size() > 0) return model_.damping.cwiseProduct(sizes(problem_, state_.theta)).norm();
     double radius = 0.0;

@@ -8,13 +8,13 @@ namespace orbid::estimator {
 namespace {
 
 /// Steps shorter than this, in posterior sds, are judged by gradients. Computed orbits carry rounding of up to 1e-6 sds
-/// of their targets, which hides the 5e-7 that a step of 1e-3 gains and is a fiftieth of the 5e-5 of a step of 1e-2.
+/// of their targets. That hides the 5e-7 that a step of 1e-3 gains, and is a fiftieth of the 5e-5 of a step of 1e-2.
 constexpr double tiny_sds = 1e-2;
 
 }  // namespace
 
-/// Names the blocks that the rule holds for as stopped, unless that were half of a residual's blocks or more: then it
-/// is not they that stand apart, and shorter steps have to do.
+/// Lists the blocks that the rule holds for as stopped, unless it holds for half of a residual's blocks or more. In
+/// that case no block stands out, and the step has to be shortened.
 bool Minimisation::stopped_blocks(const std::function<bool(std::size_t)>& rule) {
     std::vector<std::size_t> active(problem_.residuals.size(), 0);
     std::vector<std::size_t> lost(problem_.residuals.size(), 0);
@@ -86,7 +86,7 @@ bool Minimisation::try_step(const TrialStep& step) {
     }
     const double predicted = step.predicted_decrease();
     gain_ = predicted > 0.0 ? -change / predicted : -infinity;
-    // A ten-thousandth of what was promised is the usual least gain that still proves convergence.
+    // A ten-thousandth of the predicted decrease is the usual least gain that still proves convergence.
     if (change < 0.0 && gain_ > 1e-4) {
         record.accepted = true;
         if (!derivatives_at_trial_) {
@@ -107,8 +107,8 @@ bool Minimisation::try_step(const TrialStep& step) {
         derivatives_at_trial_ = false;
         return false;
     }
-    // Close to the minimum steps of Gauss-Newton keep their direction and are too long or too short by the same factor
-    // each time (Hartley's interpolation, carried over to the next step).
+    // Near the minimum Gauss-Newton steps keep their direction and are too long or too short by the same factor each
+    // time (Hartley's interpolation, applied to the next step).
     stretch_ = last_step_full_ && gain_ > 0.3 && true_curvature > 0.0
                    ? std::clamp(step.curvature / true_curvature, 0.4, 2.5)
                    : 1.0;

@@ -16,7 +16,7 @@ namespace {
 /// After the convergence test is met, steps go on while they gain digits: at most this many.
 constexpr int polishing_steps = 12;
 
-/// Steps are stretched by what the last one taught only this close to the minimum, in posterior sds.
+/// Only this close to the minimum, in posterior sds, are steps extended by the factor that the last one gave.
 constexpr double stretched_within_sds = 1.0;
 
 /// This many small steps without halving what is left gain nothing any more.
@@ -26,9 +26,9 @@ constexpr int stagnant_steps = 12;
 /// scale is held at its floor these are its sds.
 constexpr double floor_sds = 100.0;
 
-/// A provisional round ends with the first accepted step that lowers the sum of squares by less than this share, or
-/// after so many: what a loose stage leaves undone the next one does as well (the pendulum's section series, matching
-/// lowered tenfold whenever a step gained less than 30 %: 13 to 22 steps in all from bad starts).
+/// An intermediate stage ends with the first accepted step that lowers the sum of squares by less than this fraction,
+/// or after this many: the next stage does the rest as well. Measured on the pendulum's section series, continuity
+/// lowered tenfold whenever a step gained less than 30 %: 13 to 22 steps in all from bad starts.
 constexpr double provisional_gain = 0.3;
 constexpr int provisional_steps = 5;
 
@@ -126,7 +126,7 @@ Minimum Minimisation::run() {
                                           [](bool floor) { return floor; });
         const bool small =
             minimum_.remaining < std::max(rounding_sds, floor_sds * (at_floor ? 1.0 : std::min(rounding_, 1.0)));
-        // Steps may also go on for ever among roundings: tight links make them large.
+        // Steps may also continue forever within rounding: tight links make it large.
         const bool exhausted =
             hopeless || (small && (rejected >= 4 || (set_.latents > 0 && stagnant >= stagnant_steps)));
         if (exhausted && tighten(true)) {

@@ -21,34 +21,34 @@ namespace {
 constexpr double first_damping = 1e-4;
 /// Damping beyond which a step is below the rounding of every parameter.
 constexpr double largest_damping = 1e32;
-/// Least share of the promised decrease for a step to count.
+/// Least fraction of the predicted decrease for a step to count.
 constexpr double least_gain = 1e-3;
-/// Damping falls to these shares after a step (Nielsen's third, a fifth where the model was right): a tenth costs half
-/// as many derivatives again, because later steps overshoot.
+/// Damping falls to these fractions after a step (Nielsen's third, a fifth where the model was right). A tenth costs
+/// half as many derivatives again, because later steps overshoot.
 constexpr double slow_fall = 1.0 / 3.0;
 constexpr double fast_fall = 0.2;
 constexpr double good_gain = 0.9;
-/// Probe for the second derivative along a step, as a share of it: its error is this share of the third derivative, its
-/// rounding 1e-16 divided by the share twice.
+/// Probe for the second derivative along a step, as a fraction of it. Its error is this fraction of the third
+/// derivative, its rounding 1e-16 divided by the fraction twice.
 constexpr double probe = 0.03;
-/// A correction longer than this share of the step says that the step leaves the region where two derivatives describe
-/// the residuals (Transtrum and Sethna's bound on 2 |correction| / |step|).
+/// With a correction longer than this fraction of the step, two derivatives no longer describe the residuals there
+/// (Transtrum and Sethna's bound on 2 |correction| / |step|).
 constexpr double longest_correction = 0.75;
-/// A path that bent less than this, while the decrease was as promised, is taken for straight from there on.
+/// A path that bent less than this, while the decrease was as predicted, is treated as straight from there on.
 constexpr double least_bend = 0.1;
-/// Below this length in sds of the parameters corrections are not worth their evaluation, and decreases drown in
-/// rounding soon: plain Gauss-Newton steps, judged by the length of the step that is left.
+/// Below this length in sds of the parameters corrections do not pay for their evaluation, and decreases are soon
+/// hidden by rounding. Plain Gauss-Newton steps follow, judged by the length of the remaining step.
 constexpr double plain_within_sds = 1e-3;
 constexpr double curved_sds = 0.05;
-/// Steps that leave more than this share of their length are not worth going on with.
+/// Steps that leave more than this fraction of their length are not worth continuing.
 constexpr double least_contraction = 0.9;
 /// Rows worked on together (twenty columns of them fit the second cache), and how many make other threads worth waking.
 constexpr Eigen::Index piece_records = 1024;
 constexpr Eigen::Index parallel_records = 10000;
-/// Products of columns serve where each column keeps this share of its length beside the others: the triangle then has
-/// eight digits, and steps shrink by that much each time; what is left at the end is judged by minimise().
+/// Products of columns are used where each column keeps this fraction of its length beside the others. The R factor
+/// then has eight digits, and steps shrink by that much each time; minimise() judges the rest.
 constexpr double least_independence = 1e-4;
-/// A parameter is damped at least as if a change by its own size changed the residuals by this share of themselves.
+/// A parameter is damped at least as if a change by its own size changed the residuals by this fraction of themselves.
 constexpr double least_column = 1e-6;
 
 class LeastSquares {
@@ -168,8 +168,8 @@ void LeastSquares::with_rows(const Piece& piece, Use use) const {
         use(deviation.segment(piece.first, piece.count).cwiseInverse().asDiagonal() * rows);
 }
 
-/// The triangle by products of columns, at a fraction of the cost of reflections, where the columns are far enough from
-/// dependence: its relative error is the rounding divided by the square of the least diagonal.
+/// The R factor by products of columns, at a fraction of the cost of reflections, where the columns are far enough from
+/// dependence. Its relative error is the rounding divided by the square of the least diagonal.
 /// @return whether they are
 bool LeastSquares::by_products() {
     const Eigen::Index q = parameters_;
@@ -277,7 +277,7 @@ void LeastSquares::solve_damped() {
 }
 
 /// Adds the second-order correction to the step: e + J d + 1/2 e'' d^2 is minimised instead of e + J d.
-/// @return false where the correction says that the step is too long
+/// @return false where the correction shows that the step is too long
 bool LeastSquares::correct() {
     if (!move_to(state_.u + probe * step_, false)) return false;
     const Eigen::VectorXd at_probe = errors(trial_values_);
@@ -355,8 +355,8 @@ LeastSquares::Verdict LeastSquares::try_step() {
                                                                                         : Verdict::stop;
 }
 
-/// One full step, kept when it shortens the step that is left. Close to the minimum these steps keep their direction
-/// and are too long or too short by the same factor each time, which the slopes at both ends of the last one tell.
+/// One full step, kept when it shortens the remaining step. Near the minimum these steps keep their direction and are
+/// too long or too short by the same factor each time. The slopes at both ends of the last one give that factor.
 LeastSquares::Verdict LeastSquares::polish() {
     const Eigen::Index q = parameters_;
     Eigen::VectorXd full = -triangle_.col(q).head(q);

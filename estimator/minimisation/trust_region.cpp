@@ -64,7 +64,7 @@ TrialStep step_within(const StepModel& model, double radius) {
         }
         if (!(mu < high)) mu = low > 0.0 ? std::sqrt(low * high) : 0.1 * high;
         if (!(mu > low)) mu = low > 0.0 ? std::sqrt(low * high) : 0.1 * high;
-        // A step on a bound may jump across the radius: the shorter side is good enough.
+        // A step on a bound may jump across the radius: the shorter side is accepted.
         if (high < (1.0 + 1e-6) * low) {
             step = step_at(model, high);
             break;

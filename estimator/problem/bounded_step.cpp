@@ -9,7 +9,7 @@ namespace orbid::estimator {
 
 namespace {
 
-/// A multiplier below this share of the size of the residuals is rounding: it does not free a parameter.
+/// A multiplier below this fraction of the size of the residuals is rounding: it does not free a parameter.
 constexpr double multiplier_tolerance = 1e-12;
 
 Eigen::VectorXd pick(const Eigen::VectorXd& from, const std::vector<Eigen::Index>& index) {

@@ -286,8 +286,8 @@ WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
                                          : block_triangle(std::move(standard.rows), block.latents);
             const Eigen::Index constraints = block.link.rows();
             if (constraints == 0 && block.linked_parts.empty()) continue;
-            // Links that no longer hold (an interval on the wrong branch of a fold) are to be mended: with the steps of
-            // far outliers a section series with noise 5e-3 took 200 steps and more, guarded 29.
+            // Links that no longer hold (an interval on the wrong branch of a fold) are to be repaired. With the steps
+            // of far outliers a section series with noise 5e-3 took 200 steps and more, guarded 29.
             WhitenedRows<double> linked = standard_rows(block.linked_parts, laws, psi,
                                                         curvature == Curvature::step ? Curvature::guarded : curvature);
             value[piece] += linked.value;

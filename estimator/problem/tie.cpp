@@ -159,7 +159,7 @@ void TiedProblem::expand(Estimate& estimate) const {
     if (estimate.covariance.rows() == count) estimate.covariance = square(estimate.covariance, false);
     if (estimate.correlation.rows() == count) estimate.correlation = square(estimate.correlation, true);
     if (estimate.hessian_ratio.size() == count) estimate.hessian_ratio = rows(estimate.hessian_ratio);
-    // Relative changes: a follower changes by the same share as the parameter it follows.
+    // Relative changes: a follower changes by the same fraction as the parameter it follows.
     for (NullDirection& direction : estimate.null_directions)
         if (direction.components.size() == count) direction.components = rows(direction.components);
     // A product of powers is named by the parameters that are free: with followers it would be another product.

@@ -21,7 +21,8 @@ bool useless(const Eigen::MatrixXd& draws) {
     return draws.rows() < fewest || draws.cols() == 0 || !draws.allFinite() || !(draws.maxCoeff() > draws.minCoeff());
 }
 
-/// Every chain as two, so that a chain that drifts disagrees with itself; the middle draw of an odd number is left out.
+/// Splits every chain in two, so that a drifting chain disagrees with itself; the middle draw of an odd number is left
+/// out.
 Eigen::MatrixXd halves(const Eigen::MatrixXd& draws) {
     const Eigen::Index half = draws.rows() / 2;
     Eigen::MatrixXd split(half, 2 * draws.cols());
@@ -70,8 +71,8 @@ double effective_sample_size(const Eigen::MatrixXd& chains) {
     const Eigen::Index rows = chains.rows();
     const auto n = static_cast<double>(rows);
     const Eigen::MatrixXd centred = chains.rowwise() - chains.colwise().mean();
-    // Mean over the chains. The sequence ends after a few times the autocorrelation time, so that sums lag by lag cost
-    // less than a Fourier transform of everything.
+    // Mean over the chains. The sequence ends after a few times the autocorrelation time, so sums lag by lag cost less
+    // than a Fourier transform of everything.
     const auto autocovariance = [&](Eigen::Index lag) {
         return centred.topRows(rows - lag).cwiseProduct(centred.bottomRows(rows - lag)).sum() /
                (n * static_cast<double>(chains.cols()));
@@ -163,7 +164,7 @@ double sd_standard_error(const Eigen::MatrixXd& draws) {
 double quantile_standard_error(const Eigen::MatrixXd& draws, double probability) {
     const double effective = quantile_effective_sample_size(draws, probability);
     if (std::isnan(effective)) return nan_value;
-    // The probability below a sample quantile is beta distributed; one standard error is half the distance between the
+    // The probability below a sample quantile is beta distributed. One standard error is half the distance between the
     // order statistics at the normal one-sd probabilities.
     const boost::math::beta_distribution<double> beta(effective * probability + 1.0,
                                                       effective * (1.0 - probability) + 1.0);

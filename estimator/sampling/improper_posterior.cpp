@@ -31,8 +31,8 @@ void check_parameters(const Problem& problem, const Estimate& estimate) {
     const auto q = static_cast<Eigen::Index>(problem.parameters.size());
     const auto count = static_cast<Eigen::Index>(estimate.null_directions.size());
     if (count == 0) return;
-    // A direction is closed when it cannot be followed without moving a closed parameter: the null directions seen by
-    // the closed parameters alone must still be independent.
+    // A direction is closed when it cannot be followed without moving a closed parameter. The null directions
+    // restricted to the closed parameters must still be independent.
     Eigen::MatrixXd seen = Eigen::MatrixXd::Zero(q, count);
     for (Eigen::Index k = 0; k < count; ++k)
         for (Eigen::Index i = 0; i < q; ++i)

@@ -39,8 +39,8 @@ bool goes_on(const Eigen::VectorXd& first, const Eigen::VectorXd& last, const Ei
     return first.dot(sum) > 0.0 && last.dot(sum) > 0.0;
 }
 
-/// Whether two neighbouring runs together have not turned back; the two mixed conditions see a trajectory that turned
-/// once around, which the ends of the whole cannot.
+/// Whether two neighbouring runs together have not turned back. The two mixed conditions detect a trajectory that
+/// turned once around, which the ends of the whole cannot.
 bool goes_on(const Tree& a, const Tree& b) {
     return goes_on(a.first, b.last, a.sum + b.sum) && goes_on(a.first, b.first, a.sum + b.first) &&
            goes_on(a.last, b.last, b.sum + a.last);
@@ -104,7 +104,7 @@ private:
 };
 
 void Chain::begin(const Eigen::VectorXd& start) {
-    // Where the spread start cannot be evaluated, half the distance is tried; the start itself is known to be good.
+    // Where the scattered start cannot be evaluated, half the distance is tried; the start itself is known to be valid.
     double distance = options_.spread;
     for (int attempt = 0; attempt < 10 && distance > 0.0; ++attempt, distance *= 0.5) {
         point_.x = start;
@@ -204,7 +204,7 @@ void Chain::iterate() {
     point_ = std::move(trajectory.proposal);
 }
 
-/// What all chains share: asked and told by one thread at a time.
+/// State that all chains share: read and written by one thread at a time.
 class Watch {
 public:
     Watch(const NutsOptions& options) : options_(options), total_(options.chains * (options.warm_up + options.draws)) {}

@@ -47,8 +47,8 @@ std::vector<Eigen::Index> columns_of(const std::vector<Eigen::Index>& latent, st
     return columns;
 }
 
-/// Covariance from information: eigenvalues of the matrix at unit diagonal that are not clearly positive (differences
-/// of a gradient, places that are no maximum) are raised to a share that leaves steps of a sensible size.
+/// Covariance from information. Eigenvalues of the matrix at unit diagonal that are not clearly positive (differences
+/// of a gradient, places that are no maximum) are raised to a fraction that leaves steps of a sensible size.
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& information) {
     constexpr double least = 1e-10;
     Eigen::VectorXd size = information.diagonal();
@@ -75,13 +75,13 @@ PosteriorDensity::PosteriorDensity(const Problem& problem, const BlockSet& set, 
     const Eigen::Index errors = static_cast<Eigen::Index>(free_errors_.size());
     const Eigen::Index count = parameters() + set.latents + errors;
 
-    // Sds in (u, z, psi) tell how far inside is inside, and give the maps their widths.
+    // Sds in (u, z, psi) decide what is far enough inside, and give the maps their widths.
     Eigen::VectorXd gradient(count);
     if (!std::isfinite(value(base_, gradient))) return;
     Eigen::MatrixXd h = information(base_);
     Eigen::VectorXd sd(count);
     for (Eigen::Index i = 0; i < count; ++i) {
-        // At a bound the density may fall much faster than its curvature says.
+        // At a bound the density may fall much faster than its curvature suggests.
         const double least =
             std::max(std::sqrt(std::max(h(i, i), 0.0)), map(i) != nullptr ? std::abs(gradient[i]) : 0.0);
         sd[i] = least > 0.0 ? 1.0 / least : 1.0;

@@ -33,7 +33,8 @@ Autocorrelation autocorrelation(const std::vector<Eigen::VectorXd>& sequences) {
     const double most = static_cast<double>(longest);
     result.autoregressive = std::clamp((1.0 + result.lag1) / std::max(1.0 - result.lag1, 1e-300), 0.0, most);
     double tau = 1.0;
-    // A series that never forgets would take the square of its length; a thousand lags of a long one tell enough.
+    // A series whose correlation does not decay would take the square of its length; a thousand lags of a long one
+    // suffice.
     const Eigen::Index most_lags = std::max<Eigen::Index>(1000, 200'000'000 / std::max<Eigen::Index>(count, 1));
     for (Eigen::Index lag = 1; lag < std::min(longest / 2, most_lags); ++lag) {
         tau += 2.0 * correlation(lag);

@@ -15,7 +15,7 @@ namespace orbid::estimator {
 
 namespace {
 
-/// A component below this share of the largest is noise of the derivatives, not part of the direction.
+/// A component below this fraction of the largest is noise of the derivatives, not part of the direction.
 constexpr double tiny_component = 1e-6;
 
 /// Reduced echelon form of the directions (rows), so that each has as few components as possible; largest component 1.
@@ -48,8 +48,8 @@ std::vector<NullDirection> sparse_basis(Eigen::MatrixXd rows) {
 
 /// sd of a relative change from which on a direction is sloppy: the parameters are known within a factor e at best.
 constexpr double sloppy_sd = 1.0;
-/// Only where some direction is better determined by this factor: otherwise the data say little about anything, which
-/// the sds show.
+/// Only where some direction is better determined by this factor: otherwise the data determine little at all, as the
+/// sds show.
 constexpr double sloppy_gap = 10.0;
 /// A simpler direction may stand for the exact one when the data notice it this much more at most.
 constexpr double simplification = 1.1;
@@ -66,7 +66,7 @@ double simple_fraction(double value, double tolerance) {
     return value;
 }
 
-/// What the data say about relative changes of the free parameters, without the directions they do not see.
+/// What the data determine about relative changes of the free parameters, without the null directions.
 class RelativeData {
 public:
     RelativeData(const Eigen::MatrixXd& relative, const Eigen::MatrixXd& null) : sensitivities_(relative) {
@@ -85,7 +85,7 @@ public:
 
     [[nodiscard]] const Eigen::VectorXd& values() const { return values_; }
 
-    /// Direction k with its largest component 1, exponents rounded to simple fractions as far as the data cannot tell.
+    /// Direction k with its largest component 1, exponents rounded to simple fractions where the data allow it.
     [[nodiscard]] Eigen::VectorXd direction(Eigen::Index k) const {
         Eigen::VectorXd exact = directions_.col(k);
         const double largest = exact.lpNorm<Eigen::Infinity>();

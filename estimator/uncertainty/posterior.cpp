@@ -90,7 +90,7 @@ void Posterior::error_parameters() {
     profiled.follow = Follow::all;
     Eigen::MatrixXd hessian = error_hessian(profiled, state_.psi, free_errors_);
     // A logarithm whose sd would be thirty: the objective is flat there, nothing else depends on it, and neither its
-    // curvature nor its sd means anything.
+    // curvature nor its sd is meaningful.
     constexpr double least_curvature = 1e-3;
     std::vector<Eigen::Index> kept;
     for (Eigen::Index i = 0; i < hessian.rows(); ++i) {
@@ -121,9 +121,9 @@ void Posterior::error_parameters() {
     add_error_uncertainty();
 }
 
-/// Where theta and psi inform each other in expectation (relative errors), or where the posterior of psi is part of
-/// what is asked for (integrated): Cov(theta) = E Cov(theta | psi) + Cov E(theta | psi), with the slope of the
-/// conditional mode, d y / d psi = -H^-1 d(S^T s) / d psi.
+/// Where theta and psi inform each other in expectation (relative errors), or where the posterior of psi is requested
+/// (integrated): Cov(theta) = E Cov(theta | psi) + Cov E(theta | psi), with the slope of the conditional mode, d y / d
+/// psi = -H^-1 d(S^T s) / d psi.
 void Posterior::add_error_uncertainty() {
     const bool integrated = problem_.options.variance == Variance::integrated;
     const Eigen::Index rank = point_.triangle.rows();
@@ -138,8 +138,8 @@ void Posterior::add_error_uncertainty() {
         });
         if (!integrated && !std::holds_alternative<RelativeErrors>(law->distribution)) continue;
         any = true;
-        // Gradient of the condensed problem with respect to y, by its change with psi: central differences of
-        // S_y^T s - (latent part), with the latent states following.
+        // Gradient of the reduced problem with respect to y, by its change with psi: central differences of S_y^T s -
+        // (latent part), with the latent states following.
         constexpr double h = 1e-5;
         Eigen::VectorXd difference = Eigen::VectorXd::Zero(rank);
         for (const double sign : {-1.0, 1.0}) {
@@ -170,7 +170,7 @@ double Posterior::objective() const {
     // (M8) leaves out the constants of the normal density.
     double value = point_.value + 0.5 * set_.ln_det_shapes + minimum_.prior.value -
                    0.5 * std::log(2.0 * std::numbers::pi) * static_cast<double>(set_.records);
-    // The factor is taken in equilibrated coordinates; their units bring it back to u.
+    // The factor is computed in equilibrated coordinates; their units convert it to u.
     if (problem_.options.variance == Variance::restricted) value += minimum_.step.space.unit.array().log().sum();
     return value + constraint_term();
 }
@@ -296,8 +296,8 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
         result.quantile = quantile_975(std::numeric_limits<double>::infinity());
     } else if (one_scale_) {
         result.method = "t";
-        // Only the restricted scale is the root of the sum of squares over the degrees of freedom; the others divide by
-        // what the parameters take as well. The interval is that of the t statistic all the same.
+        // Only the restricted scale is the root of the sum of squares over the degrees of freedom; the others also
+        // divide by those of the parameters. The interval is still that of the t statistic.
         const double taken = problem_.options.variance == Variance::restricted
                                  ? 0.0
                                  : static_cast<double>(minimum_.step.space.data.cols());

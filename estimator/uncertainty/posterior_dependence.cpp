@@ -8,7 +8,7 @@ namespace orbid::estimator {
 
 namespace {
 
-/// Blocks whose records follow each other: those of a chain in its order, every other block by itself.
+/// Blocks whose records follow each other: those of a chain in its order, every other block alone.
 std::vector<std::vector<std::size_t>> rows_of_blocks(const BlockSet& set) {
     std::vector<bool> follows(set.blocks.size(), false);
     for (const ActiveBlock& block : set.blocks)
@@ -126,8 +126,8 @@ void Posterior::make_sandwich() {
                          " clusters of consecutive records";
 }
 
-/// Latent states of a chain take their share of every residual, so that clusters of its records have no scores of their
-/// own: covariances are widened where readings repeat each other along it.
+/// Latent states of a chain absorb part of every residual, so that clusters of its records have no scores of their own.
+/// Covariances are widened where readings are correlated along it.
 void Posterior::widen_along_chains() {
     for (const Autocorrelation& correlation : unexplained_)
         if (correlation.significant && correlation.records > 1.0) {
@@ -152,7 +152,7 @@ void Posterior::widen(std::size_t clusters) {
                      ", too few for a scatter: intervals from the number of independent records";
 }
 
-/// Clusters of consecutive records where residuals are autocorrelated beyond what their law says; none otherwise.
+/// Clusters of consecutive records where residuals are more autocorrelated than their law allows; none otherwise.
 /// @return factor on the covariance for correlation across the borders of clusters.
 double Posterior::correlated_clusters(std::vector<std::vector<int>>& clusters) const {
     double longest = 0.0;
@@ -172,8 +172,8 @@ double Posterior::correlated_clusters(std::vector<std::vector<int>>& clusters) c
         }
         clusters.push_back(consecutive_clusters(block.channel, std::max(1, static_cast<int>(most / length))));
     }
-    // Correlation across the borders of clusters, AR(1) with the same integrated time tau = 2 decay times: a sum over
-    // L records has the share 1 - (decay / L)(1 - exp(-L / decay)) of the variance it would have with all neighbours.
+    // Correlation across the borders of clusters, AR(1) with the same integrated time tau = 2 decay times. A sum over L
+    // records has the fraction 1 - (decay / L)(1 - exp(-L / decay)) of the variance it would have with all neighbours.
     const double decay = 0.5 * longest;
     return 1.0 / (1.0 - decay / length * -std::expm1(-length / decay));
 }

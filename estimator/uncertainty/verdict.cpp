@@ -14,14 +14,14 @@ namespace {
 
 /// Where the objective is looked at, in posterior sds: a 95 % interval ends there.
 constexpr double reach = 2.0;
-/// Probability outside of `reach` sds to both sides, 4.55 % when all is normal: with the signed root of twice the rise
+/// Probability outside of `reach` sds to both sides, 4.55 % when all is normal, with the signed root of twice the rise
 /// as the normal variable. Intervals from the normal approximation that claim 95 % then hold 92.5 to 99 %. Measured:
-/// 4.5 to 4.7 % for Bock's problem and hare and lynx, at most 5.6 % for NIST's Thurber (its profile is lopsided, roots
-/// of 1.6 and 2.9), 10 % for the heavy tail of a Michaelis-Menten constant even on a log scale.
+/// 4.5 to 4.7 % for Bock's problem and hare and lynx. At most 5.6 % for NIST's Thurber (its profile is lopsided, roots
+/// of 1.6 and 2.9). 10 % for the heavy tail of a Michaelis-Menten constant even on a log scale.
 constexpr double least_outside = 0.01;
 constexpr double most_outside = 0.075;
-/// The others moved linearly leave the objective higher than it is at their best (by 0.15 for that tail): only this
-/// close to 1 is that good enough.
+/// With the others moved linearly the objective is higher than at their best (by 0.15 for that tail): only this close
+/// to 1 is that accurate enough.
 constexpr double linear_margin = 0.1;
 /// sd from the full Hessian over the Gauss-Newton one that is still called the same.
 constexpr double most_ratio = 2.0;
@@ -50,7 +50,7 @@ std::string two_figures(double value) {
     return text;
 }
 
-/// Twice the rise of Phi from the minimum to `values` at u; nan when it cannot be told.
+/// Twice the rise of Phi from the minimum to `values` at u; nan when it cannot be computed.
 double deviance(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
                 const Eigen::VectorXd& u, const std::vector<BlockValue>& values) {
     const double prior = prior_at(problem, u).value - minimum.prior.value;
@@ -64,7 +64,8 @@ Problem held(const Problem& problem, Eigen::Index parameter, double u) {
     for (NoiseModel& law : result.laws)
         for (ErrorCoordinate& coordinate : law.coordinates)
             coordinate.estimate = false;
-    // A few Gauss-Newton steps bring the others close enough: what is left changes the rise to second order only.
+    // A few Gauss-Newton steps bring the others close enough: the remaining distance changes the rise to second order
+    // only.
     result.options.maximum_iterations = 10;
     result.options.step_tolerance = 0.05;
     result.options.progress = nullptr;

@@ -205,7 +205,7 @@ void EquationReader::check_symmetry() {
         for (const double f : here)
             size = std::max(size, std::abs(f));
         for (std::size_t i = 0; i < here.size(); ++i) {
-            // Nothing can be told where f has no value.
+            // No decision is possible where f has no value.
             if (!std::isfinite(here[i]) || !std::isfinite(there[i])) continue;
             if (std::abs(there[i] - signs[i] * here[i]) <= 1e-9 * (1.0 + size)) continue;
             report(Part::symmetry, 0,

@@ -26,8 +26,8 @@ constexpr std::array functions{
     Function{"exp", StepOperation::exp},   Function{"log", StepOperation::log},   Function{"sqrt", StepOperation::sqrt},
     Function{"abs", StepOperation::abs},   Function{"sign", StepOperation::sign}};
 
-// The parser calls itself for brackets and signs; a formula that nests deeper than this is a mistake or an attack on
-// the stack.
+// The parser is recursive in brackets and signs; a formula that nests deeper than this is a mistake or an attack on the
+// stack.
 constexpr int deepest_nesting = 200;
 
 bool is_letter(char c) {

@@ -220,7 +220,7 @@ Node ExpressionGraph::insert(const Expression& expression, std::span<const Node>
 
 Node ExpressionGraph::replace(Node node, const std::function<std::optional<Node>(Node)>& replaced,
                               std::map<Node, Node>& known) {
-    // Operands stand before what is made of them: what the node needs is found backwards, and made forwards.
+    // Operands come before the nodes that use them: what the node needs is found backwards, and computed forwards.
     std::vector<bool> needed(node + 1, false);
     needed[node] = true;
     for (Node i = node + 1; i-- > 0;) {

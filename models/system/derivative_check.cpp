@@ -16,11 +16,12 @@ namespace orbid::models {
 
 namespace {
 
-/// Of the estimated errors. Measured over 1500 flows of pendulums and of Duffing's oscillator, 0.4 to 12 periods, at
-/// tolerances 1e-12 and 1e-9: right derivatives differ by up to 1.2 estimated errors, 0.05 in all but one.
+/// Allowed multiple of the estimated errors. Measured over 1500 flows of pendulums and of Duffing's oscillator, 0.4 to
+/// 12 periods, at tolerances 1e-12 and 1e-9: right derivatives differ by up to 1.2 estimated errors, 0.05 in all but
+/// one.
 constexpr double safety = 3.0;
-/// An entry is compared where the error of its quotient, with safety, is below this, relative to the entry or, for a
-/// small entry, to a thousandth of what changes the coordinate by its own size when the direction changes by its own.
+/// An entry is compared where the error of its quotient, with safety, is below this fraction of the entry. For a small
+/// entry: of a thousandth of the change of a coordinate by its own size when the direction changes by its own.
 constexpr double conclusive = 1e-3;
 constexpr double small_entry = 1e-3;
 struct Comparison {
@@ -30,7 +31,7 @@ struct Comparison {
     double excess;  ///< |derivative - difference| / allowed
 };
 
-/// Against the quotient that agrees best, of those that are good enough; none when there is none.
+/// Against the quotient that agrees best, of the accurate enough ones; none when there is none.
 std::optional<Comparison> compare(double derivative, double derivative_error,
                                   const std::array<DifferenceQuotients, 3>& quotients, Eigen::Index row,
                                   Eigen::Index column, const Eigen::MatrixXd& state_error, double small,
@@ -39,7 +40,7 @@ std::optional<Comparison> compare(double derivative, double derivative_error,
     for (const DifferenceQuotients& side : quotients) {
         const auto quotient = side.best(row, column, state_error);
         if (!quotient) continue;
-        // Of a wrong derivative nothing is taken for granted, its size neither.
+        // For a wrong derivative nothing can be assumed, not even its size.
         const double error = safety * (quotient->error + (std::isnan(derivative_error) ? 0.0 : derivative_error));
         if (!(error <= conclusive * std::max(std::abs(quotient->value), small))) continue;
         const double size = std::max(std::abs(quotient->value), std::isfinite(derivative) ? std::abs(derivative) : 0.0);
@@ -77,8 +78,8 @@ struct FlowError {
     Eigen::MatrixXd derivatives;  ///< shape (n, m d)
 };
 
-/// Errors of the states do not fall along the way, as they may vanish by chance, and are at least the tolerance and
-/// rounding that grows like a disturbance of the start.
+/// Errors of the states are made not to fall along the way, as they may vanish by chance. They are at least the
+/// tolerance and rounding that grows like a disturbance of the start.
 FlowError flow_error(const System& system, const FlowOptions& options, const FlowResult& base, const FlowResult& looser,
                      Eigen::Index directions, const Eigen::VectorXd& sizes) {
     const Eigen::Index n = system.dimension();

@@ -17,12 +17,12 @@ using Eigen::VectorXd;
 constexpr double location_tolerance = 1e-12;
 constexpr int most_newton_steps = 12;
 
-/// Location stops at a bracket or step of this share of the way between the points. Test functions are known to 1e-12
-/// or so of their change over it.
+/// Location stops at a bracket or step of this fraction of the way between the points. Test functions are known to
+/// 1e-12 or so of their change over it.
 constexpr double smallest_share = 1e-12;
 constexpr int most_location_steps = 60;
 
-/// A parameter that moves by less than this share of its range per arclength stands still: the sign of its slope is
+/// A parameter that moves by less than this fraction of its range per arclength stands still: the sign of its slope is
 /// rounding. (All orbits of a linear oscillator, for example, exist at one value of the parameter.)
 constexpr double smallest_slope = 1e-9;
 
@@ -223,9 +223,9 @@ LocatedPoint zero_between(const CurvePoint& a, const CurvePoint& b, Bifurcation 
 
 LocatedPoint located(const CurvePoint& a, const CurvePoint& b, Bifurcation bifurcation) {
     if (bifurcation == Bifurcation::branch_point) {
-        // There the orbit is a double zero of the equations, and rounding moves it along the other branch by itself
-        // over the distance from the branch point: it is locked in that direction. That is allowed where the equations
-        // hold nevertheless, as those of symmetric orbits do.
+        // There the orbit is a double zero of the equations, and rounding alone moves it along the other branch by as
+        // much as the distance from the branch point: it is locked in that direction. That is allowed where the
+        // equations still hold, as those of symmetric orbits do.
         const bool nearer = std::abs(determinant(a.multipliers, -1.0)) < std::abs(determinant(b.multipliers, -1.0));
         const VectorXd other_branch = a.curve->crossing_direction(nearer ? a : b);
         if (other_branch.allFinite()) {

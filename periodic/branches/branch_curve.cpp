@@ -30,10 +30,10 @@ constexpr double curve_contraction = 0.7;
 /// Steps of this length move no multiplier in its first eleven digits.
 constexpr double rounding_step = 1e-12;
 
-/// A matrix that is singular to rounding, made regular to this share: see floquet_vectors().
+/// A matrix that is singular to rounding, made regular to this fraction: see floquet_vectors().
 constexpr double offset = 1e-13;
 
-/// Multipliers of an orbit, the trivial one (nearest to 1) apart.
+/// Multipliers of an orbit without the trivial one (nearest to 1).
 void find_multipliers(CurvePoint& point, bool autonomous) {
     point.multipliers = floquet_multipliers(condensed_factors(point.jacobians));
     point.trivial = std::numeric_limits<double>::quiet_NaN();

@@ -19,7 +19,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Crossings that are nearer to each other than this share of T are one, seen from both sides of a node.
+/// Crossings nearer to each other than this fraction of T are one, seen from both sides of a node.
 constexpr double same_crossing = 1e-9;
 
 struct Crossings {
@@ -89,7 +89,7 @@ double distance(const MatrixXd& difference, const OrbitCurve& curve) {
     return relative_size(wrapped_angles(difference, angle_coordinates(curve.setting().system)), curve.scale());
 }
 
-/// Where an autonomous orbit comes near a state, as shares of T, and how near: local minima among samples, each
+/// Where an autonomous orbit comes near a state, as fractions of T, and how near: local minima among samples, each
 /// improved along the flow.
 struct FarStartSearch {
     double share;

@@ -16,8 +16,8 @@ using Eigen::VectorXd;
 
 constexpr int switch_newton_steps = 10;
 
-/// A first orbit farther from its prediction than this share of the step is not believed. The direction of a doubled
-/// branch is known; a branch that crosses lies anywhere across the one that is known, in steep cases at this slope.
+/// A first orbit farther from its prediction than this fraction of the step is rejected. The direction of a doubled
+/// branch is known; a crossing branch lies anywhere across the known one, in steep cases at this slope.
 constexpr double switch_distance = 0.5;
 constexpr double largest_slope = 4.0;
 

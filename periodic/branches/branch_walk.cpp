@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 
 constexpr int walk_newton_steps = 6;
 
-/// Newton's second step shall be this share of the first: then the third one is at rounding level.
+/// Newton's second step shall be this fraction of the first: then the third one is at rounding level.
 constexpr double wanted_contraction = 0.02;
 constexpr double walk_contraction = 0.3;
 
@@ -33,10 +33,10 @@ constexpr double wanted_move = 0.4;
 constexpr double walk_move = 0.8;
 
 constexpr double largest_growth = 2.0;  // of the step
-/// A point farther from its prediction than this share of the step may lie on another branch.
+/// A point farther from its prediction than this fraction of the step may lie on another branch.
 constexpr double walk_distance = 0.3;
 
-/// Orbits of an autonomous flow smaller than this share of the scale end at an equilibrium.
+/// Orbits of an autonomous flow smaller than this fraction of the scale end at an equilibrium.
 constexpr double smallest_orbit = 1e-3;
 
 /// How far an autonomous orbit reaches, relative to the scale.
@@ -224,7 +224,7 @@ private:
 
     void add(WalkPoint point) { result_.points.push_back(std::move(point)); }
 
-    /// Locates what happened on the way; true when the branch ends in it.
+    /// Locates the bifurcations on the way; true when the branch ends in one.
     bool note_events(const Events& events, const CurvePoint& there) {
         std::vector<LocatedPoint> found;
         const auto look = [&](bool wanted, Bifurcation kind) {
@@ -250,8 +250,7 @@ private:
         return false;
     }
 
-    /// A fold that is none: the parameter turns as the branch meets the one it left by a doubling or a loss of
-    /// symmetry.
+    /// Not a fold: the parameter turns as the branch meets the one it left by a doubling or a loss of symmetry.
     [[nodiscard]] bool meets_another(const CurvePoint& fold) const {
         // Both gaps go through zero there like the arclength, and are as they were before at any other fold. (The place
         // itself is only known to the root of rounding: the matrix is singular where branches cross.)

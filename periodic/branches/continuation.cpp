@@ -55,7 +55,7 @@ void check(const models::System& system, const VectorXd& theta, const Continuati
     require(options.longest > 0.0, "longest must be > 0");
 }
 
-/// The range asked for within the model's domain. A parameter that must be > 0 is followed down to the smallest step.
+/// The requested range within the model's domain. A parameter that must be > 0 is followed down to the smallest step.
 ParameterRange range_of(const models::System& system, const ContinuationOptions& options) {
     ParameterRange range{options.lower, options.upper, BranchEnd::bound, BranchEnd::bound};
     const models::Domain domain = system.parameters()[static_cast<std::size_t>(options.parameter)].domain;
@@ -132,7 +132,8 @@ bool ends_at(const BranchSwitch& start, const Followed& branch) {
             mirror_images(branch.points.back().point, start.origin, same_bifurcation));
 }
 
-/// An orbit lies on a branch: solved for on the branch at the same parameter it is the same, or its mirror image.
+/// Whether an orbit lies on a branch: solved for on the branch at the same parameter it is the same, or its mirror
+/// image.
 bool lies_on(const CurvePoint& orbit, const Followed& branch) {
     const double value = orbit.parameter();
     for (std::size_t k = 0; k + 1 < branch.points.size(); ++k) {
@@ -225,7 +226,7 @@ private:
         if (followed_.size() >= options_.maximum_branches) return;
         const WalkPoint& at = followed_[branch].points[index];
         // Each generation of a cascade is a few times shorter than the one before: steps that are far too long for it
-        // are not even tried.
+        // are not tried.
         constexpr double part_of_parent = 0.1;
         const double step = followed_[branch].origin
                                 ? std::clamp(part_of_parent * at.arclength, options_.smallest_step, options_.first_step)

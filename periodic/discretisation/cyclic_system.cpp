@@ -56,10 +56,10 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
         if (k_ > 0) whole.bottomRows(k_) << border.rows, border.corner;
         last_ = models::PivotedFactor(whole);
     } else {
-        // The row block at hand: first (d_0, tau) + next d_{j} = right-hand side, with j the next to go.
+        // The current row block: first (d_0, tau) + next d_{j} = right-hand side, with j eliminated next.
         MatrixXd first = outer(0);
         MatrixXd next = MatrixXd::Identity(n_, n_);
-        // The border's rows at hand: bottom (d_0, tau) + bottom_next d_j, and what they hold of later nodes.
+        // The current rows of the border: bottom (d_0, tau) + bottom_next d_j, and their parts for later nodes.
         const bool all_nodes = k_ > 0 && border.rows.cols() == n_ * p_;
         MatrixXd bottom(k_, n_ + k_);
         if (k_ > 0) bottom << border.rows.leftCols(n_), border.corner;

@@ -23,8 +23,8 @@ constexpr int instants = 48;
 /// Growth is known well enough from derivatives with this error.
 constexpr double coarse_tolerance = 1e-7;
 
-/// A return takes at most this many times the longest time scale of the start, |x| / |f|, summed over the coordinates:
-/// only keeps the search for a crossing from running for ever.
+/// A return takes at most this many times the longest time scale of the start, |x| / |f|, summed over the coordinates.
+/// It only keeps the search for a crossing finite.
 constexpr double longest_return = 1e3;
 
 void require(bool holds, const std::string& message) {

@@ -13,7 +13,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// A coordinate smaller than this share of the others is a zero that was rounded: its size says nothing.
+/// A coordinate smaller than this fraction of the others is a rounded zero: its size is meaningless.
 constexpr double rounded_zero = 1e-12;
 
 }  // namespace

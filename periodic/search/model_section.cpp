@@ -22,11 +22,11 @@ constexpr std::size_t chunk = 128;
 constexpr Index repeated = 64;
 constexpr Index longest_stable = 32;
 
-/// A trajectory that has settled repeats to the accuracy of the flow; an unstable orbit is left within 64 sections
+/// A trajectory that has settled repeats to the accuracy of the flow. An unstable orbit is left within 64 sections
 /// unless its multiplier is below 1.4, which rounding (1e-16) needs to grow to this.
 constexpr double settled = 1e-9;
 
-/// Trials with a random state; more are taken for a model of which most states are senseless.
+/// Trials with a random state; more are made for a model of which most states are senseless.
 constexpr std::size_t probes = 64;
 constexpr std::size_t probed_sections = 64;
 

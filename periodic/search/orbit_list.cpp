@@ -15,8 +15,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Orbits whose points are all nearer than this (relative to the size) are one: starts are closed to 1e-8 or better,
-/// and two orbits come that near only beside a bifurcation, where they cannot be told apart to that accuracy either.
+/// Orbits whose points are all nearer than this (relative to the size) are one. Starts are closed to 1e-8 or better.
+/// Two orbits come that near only beside a bifurcation, where that accuracy cannot separate them either.
 constexpr double same_orbit = 1e-6;
 
 /// Components that differ by less are taken as equal when the first point is chosen.
@@ -33,7 +33,7 @@ MatrixXd rotated(const MatrixXd& points, Index first) {
 /// Crossings of an autonomous orbit from its first point over one period.
 std::optional<MatrixXd> crossings_of(const ModelSection& section, const VectorXd& start, double time,
                                      std::size_t at_most, const models::FlowOptions& flow) {
-    // A crossing within this share of the period before its end is the last one.
+    // A crossing within this fraction of the period before its end is the last one.
     constexpr double end = 1e-6;
     const auto found =
         section.system.crossings(start, *section.section, at_most, section.longest, section.theta, std::nullopt, flow);
@@ -72,7 +72,7 @@ std::optional<MatrixXd> mirror_image(const ModelSection& section, const Periodic
         return crossings_of(section, image.col(0), orbit.time, 4 * static_cast<std::size_t>(orbit.period) + 4, flow);
     }
     if (section.system.kind() == models::Kind::forced && symmetry->phase_shift != 0.0) {
-        // The images lie at a later phase: on to the next section.
+        // The images lie at a later phase: continue to the next section.
         const double full = section.system.period(section.theta, models::Clock::phase);
         const double durations[] = {full - std::fmod(symmetry->phase_shift, full)};
         for (Index j = 0; j < image.cols(); ++j) {

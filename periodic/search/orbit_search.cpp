@@ -59,7 +59,7 @@ void validate(const models::System& system, const VectorXd& theta, const OrbitSe
     }
 }
 
-/// The orbits asked for, by period, rotation and points; mirrors renumbered.
+/// The requested orbits, by period, rotation and points; mirrors renumbered.
 std::vector<FoundOrbit> ordered(const std::vector<FoundOrbit>& found, const std::vector<int>& periods) {
     std::vector<std::size_t> order;
     for (std::size_t k = 0; k < found.size(); ++k)

@@ -64,7 +64,7 @@ std::optional<std::vector<std::vector<std::uint32_t>>> PseudoOrbits::loops(int p
     std::vector<std::pair<std::uint64_t, Loop>> found;
     std::vector<int> distance(cells);
     for (std::uint32_t first = 0; first < cells; ++first) {
-        // Steps that each cell is away from the first one, through cells that are not before it: every loop is met
+        // Number of steps from each cell to the first one, through cells that are not before it: every loop is found
         // from its smallest cell.
         std::fill(distance.begin(), distance.end(), period + 1);
         std::vector<std::uint32_t> front{first}, next;

@@ -24,16 +24,16 @@ using Eigen::VectorXd;
 /// Starts that are solved before the list is looked at again: the result depends on it, not on the number of threads.
 constexpr std::size_t batch = 256;
 
-/// Accuracy of the flow while a start is closed, and of its closing: orbits are told apart to 1e-6.
+/// Accuracy of the flow while a start is closed, and of its closing: orbits are distinguished to 1e-6.
 constexpr double coarse_tolerance = 1e-8;
 constexpr double coarse_closing = 1e-6;
 
-/// Edge of the cells that tell itineraries of recurrences apart, relative to the section.
+/// Edge of the cells that distinguish itineraries of recurrences, relative to the section.
 constexpr double recurrence_cell = 0.05;
 
-/// Edges of the cells through which pieces are joined, relative to the section. Pendulum, g = 9.81, 2^17 points: with
-/// any edge from 1/24 to 1/4 all 352 orbits of period 5 come out of one round, with 1/32 344, with 1/48 298; with 2^15
-/// points from 1/8 on, with 2^19 from 1/48 on. So the first edge goes with the root of the points.
+/// Edges of the cells through which pieces are joined, relative to the section. Pendulum, g = 9.81, 2^17 points: any
+/// edge from 1/24 to 1/4 gives all 352 orbits of period 5 in one round; 1/32 gives 344, 1/48 298. With 2^15 points
+/// edges work from 1/8 on, with 2^19 from 1/48 on. So the first edge goes with the root of the points.
 constexpr double edge_at_2_17 = 1.0 / 24.0;
 constexpr double finest_first_edge = 1.0 / 64.0;
 constexpr double coarsest_edge = 1.0 / 8.0 + 1e-9;
@@ -75,7 +75,7 @@ StartSearch::StartSearch(const ModelSection& section, const OrbitSearchOptions& 
     coarse_.tolerance = std::max(options.solver.tolerance, coarse_closing);
     coarse_.flow = coarse_flow(options.solver.flow);
     coarse_.nearest = false;  // any orbit is welcome: what looking for the nearest one costs goes into more starts
-    // A start whose steps have to be shortened more than that rarely ends at an orbit: 3.4 s instead of 5.2 s for the
+    // A start whose steps have to be shortened more than that rarely ends at an orbit. 3.4 s instead of 5.2 s for the
     // pendulum's periods 1 to 4, the same orbits.
     coarse_.minimum_damping = std::max(options.solver.minimum_damping, 0.1);
     if (options.symmetry) signs_ = section_signs(section);

@@ -135,8 +135,8 @@ PeriodicOrbit solve_collocation(const models::System& system, const VectorXd& th
     }
     orbit.discretisation_error = std::numeric_limits<double>::quiet_NaN();
     const std::vector<Index> angles = angle_coordinates(system);
-    // An error of order two is what is sure where a derivative of the equations jumps within intervals, the pendulum's
-    // v|v|; reductions seen there are erratic, and dividing by 4^m - 1 promised 100 times too much.
+    // An error of order two is certain where a derivative of the equations jumps within intervals, the pendulum's v|v|.
+    // Reductions seen there are erratic, and dividing by 4^m - 1 gave estimates 100 times too small.
     constexpr double reduction = 4.0;
     for (int i = 0; i < options.halvings; ++i) {
         if (!Refinement::solved(orbit) || !refinement.can_move()) return orbit;

@@ -22,11 +22,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Newton's first step may lead to another orbit than the nearest where the second one, with the old matrix, is not
-/// four times shorter; or where it is this many times longer than a correction that leaves a rest of the closing error,
-/// counted ten times (a direction in which the equations hardly say anything). Of 600 starts 3e-3 to 1e-2 from cycles
-/// of both pendulums two went astray that neither caught, and one in ten easy ones of the torque-driven pendulum (none
-/// of the other's) is looked at more closely than it needs.
+/// Newton's first step may lead to another orbit than the nearest in two cases. The second step, with the old matrix,
+/// is not four times shorter. Or the first is this many times longer than a correction that leaves part of the closing
+/// error, counted ten times (a direction that the equations hardly determine). Of 600 starts 3e-3 to 1e-2 from cycles
+/// of both pendulums two went astray undetected by both. One in ten easy ones of the torque-driven pendulum (none of
+/// the other's) is examined more closely than it needs.
 constexpr double contracting = 0.25;
 constexpr double needlessly_long = 1.5;
 constexpr double weight_of_rest = 10.0;
@@ -111,7 +111,7 @@ FarStartSearch improve_guess(const models::System& system, const VectorXd& theta
         result.closed = true;
         result.iterations = found.iterations;
     };
-    // A map has no coarse image: its first step tells whether Newton's method can be left alone.
+    // A map has no coarse image: its first step tells whether Newton's method needs no help.
     const bool map = system.kind() == models::Kind::map;
     if (map) coarse.maximum_iterations = 1;
     const NewtonResult direct = solve(likely, false);

@@ -82,7 +82,7 @@ PeriodicOrbit solve_multiple_shooting(const models::System& system, const Vector
         if (found_one(shifted.status)) orbit = std::move(shifted);
     }
     if (start.rotation.empty() || orbit.status == OrbitStatus::converged) return orbit;
-    // Is there one near the guess that turns otherwise than asked for?
+    // Is there an orbit near the guess with another winding number than requested?
     StartingSolution any_rotation = start;
     any_rotation.rotation.clear();
     PeriodicOrbit turning = solve_once(system, theta, any_rotation, free, options);

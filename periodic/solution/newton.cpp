@@ -15,12 +15,12 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Newton's error squares from step to step: a full step below this share of the scale that is not followed by one at
-/// least ten times smaller consists of rounding and integration error, and no further step can help.
+/// Newton's error squares from step to step. A full step below this fraction of the scale that is not followed by one
+/// at least ten times smaller is rounding and integration error; no further step can help.
 constexpr double noise_level = 1e-7;
 
-/// A step that makes the period this many times shorter is not believed, only shortened: the linearisation says nothing
-/// about motions so much faster.
+/// A step that makes the period this many times shorter is not trusted, only shortened: the linearisation does not
+/// describe motions so much faster.
 constexpr double most_shrinkage = 4.0;
 
 /// An orbit this many times shorter than its guess is none: the period goes to zero where nothing else closes.
@@ -134,7 +134,7 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
         const bool closed = relative_size(now.error, scale) <= options.tolerance;
         const bool stagnates = last_was_full && last_size < noise_level && step_size > 0.1 * last_size;
         if ((closed && step_size <= options.tolerance) || stagnates) {
-            // Squares the error once more; whoever wants the result evaluates it there anyway.
+            // Squares the error once more; the caller evaluates the result there anyway.
             result.nodes += step.nodes;
             result.time *= std::exp(step.ln_time);
             result.status = OrbitStatus::converged;
@@ -160,7 +160,7 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
             Gap trial_gap = gap_at(discretisation, trial_nodes, trial_time, condition, scale, {});
             const Move simplified = matrix.solve(trial.error, trial_gap.value);
             if (result.iterations == 0 && length == 1.0) result.contraction = simplified.norm(scale) / step_norm;
-            // Below the noise level the test would compare rounding errors: the step is taken as it is.
+            // Below the noise level the test would compare rounding errors: the step is taken unchanged.
             if (!(simplified.norm(scale) <= (1.0 - 0.5 * length) * step_norm) && !(step_size < noise_level)) continue;
             result.nodes = trial_nodes;
             result.time = trial_time;

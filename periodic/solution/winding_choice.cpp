@@ -15,13 +15,13 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// A node that its neighbour's flow misses by less than this share of a turn has the right turn: the other one is at
-/// least nine times farther away.
+/// If the flow of its neighbour misses a node by less than this fraction of a turn, the turn is right: the other one is
+/// at least nine times farther away.
 constexpr double certain = 0.1;
 
-/// What a linearised closing error of size one counts beside a correction of size one. The linearisation is not to be
-/// trusted where corrections are large: with 1e6, which closes it exactly, five of 460 disturbed cycles of the
-/// parametric pendulum get wrong turns, with 10 four, with 1 two, with 0.1 and 0.3 none.
+/// Weight of a linearised closing error of size one beside a correction of size one. The linearisation is not reliable
+/// where corrections are large. Of 460 disturbed cycles of the parametric pendulum five get wrong turns with 1e6, which
+/// closes it exactly, four with 10, two with 1, none with 0.1 and 0.3.
 constexpr double weight = 0.3;
 
 }  // namespace

@@ -164,8 +164,8 @@ struct Sequence {
     }
 };
 
-/// The eigenvalues of a real matrix, computed in complex arithmetic, lie symmetric to the real axis up to rounding:
-/// each is matched with its own mirror image or with that of another one, whichever is nearer.
+/// The eigenvalues of a real matrix, computed in complex arithmetic, are symmetric to the real axis up to rounding.
+/// Each is matched with its own mirror image or with that of another one, whichever is nearer.
 void make_conjugate(std::vector<Complex>& values) {
     std::vector<Complex> open = std::move(values);
     values.clear();
@@ -225,8 +225,8 @@ std::vector<Complex> floquet_multipliers(const std::vector<MatrixXd>& factors) {
     sequence.make_triangular_but_first();
     sequence.make_first_hessenberg();
     if (!sequence.make_first_triangular()) {
-        // Many factors among which directions grow and shrink by turns turn rounding into more than what is left to
-        // remove; fewer do not. Seen with the short steps of finite differences only.
+        // Many factors among which directions grow and shrink in turn amplify rounding above what is left to remove;
+        // fewer do not. Seen with the short steps of finite differences only.
         return factors.size() > 1 ? floquet_multipliers(paired(factors)) : std::vector<Complex>{};
     }
 

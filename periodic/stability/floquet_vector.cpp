@@ -14,8 +14,8 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// The matrix is made singular to this share only: a solution of it then grows to 1e13 along the null vector, and
-/// nothing is divided by zero. The multiplier itself is not known any better.
+/// The matrix is made singular only to this fraction. A solution then grows to 1e13 along the null vector, and nothing
+/// is divided by zero. The multiplier itself is not known any better.
 constexpr double offset = 1e-13;
 constexpr int steps = 3;
 

@@ -23,12 +23,12 @@ using Eigen::VectorXd;
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-/// Cosine of the angle between left and right eigenvector below which the multiplier is as good as double: its
-/// derivative would be known to fewer than six digits.
+/// Cosine of the angle between left and right eigenvector below which the multiplier counts as double: its derivative
+/// would be known to fewer than six digits.
 constexpr double least_overlap = 1e-8;
 
-/// The passage from one point to the next is cut into pieces of this growth (the largest singular value of the Jacobian
-/// over the smallest), where errors of the weak directions stay below it times those of the flow.
+/// The way from one point to the next is divided into pieces of this growth (the largest singular value of the Jacobian
+/// over the smallest). Errors of the weak directions then stay below it times those of the flow.
 constexpr double piece_growth = 100.0;
 constexpr int most_pieces = 48;
 

@@ -154,7 +154,7 @@ CurveStates SolvedCurve::states(std::span<const double> places, std::optional<st
     result.velocity = system_.rhs(result.states, phases, theta_);
     if (forced) result.velocity *= system_.period(theta_, models::Clock::time) / full_turn;
     if (!forced && parameters > 0) {
-        // A fixed place is a fixed time; points of the orbit sit at fixed shares of T, and whole turns take off T.
+        // A fixed place is a fixed time; points of the orbit are at fixed fractions of T, and whole turns subtract T.
         for (Index k = 0; k < count; ++k) {
             const auto at = static_cast<std::size_t>(k);
             Index j = 0;

@@ -21,7 +21,7 @@ using estimator::BlockValue;
 
 namespace {
 
-/// A lost orbit is taken back at most this often, so that refreshing ends.
+/// A lost orbit is reactivated at most this often, so that updates of the active set end.
 constexpr int most_returns = 2;
 /// Minimisations that are repeated only because solutions had moved far from where they were known.
 constexpr int most_anchorings = 3;
@@ -110,7 +110,7 @@ PeriodicOrbit WaveformResidual::solve(std::size_t block, const VectorXd& theta, 
     const Known& known = known_[block];
     PeriodicOrbit orbit = solve_near(block, known, theta, derivatives);
     if (orbit.status == OrbitStatus::converged) return orbit;
-    // A step that is too long for one prediction is made of shorter ones.
+    // A step that is too long for one prediction is divided into shorter ones.
     for (int halvings = 1; halvings <= most_halvings; ++halvings) {
         const int steps = 1 << halvings;
         Known from = known;
@@ -269,8 +269,8 @@ estimator::RefreshReport WaveformResidual::update_active_set(const VectorXd& the
             ++report.added;
         }
     }
-    // Solutions that were predicted from afar are predicted from here once more: from afar steps near the end of a
-    // branch may have been stopped by predictions alone.
+    // Solutions that were predicted from afar are predicted from here once more: near the end of a branch the
+    // predictions alone may have stopped those steps.
     const bool again = far && anchored_ < most_anchorings;
     if (again) ++anchored_;
     report.changed = report.lost + report.added > 0 || again;

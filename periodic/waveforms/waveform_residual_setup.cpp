@@ -20,11 +20,11 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr int longest_period = 64;
-/// Sampling intervals may differ by this share where errors are autoregressive: the correlation belongs to one
+/// Sampling intervals may differ by this fraction where errors are autoregressive: the correlation belongs to one
 /// interval.
 constexpr double interval_tolerance = 0.05;
-/// A record covers an orbit when the samples and the interval after the last reach this share of it: T of an autonomous
-/// flow is a guess.
+/// A record covers an orbit when the samples and the interval after the last reach this fraction of it: T of an
+/// autonomous flow is a guess.
 constexpr double covered_share = 0.9;
 
 void require(bool rule, const std::string& message) {

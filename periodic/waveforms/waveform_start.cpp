@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 /// Measured states, per period of the forcing, that are taken for the state at phase 0, and at most.
 constexpr Index launches_per_period = 8;
 constexpr Index most_launches = 32;
-/// Motion is followed this long, or until it repeats to settled_to of its size: weak damping leaves exp(-0.05) per
+/// Motion is followed this long, or until it repeats to settled_to of its size. Weak damping leaves exp(-0.05) per
 /// period, which 400 periods make 2e-9.
 constexpr int settling_periods = 400;
 constexpr double settled_to = 1e-6;
@@ -171,8 +171,8 @@ private:
         return start;
     }
 
-    /// T [s]: the return to the plane across the flow that comes nearest to where it began, from half of the guess to
-    /// one and a half times it; the guess itself where there is none.
+    /// T [s]: the return to the plane across the flow that comes nearest to its beginning, from half of the guess to
+    /// one and a half times it. The guess itself where there is none.
     [[nodiscard]] double time_of_return(const VectorXd& x) const {
         constexpr std::size_t returns = 16;
         const VectorXd f = system_.rhs(x, std::vector<double>{0.0}, theta_);
@@ -199,7 +199,7 @@ private:
         PeriodicOrbit orbit = solve_orbit(system_, theta_, start, {}, options);
         const bool none = best_.status != OrbitStatus::converged;
         if (orbit.status != OrbitStatus::converged) {
-            // That a start at rest stays there says little.
+            // A start at rest that stays there proves little.
             if (none && orbit.status != OrbitStatus::equilibrium) best_.status = orbit.status;
             return;
         }
