@@ -6,7 +6,7 @@
 
 namespace orbid::apps {
 
-/// What a job would run and how much: stages in order, points, memory of the series, free parameters.
+/// What a job would run: stages in order, points, memory of the series, free parameters.
 [[nodiscard]] std::string job_summary(const Job& job);
 
 }  // namespace orbid::apps

@@ -8,18 +8,18 @@
 
 namespace orbid::apps {
 
-/// What a stage will take, roughly.
+/// The approximate work of a stage.
 struct StageWork {
     std::string stage;
     std::string amount;      ///< of what: "1048576 sections"
     double megabytes = 0.0;  ///< of its large arrays
-    double seconds = 0.0;    ///< with the threads asked for
+    double seconds = 0.0;    ///< with the requested threads
 };
 
 /// Work and memory of every stage of a job, from the numbers in it and rates measured once, without running anything.
-/// Memory is that of the large arrays, good to a factor of two where records decide it; times are good to a factor of
-/// five for most jobs (docs/command_line.md compares them with runs), and tell seconds from hours, not more: what a
-/// search finds and how many steps a minimisation needs is known only afterwards.
+/// Memory is that of the large arrays, good to a factor of two where records decide it. Times are good to a factor of
+/// five for most jobs (docs/command_line.md compares them with runs). They only distinguish seconds from hours: the
+/// cycles of a search and the steps of a minimisation are not known beforehand.
 ///
 /// @param data     what the job's files hold.
 /// @param threads  >= 1.

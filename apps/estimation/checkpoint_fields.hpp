@@ -11,8 +11,8 @@
 #include "estimator/estimate/estimate.hpp"
 #include "orbits/cycles/cycle.hpp"
 
-/// What an archive takes of every struct in a checkpoint: all of it. Members are taken apart by structured bindings,
-/// so that a new one does not compile until it stands here too; `format` in checkpoint.cpp then counts on.
+/// The archive fields of every struct in a checkpoint: all members. Structured bindings name them, so that a new member
+/// does not compile until it is added here. Then increase `format` in checkpoint.cpp.
 
 namespace orbid::estimator {
 
@@ -43,7 +43,7 @@ inline void fields(apps::Archive& archive, ResidualCount& value) {
     archive(type, used, lost, rejected, added);
 }
 
-/// Words of the history are literals of the minimiser; those read back live here.
+/// Words of the history are literals of the minimiser; those read back are stored here.
 inline void transfer_word(apps::Archive& archive, std::string_view& word) {
     static constexpr std::array<std::string_view, 6> known{"",     "theta", "scales", "no decrease", "block failed",
                                                            "bound"};

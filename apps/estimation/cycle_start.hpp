@@ -10,7 +10,7 @@
 
 namespace orbid::apps {
 
-/// What a start from measured cycles is sought for.
+/// What the search for a start from measured cycles is given.
 struct CycleStartProblem {
     std::shared_ptr<const models::System> system;
     const models::ParameterBinding& binding;
@@ -21,7 +21,7 @@ struct CycleStartProblem {
 
 struct CycleStartOptions {
     estimator::EstimateOptions estimate;  ///< of the final estimate; stages are rougher
-    /// One-period predictions are compared on a ladder about the start before anything else.
+    /// First of all, one-period predictions are compared on a ladder about the start.
     bool scan = true;
     std::function<void(const std::string& line)> log;  ///< one line per stage; empty: none
 };
@@ -29,13 +29,13 @@ struct CycleStartOptions {
 /// A good start for the estimate from measured cycles.
 struct CycleStart {
     Eigen::VectorXd theta;               ///< the estimator's vector
-    std::vector<Eigen::MatrixXd> nodes;  ///< of the orbits at theta, per measured cycle; empty where there is none
+    std::vector<Eigen::MatrixXd> nodes;  ///< of the orbits at theta, per measured cycle; empty: no orbit
     int iterations = 0;
     int evaluations = 0;
 };
 
-/// From a far start to the neighbourhood of the optimum: a coarse scan and one-period prediction, then orbits and
-/// parameters improved together while the sd of the matching conditions falls in stages. The caller's last step is
+/// From a far start to the neighbourhood of the optimum. After a coarse scan and one-period prediction, orbits and
+/// parameters are improved together while the sd of the matching conditions falls in stages. The caller's last step is
 /// CycleResidual, whose orbits are exact.
 ///
 /// (Re-solved orbits alone reach the optimum from 15 % of wide starts; most others slide onto wrong orbits.)

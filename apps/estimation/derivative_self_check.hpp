@@ -15,7 +15,7 @@
 
 namespace orbid::apps {
 
-/// The derivatives of a model are not those of its equations: nothing that is estimated from them can be right.
+/// The derivatives of a model are not those of its equations: no estimate from them can be right.
 class WrongModel : public std::runtime_error {
     using std::runtime_error::runtime_error;
 };
@@ -31,15 +31,15 @@ struct FlowStart {
     std::vector<Eigen::Index> free;  ///< parameters that are estimated
 };
 
-/// The flow that an estimate begins with: the first ten intervals of the first fitted segment, or one section to the
-/// next from a point of the first cycle, at the start values. Empty when there is neither, or its state is not finite.
+/// The first flow of an estimate, at the start values: the first ten intervals of the first fitted segment, or from a
+/// point of the first cycle to the next section. Empty when there is neither, or its state is not finite.
 [[nodiscard]] std::optional<FlowStart> first_flow(const Job& job, const std::vector<Experiment>& data,
                                                   const orbits::CycleSearch& search, const EstimateSetup& setup,
                                                   const JobResiduals& residuals,
                                                   const models::ParameterBinding& cycle_binding);
 
-/// Compares the derivatives of a flow with differences, and says in one line how they agree. Models of more than 100
-/// directions are not compared, which the line says: the cost grows with the square of their number.
+/// Compares the derivatives of a flow with differences, and describes their agreement in one line. Models of more than
+/// 100 directions are skipped, which the line says: the cost grows with the square of their number.
 /// @throws WrongModel naming the entry that disagrees worst.
 [[nodiscard]] std::string compare_derivatives(const FlowStart& start);
 

@@ -15,7 +15,7 @@
 
 namespace orbid::apps {
 
-/// What an estimate says record by record, segment by segment: read back from the residuals it was made with.
+/// Results of an estimate by record and segment, read back from its residuals.
 
 /// One row per coordinate of every point of the cycles used; times as phase of the forcing [rad].
 /// @param values  of the estimate, one per block of `residual`; lost cycles (empty) are left out.
@@ -29,7 +29,7 @@ void add_series_rows(const Job& job, std::size_t experiment, const orbits::Serie
                      const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
                      std::vector<ResidualRow>& rows);
 
-/// Initial state of every fitted segment; what is held at a value has no sd.
+/// Initial state of every fitted segment; fixed values have no sd.
 /// @param parameters    by coordinate: indices of parameters that are its value in each block, or empty.
 /// @param latents, sds  of the estimate, one per block; `sds` may be empty.
 void add_initial_states(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
@@ -37,8 +37,8 @@ void add_initial_states(const Job& job, std::size_t experiment, const orbits::Se
                         const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
                         ResultContext& context);
 
-/// One row per reading of the fitted segments, in time order; of a difference sensor both readings of the angle. Times
-/// of sections as phase of the forcing [rad] where the record has no times.
+/// One row per reading of the fitted segments, in time order; both readings of the angle for a difference sensor. Times
+/// of sections are phases of the forcing [rad] if the record has no times.
 void add_shooting_rows(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
                        const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
                        std::vector<ResidualRow>& rows);
@@ -48,9 +48,9 @@ void add_first_nodes(const Job& job, std::size_t experiment, const orbits::Shoot
                      const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
                      ResultContext& context);
 
-/// How well the fitted segments, then those only predicted, are predicted from one initial state each.
+/// Prediction errors of the fitted segments, then of those only predicted, from one initial state each.
 /// @param theta        the estimate, as the estimator's vector.
-/// @param with_fitted  false: those only predicted alone.
+/// @param with_fitted  false: only the segments not fitted.
 void add_predictions(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
                      const estimator::Estimate& estimate, const Eigen::VectorXd& theta, bool with_fitted,
                      ResultContext& context);

@@ -16,7 +16,7 @@
 
 namespace orbid::apps {
 
-/// The residuals of a job, each kept by its own type: results are read back from them.
+/// The residuals of a job, each with its own type, from which results are read back.
 struct JobResiduals {
     std::unique_ptr<orbits::CycleResidual> cycles;
     std::vector<std::unique_ptr<orbits::SeriesResidual>> series;  ///< by single shooting
@@ -34,10 +34,10 @@ struct JobResiduals {
 [[nodiscard]] orbits::ErrorForm error_form(const ErrorJob& error);
 
 /// Labels of the fitted segments of every experiment that a series residual uses; empty for the others.
-/// @throws orbits::DataError naming a segment that is not there.
+/// @throws orbits::DataError naming a missing segment.
 [[nodiscard]] std::vector<std::vector<std::string>> fitted_labels(const Job& job, const std::vector<Experiment>& data);
 
-/// What the measured cycles weigh with, how their errors are distributed and how their points were read.
+/// How the measured cycles are weighted, how their errors are distributed and how their points were read.
 [[nodiscard]] orbits::CycleTargetOptions cycle_targets(const Job& job);
 
 /// An experiment from one initial state per segment.
@@ -46,13 +46,13 @@ struct JobResiduals {
                                                                       const EstimateSetup& setup,
                                                                       const Experiment& measured);
 
-/// Adds a residual by single shooting per experiment of a series without nodes, and fills in the starts of initial
-/// values that the job leaves to the data.
+/// Adds a residual by single shooting per experiment of a series without nodes, and fills in starts of initial values
+/// from the data where the job gives none.
 /// @throws orbits::DataError when the data cannot serve it, naming the experiment.
 void add_series(const Job& job, const std::vector<Experiment>& data, EstimateSetup& setup, JobResiduals& residuals);
 
-/// A series with fewer readings than unknowns cannot be used, whatever the estimator does; parameters with a prior may
-/// do without readings, and cycles bring more than is counted here.
+/// A series with fewer readings than unknowns cannot be used. Parameters with a prior need no readings, and cycles give
+/// more data than is counted here.
 /// @throws orbits::DataError naming the experiments and both numbers.
 void check_enough_readings(const Job& job, const EstimateSetup& setup, const JobResiduals& residuals);
 

@@ -9,25 +9,25 @@
 
 namespace orbid::apps {
 
-/// The estimator's parameters, and how every experiment sees them.
+/// The estimator's parameters, and their binding to every experiment.
 struct EstimateSetup {
     std::vector<estimator::FreeParameter> parameters;
     std::vector<models::ParameterBinding> experiments;  ///< one per Job::data
     models::ParameterBinding model;                     ///< of the model apart from any experiment (cycles from a file)
     std::vector<estimator::DerivedQuantity> derived;
     /// Initial values that are parameters: by experiment and coordinate, one index into `parameters` per fitted
-    /// segment; empty for the others. Their start is nan where the job gives none: the data have to say it.
+    /// segment; empty for the others. Their start is nan where the job gives none: it then comes from the data.
     std::vector<std::vector<std::vector<Eigen::Index>>> initial;
 
     [[nodiscard]] Eigen::VectorXd start() const;
 };
 
 /// Parameters shared by all experiments come first, in the order of the job, then those of single experiments, named
-/// name@experiment, then initial values (see InitialValueJob::is_parameter). A parameter that every experiment has for
-/// itself is not shared. Derived quantities are formed from the shared parameters, or from those of the first
-/// experiment where a parameter is not shared.
+/// name@experiment, then initial values (see InitialValueJob::is_parameter). A parameter that every experiment has of
+/// its own is not shared. Derived quantities use the shared parameters, and those of the first experiment where a
+/// parameter is not shared.
 ///
-/// @param segments  labels of the fitted segments of every experiment; empty for experiments that are no series.
+/// @param segments  labels of the fitted segments of every experiment; empty for experiments that are not series.
 [[nodiscard]] EstimateSetup estimate_setup(const Job& job, const std::vector<std::vector<std::string>>& segments);
 
 }  // namespace orbid::apps

@@ -13,7 +13,7 @@ namespace orbid::apps {
 
 /// Adds a residual by multiple shooting per experiment of the series, its nodes guessed at `start`.
 /// @param nodes  known ones by experiment of the series and fitted segment; empty: guessed.
-/// @throws orbits::DataError when the data cannot serve it, naming the experiment.
+/// @throws orbits::DataError when the data do not suffice, naming the experiment.
 void add_shooting(const Job& job, const std::vector<Experiment>& data, const EstimateSetup& setup,
                   const Eigen::VectorXd& start, const std::vector<std::vector<Eigen::MatrixXd>>& nodes,
                   JobResiduals& residuals);
@@ -24,10 +24,10 @@ struct PredictionStart {
     JobResiduals residuals;
 };
 
-/// Adds a residual of predictions over one interval per experiment: those of the series residual, or the one that was
-/// searched for cycles. With "scan" the start is the best of a coarse ladder around the parameters' starts.
+/// Adds a residual of predictions over one interval per experiment: those of the series residual, or the one searched
+/// for cycles. With "scan" the start is the best of a coarse ladder around the parameters' starts.
 /// @param parameters  with the starts.
-/// @param known       the start that was found here before; nullptr: none was.
+/// @param known       the start found here before; nullptr: none.
 /// @throws orbits::DataError as add_shooting; also when a record has no interval that can be predicted.
 [[nodiscard]] PredictionStart prediction_start(const Job& job, const std::vector<Experiment>& data,
                                                const EstimateSetup& setup,
@@ -35,7 +35,7 @@ struct PredictionStart {
                                                const std::vector<estimator::FreeParameter>& parameters,
                                                const Eigen::VectorXd* known = nullptr);
 
-/// What an estimate by predictions needs: it only has to come near.
+/// Options of an estimate by predictions: it need only come near.
 [[nodiscard]] estimator::EstimateOptions prediction_options(const estimator::EstimateOptions& options);
 
 }  // namespace orbid::apps

@@ -11,7 +11,7 @@
 
 namespace orbid::apps {
 
-/// The estimate of a job, and what the result files say beside it.
+/// The estimate of a job, and the other contents of the result files.
 struct EstimateOutcome {
     estimator::Estimate estimate;
     ResultContext context;
@@ -20,9 +20,9 @@ struct EstimateOutcome {
 /// Estimates the job's parameters from its residuals, stores result.json and residuals.csv (and orbits.json, the orbits
 /// computed from cycles, unless the job's "periodic" block fills that).
 ///
-/// @param section  what was searched for cycles; nullptr: nothing was.
+/// @param section  the section searched for cycles; nullptr: none.
 /// @param search   cycles of the orbits stage; empty when no residual needs them.
-/// @throws orbits::DataError when the data cannot serve the residuals.
+/// @throws orbits::DataError when the data do not suffice for the residuals.
 [[nodiscard]] EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment>& data,
                                            const SearchedSection* section, const orbits::CycleSearch& search);
 

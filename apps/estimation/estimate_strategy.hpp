@@ -21,51 +21,51 @@ namespace orbid::apps {
 struct StageInput {
     const Workspace& work;  ///< its job is the model's
     const std::vector<Experiment>& data;
-    const SearchedSection* section = nullptr;  ///< where cycles were searched for; none: they come from a file
+    const SearchedSection* section = nullptr;  ///< searched for cycles; none: they come from a file
     const EstimateSetup& setup;
     const models::ParameterBinding& cycle_binding;
     const JobResiduals& prepared;  ///< single shooting and waveforms, which stages copy
     estimator::EstimateOptions options;
     orbits::CycleSearch search;          ///< a harvest adds to it
-    PosteriorResults* starts = nullptr;  ///< where several starts are told of, when the job asks for them
-    /// Nodes that series begin from: by experiment of the series, by fitted segment; empty: guessed.
+    PosteriorResults* starts = nullptr;  ///< report of several starts, if the job requests them
+    /// Start nodes of series: by experiment of the series, by fitted segment; empty: guessed.
     std::vector<std::vector<Eigen::MatrixXd>> nodes;
-    Checkpoint* checkpoint = nullptr;  ///< what stages leave to a run that goes on; none: nothing
+    Checkpoint* checkpoint = nullptr;  ///< where stages store results for a run that continues; may be null
 };
 
-/// A stage that has run, with what its estimate was made from.
+/// A finished stage, with the input of its estimate.
 struct StageRun {
     StageResult result;
     std::vector<estimator::FreeParameter> parameters;  ///< with the starts of the minimisation
     JobResiduals residuals;
     estimator::Estimate estimate;
 
-    /// Has an estimate that later stages may start from, and a result may show.
+    /// Whether later stages may start from its estimate and results may show it.
     [[nodiscard]] bool succeeded() const {
         return estimate.status == estimator::EstimateStatus::converged ||
                estimate.status == estimator::EstimateStatus::singular;
     }
-    /// Has numbers at all.
+    /// Whether it has numbers at all.
     [[nodiscard]] bool usable() const;
 };
 
-/// Runs one stage from the starts of `parameters`, or takes what the checkpoint knows of it: the same to the bit.
-/// @param before  the best of the stages before: what a harvest looks from; nullptr: none has run.
+/// Runs one stage from the starts of `parameters`, or restores it from the checkpoint, the same to the bit.
+/// @param before  the best of the earlier stages, from which a harvest starts; nullptr: none has run.
 /// @param name    in the checkpoint.
-/// @throws orbits::DataError when the data cannot serve its residuals.
+/// @throws orbits::DataError when the data do not suffice for its residuals.
 [[nodiscard]] StageRun run_stage(StageInput& input, const StageJob& stage,
                                  const std::vector<estimator::FreeParameter>& parameters, const StageRun* before,
                                  const std::string& name);
 
-/// The minimisation of a stage alone: what a harvest adds is there already, and the cycles' parameters near it.
+/// Only the minimisation of a stage: harvested cycles are already added, and the parameters of the cycles are near it.
 /// @throws orbits::DataError as run_stage.
 [[nodiscard]] StageRun fit_stage(StageInput& input, const StageJob& stage,
                                  const std::vector<estimator::FreeParameter>& parameters);
 
-/// How the model that cycles belong to sees the parameters: the experiment that was searched, or the model's own.
+/// The binding of parameters for the cycles' model: that of the searched experiment, or the model's own.
 [[nodiscard]] const models::ParameterBinding& searched_binding(const Job& job, const EstimateSetup& setup);
 
-/// What the stages of a strategy came to.
+/// The outcome of the stages of a strategy.
 struct StrategyRun {
     /// The last stage that succeeded, or if none did the last one with numbers; empty: none has run.
     std::optional<StageRun> best;
@@ -75,14 +75,14 @@ struct StrategyRun {
     int evaluations = 0;
 };
 
-/// Runs stages one after the other, each from the best before it; after an interruption none begins.
-/// @param stored  called after every stage with what there is by then.
+/// Runs stages in order, each from the best before it; none begins after an interruption.
+/// @param stored  called after every stage with the results so far.
 [[nodiscard]] StrategyRun run_strategy(StageInput& input, const std::vector<StageJob>& stages,
                                        const std::vector<estimator::FreeParameter>& parameters,
                                        const std::function<void(const StrategyRun&)>& stored);
 
-/// The estimate of a strategy: that of its best stage, with the status of the last one. A stage that failed after
-/// another had succeeded loses nothing, but is told.
+/// The estimate of a strategy: that of its best stage, with the status of the last one. A stage that fails after
+/// another succeeded loses nothing, but is reported.
 [[nodiscard]] estimator::Estimate strategy_estimate(const StrategyRun& strategy, bool interrupted);
 
 }  // namespace orbid::apps

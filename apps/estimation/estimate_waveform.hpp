@@ -16,7 +16,7 @@
 
 namespace orbid::apps {
 
-/// The waveform residual of a job, and where its blocks come from.
+/// The waveform residual of a job, and the origin of its blocks.
 struct JobWaveform {
     std::unique_ptr<periodic::WaveformResidual> residual;  ///< empty: the job has none
     struct Place {
@@ -27,8 +27,8 @@ struct JobWaveform {
 };
 
 /// Makes it, with a record per fitted segment of its experiments and first solutions at `start`.
-/// @return what went wrong with records whose orbit was not found, one line each, when others have theirs
-/// @throws orbits::DataError when the data cannot serve it, or no record has an orbit, naming the experiments.
+/// @return one line per record whose orbit was not found, when others have theirs
+/// @throws orbits::DataError when the data do not suffice or no record has an orbit, naming the experiments.
 [[nodiscard]] std::vector<std::string> add_waveform(const Job& job, const std::vector<Experiment>& data,
                                                     const EstimateSetup& setup, const Eigen::VectorXd& start,
                                                     JobWaveform& waveform);

@@ -6,9 +6,8 @@
 
 namespace orbid::apps {
 
-/// Adds to the cycles of `input` what the estimate before points to, and stores harvested_cycles.json. What there is to
-/// say is said.
-/// @return why nothing was added; empty: there are more cycles now.
+/// Adds cycles found with the previous estimate to those of `input`, and stores harvested_cycles.json. Reports remarks.
+/// @return why nothing was added; empty: cycles were added.
 [[nodiscard]] std::string harvest_cycles(StageInput& input, const StageRun& before);
 
 /// Stores the cycles of `input` as harvested_cycles.json.

@@ -10,9 +10,9 @@
 
 namespace orbid::apps {
 
-/// How well the nodes of every series of a stage meet at its estimate; empty without nodes.
-/// @param compared  estimate once more with ten times looser matching, and say how far that moves the parameters, see
-///                  orbits::ContinuityReport; not done with other residuals in the stage, or unless it has converged.
+/// Defects at the nodes of every series of a stage, at its estimate; empty without nodes.
+/// @param compared  estimate again with ten times looser matching and report how far the parameters move, see
+///                  orbits::ContinuityReport. Not done with other residuals in the stage, or unless it has converged.
 [[nodiscard]] std::vector<MatchingResult> matching_results(const StageInput& input, const StageRun& run, bool compared);
 
 /// Sd of matching as a share of the ranges, one for all coordinates and series (geometric mean); empty without nodes.

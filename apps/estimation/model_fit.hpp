@@ -9,11 +9,11 @@
 
 namespace orbid::apps {
 
-/// A job that differs from the one at hand in its model or its errors, fitted to the data that are there already.
+/// A job that differs from the present one in its model or its errors, fitted to the same data.
 class ModelFit {
 public:
-    /// @param input  of the estimate at hand: data, cycles, options.
-    /// @param job    only what the estimate reads of it may differ.
+    /// @param input  of the present estimate: data, cycles, options.
+    /// @param job    may differ only in what the estimate reads.
     /// @param nodes  of every series with nodes, see estimated_nodes(); empty: guessed.
     ModelFit(const StageInput& input, Job job, std::vector<std::vector<Eigen::MatrixXd>> nodes);
 

@@ -7,7 +7,7 @@
 
 namespace orbid::apps {
 
-/// One thing that an estimate has done to a residual.
+/// One change that an estimate made to a residual.
 struct ResidualChange {
     bool refreshed = true;  ///< false: a block was suspended
     std::size_t block = 0;  ///< suspended one
@@ -16,8 +16,8 @@ struct ResidualChange {
     Eigen::VectorXd scales;
 };
 
-/// A residual that notes what changes it. Nothing but update_active_set() and deactivate() does: another one of the
-/// same data that goes through the same changes is in the same state, to the bit, without the estimate between them.
+/// A residual that records its changes. Only update_active_set() and deactivate() change it. Another residual of the
+/// same data that goes through the same changes, without the estimate, therefore has the same state to the bit.
 class RecordedResidual final : public estimator::Residual {
 public:
     explicit RecordedResidual(estimator::Residual& inner) : inner_(inner) {}
@@ -46,7 +46,7 @@ private:
     std::vector<ResidualChange> changes_;
 };
 
-/// Takes a residual through changes that another one went through.
+/// Applies the recorded changes of another residual.
 void repeat_changes(const std::vector<ResidualChange>& changes, estimator::Residual& residual);
 
 }  // namespace orbid::apps

@@ -11,14 +11,14 @@
 
 namespace orbid::apps {
 
-/// What a finished stage of a strategy leaves to a run that goes on from it: what took time. Residuals are made anew
-/// from it and taken through the same changes.
+/// The costly results of a finished stage of a strategy, for a run that continues from it. Residuals are rebuilt from
+/// them and taken through the same changes.
 struct StageCheckpoint {
-    std::string skipped;                        ///< why it was; empty: it ran
+    std::string skipped;                        ///< the reason; empty: it ran
     std::optional<orbits::CycleSearch> search;  ///< of a harvest: all cycles, new ones included
     Eigen::VectorXd prediction;                 ///< start of a prediction
     CycleStart cycles;                          ///< start from cycles
-    Eigen::VectorXd best_start;                 ///< of several starts; empty: there was one
+    Eigen::VectorXd best_start;                 ///< of several starts; empty: only one
     std::vector<estimator::Optimum> optima;
     std::vector<estimator::StartedRun> runs;
     estimator::Estimate estimate;                      ///< as the estimator returned it

@@ -32,14 +32,14 @@ struct SegmentForecast {
     std::vector<CoordinateForecast> course;  ///< with the initial state fitted to the whole segment
     double course_normalised = unknown;      ///< rms of errors over their sd
 
-    double beginning = 0.0;  ///< length of the stretch that the initial state of the forecast is fitted to
+    double beginning = 0.0;                 ///< length of the stretch to which the forecast's initial state is fitted
     std::vector<CoordinateForecast> ahead;  ///< errors after that stretch
     double ahead_normalised = unknown;
     double horizon = unknown;   ///< how long after the stretch errors stay within 2 sds (rms over ten samples)
     bool whole = false;         ///< to the end of the segment
     double growth = unknown;    ///< rate at which a small change of the initial state grows: 1 / Lyapunov time
-    double coverage = unknown;  ///< share of the readings ahead within the 95 % band, while the band means something
-    std::size_t covered = 0;    ///< readings that `coverage` is a share of
+    double coverage = unknown;  ///< share of the readings ahead within the 95 % band, while the band is meaningful
+    std::size_t covered = 0;    ///< number of readings for `coverage`
 };
 
 /// How well sections are predicted one step ahead.
@@ -47,30 +47,30 @@ struct StepForecast {
     std::size_t steps = 0;
     std::size_t failed = 0;
     std::vector<CoordinateForecast> coordinates;
-    std::vector<double> expected;  ///< rms that errors of the readings explain, amplified by the step; nan: not known
-    double normalised = std::numeric_limits<double>::quiet_NaN();  ///< rms of errors over what is expected
+    std::vector<double> expected;  ///< rms due to errors of the readings, amplified by the step; nan: unknown
+    double normalised = std::numeric_limits<double>::quiet_NaN();  ///< rms of errors over the expected rms
     double growth = std::numeric_limits<double>::quiet_NaN();      ///< mean ln of the largest singular value of a step
 };
 
 struct Forecast {
     bool samples = true;
-    bool known_errors = true;               ///< false: sds of readings are what the fits to the beginnings left over
+    bool known_errors = true;  ///< false: sds of readings are the residual rms of the fits to the beginnings
     std::vector<SegmentForecast> segments;  ///< of samples
     StepForecast steps;                     ///< of sections
-    std::vector<ResidualRow> rows;          ///< of the forecast: sd includes what initial state and parameters add
+    std::vector<ResidualRow> rows;          ///< of the forecast: sd includes the errors of initial state and parameters
 };
 
-/// Predicts every segment of a sampled record: once with the initial state fitted to all of it (as segments that a job
-/// names in "predict"), once with the initial state fitted to its beginning, a tenth of it at most. The stretch of the
-/// beginning grows twofold from 20 samples while the fit stays within twice the errors of the readings.
+/// Predicts every segment of a sampled record twice: with the initial state fitted to all of it (as for segments in
+/// "predict" of a job), and fitted to its beginning, at most a tenth. That stretch doubles from 20 samples on while the
+/// fit stays within twice the errors of the readings.
 ///
 /// The band around the forecast is that of readings, initial state and parameters to first order:
 ///
 ///     var_k = sd_k^2 + J_z C_z J_z' + J_theta C_theta J_theta',   C_z = (sum J_z' J_z / sd^2)^-1 over the stretch.
 ///
-/// Sections are predicted one step ahead from every reading: the state that the readings say, and its errors amplified
-/// by the step, sqrt(sd_i^2 + sum_j (X_ij sd_j)^2).
-/// @throws orbits::DataError when the record cannot serve the model.
+/// Sections are predicted one step ahead from every reading: the measured state, with its errors amplified by the step,
+/// sqrt(sd_i^2 + sum_j (X_ij sd_j)^2).
+/// @throws orbits::DataError when the record does not suit the model.
 [[nodiscard]] Forecast forecast(const PredictionJob& job, const Experiment& record);
 
 namespace detail {

@@ -10,22 +10,22 @@
 
 namespace orbid::apps {
 
-/// What predicting a further record with the estimate of a stored run needs.
+/// What is needed to predict a further record with the estimate of a stored run.
 struct PredictionJob {
-    Job stored;   ///< parameters held at their estimates, none of them free: what job.json of the prediction says
-    Job derived;  ///< the same with the estimated parameters free, at their estimates: for derivatives
-    Eigen::MatrixXd covariance;  ///< of the free parameters of `derived`, in their order; empty: not known
-    bool known_errors = false;   ///< the run has estimated or known sds of the readings
+    Job stored;                  ///< parameters fixed at their estimates: job.json of the prediction
+    Job derived;                 ///< the same with the estimated parameters free, at their estimates: for derivatives
+    Eigen::MatrixXd covariance;  ///< of the free parameters of `derived`, in order; empty: unknown
+    bool known_errors = false;   ///< the run estimated or knew the sds of the readings
 };
 
-/// Makes the job of a prediction from the one of a run: one experiment, the record in `data`, with columns, sensor,
-/// inputs and observed coordinates of the run's experiment; errors of the readings at their estimates; initial states
-/// free, but for those that the run held at a value.
+/// Makes the job of a prediction from that of a run. It has one experiment, the record in `data`, with columns, sensor,
+/// inputs and observed coordinates of the run's experiment. Errors of the readings are at their estimates. Initial
+/// states are free, except those fixed in the run.
 ///
 /// @param data        a table or HDF5 file in the layout of the run's data; or a JSON file that holds one "data" object
 ///                    of a job for another layout (what it leaves out is taken from the run's experiment).
-/// @param experiment  name of the run's experiment that the record is like; empty: the only one.
-/// @throws StoredRunRefused when the run has no estimate, or the experiment is not there, or several are and none is
+/// @param experiment  name of the corresponding experiment of the run; empty: the only one.
+/// @throws StoredRunRefused when the run has no estimate, the experiment does not exist, or several exist and none is
 ///         named; orbits::DataError when a file is missing or the layout does not fit.
 [[nodiscard]] PredictionJob prediction_job(const StoredRun& run, const std::filesystem::path& data,
                                            const std::string& experiment);

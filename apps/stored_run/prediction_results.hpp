@@ -11,11 +11,11 @@ namespace orbid::apps {
 /// `horizon`, `whole`, `growth_rate`, `coverage`); of sections `steps` (one step ahead). Undefined numbers are null.
 [[nodiscard]] std::string prediction_text(const Forecast& forecast);
 
-/// Tables for standard output, with remarks in whole sentences.
-/// @param heading  what was predicted by what.
+/// Tables for standard output, with remarks in complete sentences.
+/// @param heading  what was predicted, and by which run.
 [[nodiscard]] std::string prediction_summary(const Forecast& forecast, const std::string& heading);
 
-/// What an rms of errors over their sd says of a prediction; empty while it is near 1.
+/// What an rms of errors over their sd means for a prediction; empty if near 1.
 [[nodiscard]] std::string judgement(double normalised_rms);
 
 }  // namespace orbid::apps

@@ -15,15 +15,14 @@
 
 namespace orbid::apps {
 
-/// What was named is no output folder of this program, or lacks what is asked of it. The message names both.
+/// The path is not an output folder of this program, or lacks what is requested. The message names both.
 class StoredRunRefused : public std::runtime_error {
     using std::runtime_error::runtime_error;
 };
 
-/// The files of an output folder, as far as they are there, each read once; keys in the order of the files.
+/// The files of an output folder that exist, each read once; keys in the order of the files.
 ///
-/// Only `job` is always there: it is stored before the first result. Large files are read when asked for, by the
-/// functions below.
+/// Only `job` always exists: it is stored before the first result. The functions below read large files when needed.
 struct StoredRun {
     using Json = nlohmann::ordered_json;
 
@@ -45,9 +44,9 @@ struct StoredRun {
     [[nodiscard]] const Json* orbits_of_estimate() const;
 };
 
-/// Reads job.json and whatever else of the above the folder holds.
-/// @throws StoredRunRefused when there is no such folder or no job.json in it;
-///         orbits::DataError naming file, line and column of broken JSON, or file, format found and format expected.
+/// Reads job.json and those of the other files that the folder has.
+/// @throws StoredRunRefused when the folder or its job.json does not exist; orbits::DataError naming file, line and
+///         column of broken JSON, or file, format found and format expected.
 [[nodiscard]] StoredRun read_stored_run(const std::filesystem::path& folder);
 
 /// residuals.csv; empty when the folder has none. Empty cells are nan.
@@ -66,10 +65,10 @@ struct StoredDraws {
 [[nodiscard]] std::optional<StoredDraws> stored_draws(const StoredRun& run);
 
 /// The job of the run, with the files that it names.
-/// @throws orbits::DataError naming place and rule of what is wrong with it: a file that has gone, a newer version.
+/// @throws orbits::DataError naming place and rule of each problem: a missing file, a newer version.
 [[nodiscard]] Job stored_job(const StoredRun& run);
 
-/// The model of the run, as job.json describes it; data files need not be there any more.
+/// The model of the run, as job.json describes it; data files need no longer exist.
 /// @throws orbits::DataError when this program does not know the model (job of a newer version).
 [[nodiscard]] ModelJob stored_model(const StoredRun& run);
 
@@ -77,7 +76,7 @@ struct StoredDraws {
 /// file that it was read from, with the columns, units and signs of the job.
 /// @param experiment  index into experiments().
 /// @return nothing when the record was simulated and not stored.
-/// @throws orbits::DataError when the file has gone or cannot be read; std::invalid_argument for an experiment that
+/// @throws orbits::DataError when the file is missing or cannot be read; std::invalid_argument for an experiment that
 ///         the job does not have.
 [[nodiscard]] std::optional<orbits::Series> stored_series(const StoredRun& run, std::size_t experiment);
 

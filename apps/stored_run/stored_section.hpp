@@ -7,8 +7,8 @@
 
 namespace orbid::apps {
 
-/// The points of a stored run's section, its first two coordinates: the record that is searched for cycles, or the
-/// first one; samples are cut as the job says. Points with a missing coordinate are left out.
+/// The points of a stored run's section, first two coordinates. The record is the one searched for cycles, or the
+/// first; samples are cut as the job says. Points with a missing coordinate are left out.
 /// @return nothing when the record is not stored, or shows no section of two coordinates.
 /// @throws orbits::DataError when the record cannot be read.
 [[nodiscard]] std::optional<SectionPoints> section_points(const StoredRun& run);

@@ -12,18 +12,18 @@
 
 namespace orbid::python {
 
-/// The full parameter vector of a system: defaults replaced by those of a dict, or all of them in an array.
+/// The full parameter vector of a system: the defaults with the values of a dict, or all values from an array.
 /// @param parameters  None, a mapping from names to numbers, or q numbers.
 /// @throws KeyError for an unknown name, with the nearest one; ValueError for values outside their domain.
 [[nodiscard]] Eigen::VectorXd parameter_values(const models::System& system, pybind11::handle parameters);
 
-/// Indices of the parameters that derivatives are asked for: names, one name, or True for all of the model's.
+/// Indices of the parameters for derivatives: names, one name, or True for all of the model's.
 /// @return nothing for None and False.
 /// @throws KeyError for an unknown name, with the nearest one.
 [[nodiscard]] std::optional<std::vector<Eigen::Index>> free_parameters(const models::System& system,
                                                                        pybind11::handle names);
 
-/// The value that stands at the name. @throws KeyError naming `what` and the nearest name.
+/// The index of the name. @throws KeyError naming `what` and the nearest name.
 [[nodiscard]] Eigen::Index index_of(std::string_view name, const std::vector<std::string>& names,
                                     const std::string& what);
 

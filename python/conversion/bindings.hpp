@@ -8,7 +8,7 @@
 
 namespace orbid::python {
 
-/// Systems are const in the library; Python has no such word, and nothing in here changes one.
+/// Systems are const in the library. Python has no const, and nothing in these bindings changes a system.
 using SystemClass = pybind11::class_<models::System, std::shared_ptr<models::System>>;
 
 [[nodiscard]] inline std::shared_ptr<models::System> held(const std::shared_ptr<const models::System>& system) {
@@ -19,7 +19,7 @@ using SystemClass = pybind11::class_<models::System, std::shared_ptr<models::Sys
 void bind_flow(pybind11::module_& module, SystemClass& system);
 void bind_sections(pybind11::module_& module, SystemClass& system);
 
-/// Each adds the functions and classes of one part to the module.
+/// Each function adds the functions and classes of one part to the module.
 void bind_errors(pybind11::module_& module);
 void bind_arrays(pybind11::module_& module);
 void bind_models(pybind11::module_& module);

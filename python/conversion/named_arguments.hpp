@@ -9,22 +9,22 @@
 
 namespace orbid::python {
 
-/// Values by name, of keyword arguments or of a dict that describes something: each is asked for once, and what nobody
-/// asked for is an error that names it and the nearest name there is.
+/// Values by name, from keyword arguments or a dict. Each is requested once; a name never requested is an error that
+/// gives it and the nearest known one.
 class NamedArguments {
 public:
     /// @param where  begins every message: "estimate", "group 'phi'".
     /// @throws TypeError unless `given` is a mapping from text.
     NamedArguments(std::string where, pybind11::handle given);
 
-    /// The value, None included; empty handle when it was not given.
+    /// The value, None included; an empty handle if not given.
     [[nodiscard]] pybind11::object find(const char* name);
-    /// The same, where None means: not given.
+    /// The same, with None as not given.
     [[nodiscard]] pybind11::object find_value(const char* name);
-    /// Whether there is a value; None is none.
+    /// Whether there is a value other than None.
     [[nodiscard]] bool has(const char* name) { return bool(find_value(name)); }
 
-    /// A number; integers are taken where float64 holds them, bool and text are not.
+    /// A number. Integers are accepted if float64 holds them exactly; bool and text are not.
     [[nodiscard]] double number(const char* name, double otherwise);
     [[nodiscard]] double required_number(const char* name);
     [[nodiscard]] std::optional<double> optional_number(const char* name);
@@ -42,7 +42,7 @@ public:
     /// A square or other matrix as written, row after row, all finite; empty when not given.
     [[nodiscard]] Eigen::MatrixXd matrix(const char* name);
 
-    /// @throws TypeError for names that nobody asked for.
+    /// @throws TypeError for names never requested.
     void finish() const;
 
     [[nodiscard]] std::string place(const char* name) const { return where_ + ": " + name; }
@@ -54,12 +54,12 @@ private:
 };
 
 /// A mapping from text as a dict: the one given, or a copy of another kind of mapping.
-/// @throws TypeError naming `where`, for anything else and for a key that is no text.
+/// @throws TypeError naming `where`, for anything else and for a key that is not text.
 [[nodiscard]] pybind11::dict mapping(pybind11::handle given, const std::string& where);
 /// Whether it is a dict or another mapping.
 [[nodiscard]] bool is_mapping(pybind11::handle given);
 
-/// A whole number that is written as one: no float, no bool. @throws TypeError naming `place`.
+/// A whole number written as one: no float, no bool. @throws TypeError naming `place`.
 [[nodiscard]] long long whole_number(pybind11::handle value, const std::string& place);
 
 /// A number that is finite. @throws TypeError, ValueError naming `place`.

@@ -25,12 +25,12 @@ struct ErrorModel {
     estimator::ErrorDistribution distribution;
     double floor = 0.0;
 };
-/// Takes its keys from `description`, which is finished by the caller. A scale without "sd" is estimated from the
-/// residuals on.
+/// Takes its keys from `description`; the caller finishes it. A scale without "sd" is estimated, starting from the
+/// residuals.
 [[nodiscard]] ErrorModel error_model(NamedArguments& description, const std::string& where);
 
 /// One error model for each coordinate: a mapping from names to descriptions; others are normal with an estimated sd.
-/// @throws KeyError for a name that is none of `names`.
+/// @throws KeyError for a name not in `names`.
 [[nodiscard]] std::vector<ErrorModel> error_models(pybind11::handle descriptions, const std::vector<std::string>& names,
                                                    const std::string& where);
 

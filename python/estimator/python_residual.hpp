@@ -16,33 +16,33 @@ namespace orbid::python {
 
 class PythonResidual;
 
-/// One computation of the estimator that may call residuals and functions written in Python, from any thread. The first
-/// exception that they raise is kept; the computation is stopped and the exception raised where it was called.
+/// One computation of the estimator that may call residuals and functions written in Python, from any thread. Their
+/// first exception is kept: it stops the computation and is raised at the caller.
 class ResidualCall {
 public:
-    /// Blocks that are suspended: put back, as an estimate begins; or left so, as what is asked of it later needs them.
+    /// Suspended blocks: restored when an estimate begins, or left suspended for later inquiries about it.
     enum class Blocks { all, as_left };
 
-    /// Call it holding the interpreter's lock. Reads groups and blocks of residuals that are written in Python.
-    /// @throws TypeError for anything but residuals; ValueError for one that is given twice, or takes part in another
-    ///         computation that still runs; what methods of a residual raise.
+    /// Call while holding the interpreter's lock. Reads groups and blocks of residuals written in Python.
+    /// @throws TypeError for anything but residuals; ValueError for one given twice, or used by another running
+    ///         computation; what methods of a residual raise.
     ResidualCall(const std::vector<pybind11::object>& residuals, Blocks blocks);
-    /// None yet: they are made meanwhile, see add().
+    /// Without residuals yet; they are added later, see add().
     ResidualCall() = default;
     ~ResidualCall();  ///< holding the lock
     ResidualCall(const ResidualCall&) = delete;
     ResidualCall& operator=(const ResidualCall&) = delete;
 
     [[nodiscard]] const std::vector<estimator::Residual*>& residuals() const { return residuals_; }
-    /// Further ones made meanwhile; holding the lock.
+    /// Adds a residual made meanwhile; call while holding the lock.
     void add(pybind11::handle residual);
 
     [[nodiscard]] bool failed() const { return failed_; }
-    /// Keeps an exception, the first one.
+    /// Keeps the first exception.
     void fail(std::exception_ptr exception);
 
-    /// Computes without the lock; `stopped` says yes after a signal and after an exception.
-    /// @return whether a signal asked to stop. @throws what was raised in Python; what `compute` throws.
+    /// Computes without the lock; `stopped` returns true after a signal or an exception.
+    /// @return whether a signal requested a stop. @throws what was raised in Python; what `compute` throws.
     [[nodiscard]] bool compute(const std::function<void(const std::function<bool()>& stopped)>& compute);
 
 private:
@@ -93,21 +93,22 @@ private:
     std::vector<Eigen::VectorXd> start_;
     estimator::LatentStructure structure_ = estimator::LatentStructure::none;
     std::set<std::size_t> suspended_;
-    mutable std::atomic<bool> evaluated_ = false;  ///< since begin(): later ones may fail, the first one may not
+    mutable std::atomic<bool> evaluated_ = false;  ///< since begin(): later evaluations may fail, the first may not
 };
 
-/// Values of all blocks of a residual of the library, at the latent states of its start where None: method evaluate().
+/// Values of all blocks of a residual of the library, for method evaluate(); latents None: those of its start.
 [[nodiscard]] pybind11::list evaluated(estimator::Residual& residual, pybind11::handle theta, pybind11::handle latents,
                                        bool derivatives);
 
-/// Values of one block from what evaluate() returned for it: a mapping with "e" and, where derivatives are asked for,
-/// "e_theta" and what else the block has.
+/// Values of one block from what evaluate() returned for it: a mapping with "e" and, if derivatives are requested,
+/// "e_theta" and the block's other entries.
 /// @throws TypeError, ValueError naming `where`, the entry and the shape needed.
 [[nodiscard]] estimator::BlockValue block_value(pybind11::handle answer, const estimator::BlockLayout& block,
                                                 Eigen::Index next_latents, Eigen::Index parameters, bool derivatives,
                                                 const std::string& where);
 
-/// A block from its description: "records" (and "group"), or "groups"; label, latents, and what BlockLayout has.
+/// A block from its description: "records" (and "group"), or "groups"; label, latents, and the other fields of
+/// BlockLayout.
 [[nodiscard]] estimator::BlockLayout block_layout(pybind11::handle description,
                                                   const std::vector<estimator::Group>& groups, std::size_t number);
 

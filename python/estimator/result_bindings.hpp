@@ -12,17 +12,17 @@ namespace orbid::python {
 
 class ResidualCall;
 
-/// A quantity of theta that two functions in Python compute.
+/// A quantity of theta computed by two functions in Python.
 struct DerivedFunctions {
     std::string name;
     pybind11::object value, gradient;
 };
 
-/// What was asked for and what came out; profiles, marginals and samples are asked of it.
+/// Input and outcome of an estimate; profiles, marginals and samples are its methods.
 struct EstimateResult {
     std::vector<estimator::FreeParameter> parameters;
     std::vector<pybind11::object> residuals;  ///< kept alive
-    std::vector<DerivedFunctions> derived;    ///< what the caller does with the mapping later changes nothing
+    std::vector<DerivedFunctions> derived;    ///< unaffected by later changes of the caller's mapping
     estimator::EstimateOptions options;
     estimator::Estimate estimate;
 };
@@ -32,7 +32,7 @@ class NamedArguments;
 [[nodiscard]] estimator::EstimateOptions estimate_options(NamedArguments& given);
 
 /// Functions written in Python, {"name": (value, gradient)}; None: none.
-/// @throws TypeError for anything else than a mapping from texts to pairs of functions.
+/// @throws TypeError for anything but a mapping from texts to pairs of functions.
 [[nodiscard]] std::vector<DerivedFunctions> derived_functions(pybind11::handle derived);
 
 /// The same as the estimator calls them, through `call`; valid as long as both.

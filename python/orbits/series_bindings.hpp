@@ -14,13 +14,13 @@ namespace orbid::python {
 
 class NamedArguments;
 
-/// The system as the library takes it.
+/// The system as the library expects it.
 [[nodiscard]] std::shared_ptr<const models::System> system_of(pybind11::handle system);
 
 /// Coordinates of a series: a system's, or a list of names or of dicts with name, unit and angle.
 [[nodiscard]] std::vector<orbits::SeriesCoordinate> series_coordinates(pybind11::handle coordinates);
 
-/// A sensor with the keys and rules of a job: type "state", "function" (readings) or "angle_difference" (angle, rate,
+/// A sensor, with the keys and rules of a job: type "state", "function" (readings) or "angle_difference" (angle, rate,
 /// delay), with angle, step and rounding of an encoder; None: the state.
 /// @throws TypeError, ValueError, KeyError naming the key.
 [[nodiscard]] models::Sensor sensor(pybind11::handle description, const models::System& system);
@@ -28,7 +28,7 @@ class NamedArguments;
 /// rtol, atol and maximum_steps among keyword arguments.
 [[nodiscard]] models::FlowOptions flow_options(NamedArguments& given, models::FlowOptions usual);
 
-/// Class Series, its files.
+/// Class Series and its files.
 void bind_series(pybind11::module_& module);
 /// read_csv, read_hdf5, write_csv, write_hdf5.
 void bind_series_files(pybind11::module_& module);

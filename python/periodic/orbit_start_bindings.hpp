@@ -10,9 +10,9 @@
 
 namespace orbid::python {
 
-/// The start of an orbit as Python gives it: points (p, n), or one state that the flow leads on from.
+/// The start of an orbit given in Python: points (p, n), or one state from which the flow continues.
 /// @param period  None, the number of points, or (autonomous models without a section) the duration [s].
-/// @throws ValueError where the two do not fit, or the flow cannot be followed that far.
+/// @throws ValueError when the two do not fit, or the flow cannot be followed that far.
 [[nodiscard]] periodic::StartingSolution orbit_start(const models::System& system, const Eigen::VectorXd& theta,
                                                      const pybind11::object& guess, const pybind11::object& period,
                                                      const pybind11::object& section, double phase,
