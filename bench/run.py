@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+"""Runs every benchmark to its end, one after the other, and says how long each took.
+
+usage: run.py BUILD [--long] [--limit MINUTES] [PROGRAM...]
+
+By default with sizes that together take less than ten minutes on two cores, and no longer than --limit (10) in any case;
+with --long those of the figures in docs/, without a limit. Only the programs named, if some are. Exit code 1 when a
+program crashes, fails or does not end in time, or when one of the build has no entry here.
+"""
+import argparse
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+root = Path(__file__).resolve().parents[1]
+CYCLES = "{cycles}"  # cycles.json of configs/pendulum_table3.json, found first
+
+# Program: arguments of the short run, and of the long one. Each list is one run.
+programs = {
+    "branch_bench": ([[]], [[]]),
+    "calibration_bench": ([[]], [[], ["length"]]),
+    "chain_bench": ([["1e5"]], [[]]),
+    "cycle_information_bench": ([[CYCLES, "measured"], [CYCLES, "orbits", "10"]],
+                                [[CYCLES, "measured"], [CYCLES, "orbits"], [CYCLES, "multipliers"]]),
+    "cycle_search_bench": ([["pendulum", "0.1", "18"], ["henon", "0.01", "18"]], [[]]),
+    "ensemble_bench": ([[]], [[]]),
+    "equation_bench": ([[]], [[]]),
+    "estimator_bench": ([["nist"], ["many"]], [[]]),
+    "experiment_cycles_bench": ([["0", "1"]], [[]]),
+    "flow_bench": ([[]], [[]]),
+    "grid_bench": ([["18"]], [[]]),
+    "identification_bench": ([["lorenz", "pendulum", "1000", "paper", "5000", "iteration", "5000"]], [[]]),
+    "orbit_search_bench": ([["parametric_pendulum", "3", "14"]], [[]]),
+    "periodic_bench": ([["3e-3", "5"]], [[]]),
+    "scale_bench": ([[]], [[], ["henon", "1e8"]]),
+    "sensitivity_bench": ([[]], [[]]),
+    "start_region_bench": ([[CYCLES, "10"]], [[CYCLES]]),
+    "waveform_bench": ([["5"]], [[]]),
+    "auto/compare.py": ([["{build}", "3e-3", "1"]], [["{build}"]]),
+}
+
+
+class OutOfTime(Exception):
+    pass
+
+
+class Runs:
+    def __init__(self, build, limit):
+        self.build = build
+        self.end = time.monotonic() + limit if limit else None
+        self.cycles = None
+        self.folder = tempfile.TemporaryDirectory()
+
+    def seconds_left(self):
+        if self.end is None:
+            return None
+        left = self.end - time.monotonic()
+        if left <= 0.0:
+            raise OutOfTime
+        return left
+
+    def command(self, name, arguments):
+        program = root / "bench" / name if name.endswith(".py") else self.build / "bin" / name
+        values = {"{build}": str(self.build)}
+        if CYCLES in arguments:
+            values[CYCLES] = self.found_cycles()
+        return [str(program), *(values.get(argument, argument) for argument in arguments)]
+
+    def found_cycles(self):
+        if self.cycles is None:
+            out = Path(self.folder.name) / "table3"
+            job = root / "configs/pendulum_table3.json"
+            subprocess.run([str(self.build / "bin/orbid"), "orbits", str(job), "--out", str(out), "--quiet"],
+                           check=True, stdout=subprocess.DEVNULL, timeout=self.seconds_left())
+            self.cycles = str(out / "cycles.json")
+        return self.cycles
+
+    def fault_of(self, name, arguments):
+        """How a run that did not go to its end ended; nothing otherwise."""
+        try:
+            code = subprocess.run(self.command(name, arguments), timeout=self.seconds_left()).returncode
+        except (subprocess.TimeoutExpired, OutOfTime):
+            return "out of time"
+        except (subprocess.CalledProcessError, OSError) as error:
+            return str(error)
+        if code < 0:
+            return f"killed by {signal.Signals(-code).name}"
+        return f"exit code {code}" if code else None
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Runs every benchmark.")
+    parser.add_argument("build", type=Path)
+    parser.add_argument("programs", nargs="*")
+    parser.add_argument("--long", action="store_true", help="the sizes of the figures in docs/; no limit")
+    parser.add_argument("--limit", type=float, default=10.0, help="minutes for all together (default 10)")
+    options = parser.parse_args()
+    built = {path.name for path in (options.build / "bin").glob("*_bench")} | {"auto/compare.py"}
+    unknown = [name for name in options.programs if name not in programs]
+    missing = [f"{name}: has no entry in bench/run.py" for name in sorted(built - set(programs))]
+    missing += [f"{name}: is not built" for name in sorted(set(programs) - built)]
+    if unknown:
+        parser.error(f"there is no benchmark {', '.join(unknown)}; known: {', '.join(programs)}")
+    chosen = options.programs or [name for name in programs if name in built]
+    runs = Runs(options.build.resolve(), None if options.long else 60.0 * options.limit)
+    rows = []
+    for name in chosen:
+        begin = time.monotonic()
+        faults = []
+        for arguments in programs[name][1 if options.long else 0]:
+            print(f"== {name} {' '.join(arguments)}".rstrip(), flush=True)
+            fault = runs.fault_of(name, arguments)
+            if fault:
+                print(f"{name}: {fault}", flush=True)
+                faults.append(fault)
+        rows.append((name, time.monotonic() - begin, "; ".join(faults)))
+    print("\nseconds")
+    for name, seconds, faults in rows:
+        print(f"{seconds:7.1f}  {name}{'  FAILED: ' + faults if faults else ''}")
+    print(f"{sum(row[1] for row in rows):7.1f}  all")
+    for line in missing:
+        print(line)
+    return 1 if any(row[2] for row in rows) or any("no entry" in line for line in missing) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
