@@ -3,8 +3,8 @@
 
 usage: run.py BUILD [--long] [--limit MINUTES] [PROGRAM...]
 
-By default with sizes that together take less than ten minutes on two cores, and no longer than --limit (10) in any case;
-with --long those of the figures in docs/, without a limit. Only the programs named, if some are. Exit code 1 when a
+By default with sizes chosen to take less than ten minutes together on two cores, and no longer than --limit (10) in any
+case. With --long those of the figures in docs/, without a limit. Only the programs named, if some are. Exit code 1 when a
 program crashes, fails or does not end in time, or when one of the build has no entry here.
 """
 import argparse

@@ -1,10 +1,9 @@
 #pragma once
 
 /// The peer of identification_bench and estimator_bench: Ceres, and Boost.Odeint as its users use it, in a shared
-/// library of their own. Only numbers pass. Ceres brings functions of Eigen that were compiled with other settings than
-/// ours; in one program the linker would take one of the two for both, and a matrix that one side allocated would be
-/// freed by the other. Nothing of Eigen may therefore be seen from outside this library, nor from the programs that use
-/// it.
+/// library of their own. Only numbers pass. Both sides include Eigen with settings of their own: were they in one
+/// program, the linker could take one copy of a function for both, and one side would free what the other allocated.
+/// Nothing of Eigen may therefore be seen from outside, neither of this library nor of the programs that use it.
 #ifdef __cplusplus
 extern "C" {
 #endif
