@@ -25,7 +25,7 @@ struct BlockTriangle {
     /// times a ratio of own to link norms. The ratio is taken over the columns that have both (of this block, else of
     /// the chain, else 1).
     Eigen::VectorXd norm;
-    std::vector<bool> dead;  ///< latent states nothing decides (given the earlier ones): they stay put
+    std::vector<bool> dead;  ///< latent states that are undetermined (given the earlier ones): they are held
     /// Rows [C_z | C_next | C_theta | c], already weighted, shape (rows, latents + latents of `next` + q + 1). With
     /// next = -1 C_next has no columns; with next = the block itself both parts act on its own states. Empty = none.
     Eigen::MatrixXd link;
@@ -44,7 +44,7 @@ struct BlockTriangle {
 struct BlockArrow {
     Eigen::Index parameters = 0;
     std::vector<BlockTriangle> blocks;
-    Eigen::MatrixXd pool;      ///< triangle of the rows below the latent ones without links, shape (q + 1, q + 1)
+    Eigen::MatrixXd pool;      ///< R factor of the rows below the latent ones without links, shape (q + 1, q + 1)
     std::vector<bool> linked;  ///< blocks that belong to a chain (a block with link rows is one of its own)
     std::vector<std::vector<std::size_t>> chains;  ///< blocks of each chain in order
     /// Norm of each latent state's column in the link rows of each chain, one block after the other.
@@ -70,8 +70,8 @@ struct ReducedProblem {
 [[nodiscard]] BlockTriangle linked_block(Eigen::MatrixXd rows, Eigen::Index latents);
 
 /// Puts the blocks together and factorises the chains. In chains a latent state is dead if almost nothing is left of
-/// its column when it is eliminated: below 1e-13 of its own rows' norm, or 1e-14 of its norm with the links. If several
-/// are undetermined only together, the one with the least left is held.
+/// its column when it is eliminated. The limits are 1e-13 of its own rows' norm, or 1e-14 of its norm with the links.
+/// If several are undetermined only together, the one with the least left is held.
 /// @throws std::invalid_argument if link rows have the wrong number of columns, `next` is not a block, or two blocks
 ///         link to the same one.
 [[nodiscard]] BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters);

@@ -19,7 +19,7 @@ struct ChainNode {
     /// [C_z | C_next | C_theta | c], shape (rows, l + l_next + q + 1); null at the end of an open chain
     const Eigen::MatrixXd* link = nullptr;
     Eigen::VectorXd damping;                  ///< row k: damping[k] z_k, shape (l); empty: none
-    Eigen::VectorXd limit;                    ///< a column with less than this left is decided by nothing, shape (l)
+    Eigen::VectorXd limit;                    ///< a column with less than this left is undetermined, shape (l)
     const std::vector<bool>* dead = nullptr;  ///< states that leave the problem; null: none
 };
 
@@ -42,7 +42,7 @@ struct Elimination {
 struct ChainLevel {
     std::vector<Elimination> steps;
     std::vector<double> values;       ///< of all rows, one elimination after the other
-    std::vector<Eigen::Index> order;  ///< k-th pivot = order[first + k]-th latent state; from `rank` on: undecided
+    std::vector<Eigen::Index> order;  ///< k-th pivot = order[first + k]-th latent state; from `rank` on: undetermined
 
     /// [R_pivot | R_left | R_right | R_theta | r], shape (rank, columns). R_pivot has its columns in pivot order and is
     /// cut to rank: upper triangle, shape (rank, rank).
@@ -57,7 +57,7 @@ struct ChainFactor {
     std::vector<std::size_t> block;     ///< of each node
     std::vector<Eigen::Index> latents;  ///< of each node
     std::vector<ChainLevel> levels;
-    Eigen::MatrixXd rest;  ///< triangle of what is left for [d | w], shape (q + 1, q + 1)
+    Eigen::MatrixXd rest;  ///< R factor of what is left for [d | w], shape (q + 1, q + 1)
 };
 
 /// Eliminates every second node, then every second remaining one, ... ; both ends of an open chain stay to the last and

@@ -59,7 +59,7 @@ Eigen::MatrixXd upper_triangle(const Eigen::Ref<const Eigen::MatrixXd>& a) {
         return result;
     }
     // A panel of 256 rows and twenty columns takes 40 kB: it stays in the first two caches while it is factorised.
-    // At least eight times as many rows as columns, or stacking the triangles costs as much as making them.
+    // At least eight times as many rows as columns, or stacking the R factors costs as much as making them.
     const Eigen::Index height = std::max<Eigen::Index>(256, 8 * columns);
     if (a.rows() <= 2 * height) {
         panel_triangle(a, result);

@@ -28,8 +28,8 @@ constexpr double ln_two_pi = 1.8378770664093454836;
 /// trust region guards against that.
 constexpr double least_share = 0.1;
 /// The hyperbolic density is log-concave, but nearly flat away from its cusp. Steps of median regressions on three
-/// regressors with backtracking, 50 samples each of 20, 50 and 200 records: with the weight itself 114-146 on average,
-/// often more than 500; with a tenth of it 16-38; with a thousandth 9-11, never more than 23.
+/// regressors with backtracking, 50 samples each of 20, 50 and 200 records. With the weight itself 114-146 on average,
+/// often more than 500. With a tenth of it 16-38. With a thousandth 9-11, never more than 23.
 constexpr double least_share_laplace = 1e-3;
 /// Curvature::guarded: below this fraction of the weight the step would be more than twice the error.
 constexpr double mirror_share = 0.5;

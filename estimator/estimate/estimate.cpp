@@ -21,7 +21,7 @@ std::string label(const Problem& problem, const ActiveBlock& block) {
     return std::string(residual.type()) + " \"" + residual.layout()[block.block].label + "\"";
 }
 
-/// Stages lower a matching error by a factor of two at least: sixty cover more than the digits of a double.
+/// Stages lower a continuity error by a factor of two at least: sixty cover more than the digits of a double.
 constexpr int provisional_limit = 60;
 
 EstimateStatus status_of(Outcome outcome) {
@@ -122,7 +122,7 @@ bool OuterLoop::update_active_set() {
     return changed;
 }
 
-/// Fixed scales as the residuals have them now; in a provisional round the starts of the others as well.
+/// Fixed scales as the residuals have them now; in an intermediate stage the starts of the others as well.
 void OuterLoop::read_scales() {
     for (const NoiseModel& law : problem_.laws) {
         if (law.joint()) continue;

@@ -16,7 +16,7 @@ struct DerivedMarginal {
     std::string message;  ///< why not
     /// "transformed": of one parameter alone and monotone, its marginal transformed. "mixture": see derived_marginal().
     std::string method;
-    std::string along;  ///< the parameter whose marginal carries it
+    std::string along;  ///< the parameter whose marginal it is computed from
     double mean = 0.0;
     double sd = 0.0;
     double median = 0.0;

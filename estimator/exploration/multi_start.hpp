@@ -27,7 +27,7 @@ struct MultiStartOptions {
     /// by 1 % over 0.1 sds at 0.01 in ln units.
     double distance = 0.1;              ///< > 0
     double objective_tolerance = 0.01;  ///< > 0
-    EstimateOptions estimate;           ///< of every run; `interrupted` is asked from several threads
+    EstimateOptions estimate;           ///< of every run; `interrupted` is called from several threads
     /// Called after every run, one call at a time; may be empty.
     std::function<void(int finished, int total)> progress;
 };
@@ -40,10 +40,10 @@ struct StartedRun {
     EstimateStatus status = EstimateStatus::failed;
     std::string message;
     double objective = 0.0;   ///< Phi_psi; nan when the run failed
-    std::size_t records = 0;  ///< that took part in the end
+    std::size_t records = 0;  ///< used at the end
     int evaluations = 0;
     int optimum = -1;       ///< index into MultiStart::optima; -1: no optimum (not converged, screened out)
-    bool screened = false;  ///< ended after the first look
+    bool screened = false;  ///< ended after screening
 };
 
 /// Runs that ended at the same place.

@@ -28,7 +28,7 @@ struct FreeParameter {
     double lower = -std::numeric_limits<double>::infinity();  ///< inclusive
     double upper = std::numeric_limits<double>::infinity();
     Prior prior = FlatPrior{};
-    double typical_size = 1.0;  ///< > 0: unit of null directions and steps where value and prior say nothing
+    double typical_size = 1.0;  ///< > 0: unit of null directions and steps where value and prior give none
     /// Name of another free parameter that this one follows, value = tie_factor * its value; empty = free. A tied
     /// parameter has no prior, bounds, scale or start of its own.
     std::string tied_to;
@@ -61,7 +61,7 @@ struct EstimateOptions {
     /// message.
     Clusters clusters = Clusters::automatic;
     int maximum_iterations = 200;  ///< theta steps, over all rounds, > 0
-    int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, provisional ones not counted, > 0
+    int maximum_rounds = 20;       ///< minimisations with a frozen set of blocks, without intermediate stages, > 0
     double step_tolerance = 1e-6;  ///< converged when every step is below this many posterior sds (see Minimum), > 0
     /// Below this fraction of the largest (columns at unit length) a direction carries no information. It is the
     /// geometric mean of the noise of integrated derivatives (1e-10) and the weakest directions that are still
@@ -72,7 +72,7 @@ struct EstimateOptions {
     /// log_integral with the determinant of the full Hessian instead of the Gauss-Newton one (2 evaluations with
     /// derivatives per parameter).
     bool full_hessian = false;
-    std::function<bool()> interrupted;                              ///< asked between steps; empty = never
+    std::function<bool()> interrupted;                              ///< called between steps; empty = never
     std::function<void(int iteration, double objective)> progress;  ///< called after every accepted step; may be empty
 };
 

@@ -51,7 +51,7 @@ struct EstimatedScale {
     double rms = 0.0;                      ///< root mean square of the raw residuals, in the group's data unit
     double lag1 = 0.0;                     ///< lag-1 autocorrelation (ordered groups; nan otherwise)
     double correlation_records = 1;        ///< integrated autocorrelation time in records (ordered groups)
-    double effective_count = 0;            ///< how many independent values the records are worth
+    double effective_count = 0;            ///< equivalent number of independent records
     std::string distribution = "normal";
     /// Further parameters of the distribution: "dof", "relative", "correlation".
     std::vector<Estimated> shape;
@@ -74,7 +74,7 @@ struct ResidualCount {
 
 /// One accepted or rejected step, for the history.
 struct StepRecord {
-    int round = 0;           ///< provisional ones counted
+    int round = 0;           ///< including those of intermediate stages
     std::string_view block;  ///< "theta" or "scales"
     bool accepted = false;
     double before =
@@ -82,7 +82,7 @@ struct StepRecord {
     double after = 0.0;
     double damping = 0.0;
     std::string_view reason;   ///< "", "no decrease", "block failed", "bound"
-    bool provisional = false;  ///< in a provisional round
+    bool provisional = false;  ///< in an intermediate stage
 };
 
 struct NullDirection {
@@ -91,9 +91,8 @@ struct NullDirection {
 
 /// A product of powers of parameters that the data determine only within a factor e or worse, but others well.
 struct SloppyDirection {
-    Eigen::VectorXd
-        components;   ///< exponents, simple fractions where the data cannot tell; largest 1, shape (parameters)
-    double sd = 0.0;  ///< of the product's logarithm, from the data alone, >= 1 or so
+    Eigen::VectorXd components;  ///< exponents, simple fractions where the data allow it; largest 1, shape (parameters)
+    double sd = 0.0;             ///< of the product's logarithm, from the data alone, >= 1 or so
 };
 
 struct Estimate {
@@ -125,7 +124,7 @@ struct Estimate {
     double degrees_of_freedom = 0;
     int iterations = 0;
     int evaluations = 0;
-    int rounds = 0;  ///< provisional ones included
+    int rounds = 0;  ///< including those of intermediate stages
     /// Length of the remaining full step, in posterior sds; nan without a step. To second order the objective lies
     /// above its minimum by half of its square.
     double remaining = std::numeric_limits<double>::quiet_NaN();

@@ -71,8 +71,8 @@ struct Group {
     std::string unit;
     ErrorScale scale;
     ErrorDistribution distribution = NormalErrors{};
-    double floor = 0.0;   ///< least value of an estimated scale, >= 0: below it errors are known not to fall
-    bool factor = false;  ///< s_g is a factor on a covariance that the blocks bring (unit 1), not a sd in `unit`
+    double floor = 0.0;   ///< least value of an estimated scale, >= 0: errors are known not to be smaller
+    bool factor = false;  ///< s_g is a factor on the blocks' own covariance (unit 1), not a sd in `unit`
     /// Consecutive records of this group within a block are equidistant samples in time: the estimator then computes
     /// their autocorrelation. `interval` is the distance in `interval_unit`.
     bool ordered = false;
@@ -100,7 +100,7 @@ struct BlockLayout {
     std::ptrdiff_t linked_from = -1;
     std::ptrdiff_t next = -1;  ///< block whose latent states are z_next; -1: everything depends on theta and z alone
     Eigen::VectorXd constraint_size;  ///< a typical size of each component of z_next - z, > 0; empty = 1
-    bool active = true;               ///< false: lost, suspended or rejected; takes no part, is counted
+    bool active = true;               ///< false: lost, deactivated or rejected; not used, but counted
 };
 
 enum class BlockStatus { ok, failed };
@@ -109,7 +109,7 @@ enum class BlockStatus { ok, failed };
 struct BlockValue {
     BlockStatus status = BlockStatus::ok;
     Eigen::VectorXd e;
-    Eigen::MatrixXd e_theta;  ///< shape (records, parameters); empty when derivatives were not asked for
+    Eigen::MatrixXd e_theta;  ///< shape (records, parameters); empty when derivatives were not requested
     Eigen::MatrixXd e_z;      ///< shape (records, latents)
     /// Records that also depend on the latent states of the next block (continuity with an error of its own): shape
     /// (records, latents of the next block); empty when none does. Chains only.

@@ -30,8 +30,8 @@ struct ErrorLimits {
                                                const std::vector<BlockRows>& rows, double matching);
 
 /// ln of the error that would explain how far neighbours of a chain fail to meet. It stands at the first parameter of
-/// each law of records that depend on their own block alone. It is the rms gap of constraints and linked records over
-/// the rms length of their derivatives with respect to latent states, times that of the law's own. -infinity elsewhere,
+/// each law of records that depend on their own block alone. It is the rms gap of constraints and linked records,
+/// divided by the rms length of their latent derivatives and multiplied by that of the law's own. -infinity elsewhere,
 /// nan where nothing links the blocks.
 [[nodiscard]] Eigen::VectorXd gap_sizes(const Problem& problem, const BlockSet& set,
                                         const std::vector<BlockRows>& rows);

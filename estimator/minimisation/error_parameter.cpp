@@ -180,7 +180,7 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
     point.reduced_problem = condense(point.standard.arrow, 0.0);
     point.value = point.standard.value;
 
-    // The decided parameters with their prior: triangle R and best step y.
+    // The determined parameters with their prior: R factor and best step y.
     Eigen::MatrixXd stacked(rank + problem.prior_rows.rows(), rank + 1);
     stacked << point.reduced_problem.r, point.reduced_problem.rhs, problem.prior_rows,
         Eigen::VectorXd::Zero(problem.prior_rows.rows());

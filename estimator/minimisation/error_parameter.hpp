@@ -25,7 +25,7 @@ enum class Follow { latents, all };
 struct ErrorProblem {
     const BlockSet* set = nullptr;
     const std::vector<NoiseModel>* laws = nullptr;
-    std::vector<BlockRows> rows;     ///< columns of theta in the basis of decided directions (see BoundedStep)
+    std::vector<BlockRows> rows;     ///< columns of theta in the basis of determined directions (see BoundedStep)
     Eigen::MatrixXd prior_rows;      ///< square root of the curvature of the parameter prior times basis
     Eigen::VectorXd prior_gradient;  ///< basis^T gradient, shape (rank)
     std::vector<bool> free;          ///< error parameters that are estimated and have data
@@ -44,7 +44,7 @@ struct ErrorPoint {
     Eigen::VectorXd left;
     WhitenedArrow standard;  ///< rows kept
     ReducedProblem reduced_problem;
-    Eigen::MatrixXd triangle;  ///< R of the decided parameters with prior, latent states eliminated
+    Eigen::MatrixXd triangle;  ///< R of the determined parameters with prior, latent states eliminated
 };
 
 /// d/dpsi_k = d(-ln p)/dpsi_k + tr(P S^T dS/dpsi_k), P = covariance of (z, theta) ("ml": of z), see (M10) for scales.

@@ -27,7 +27,7 @@ constexpr int stagnant_steps = 12;
 constexpr double floor_sds = 100.0;
 
 /// An intermediate stage ends with the first accepted step that lowers the sum of squares by less than this fraction,
-/// or after this many: the next stage does the rest as well. Measured on the pendulum's section series, continuity
+/// or after this many. The next stage does the rest as well. Measured on the pendulum's section series, continuity
 /// lowered tenfold whenever a step gained less than 30 %: 13 to 22 steps in all from bad starts.
 constexpr double provisional_gain = 0.3;
 constexpr int provisional_steps = 5;
@@ -61,7 +61,7 @@ bool Minimisation::start() {
     latent_fit_ = latent_fit_sizes(problem_, set_, state_, minimum_.rows, minimum_.matching);
     if (!state_.errors_known && set_.provisional) {
         // States that start on their readings, held together loosely: the readings' errors are as large as the gaps
-        // between neighbours ask for. Only the ratio to the matching sd matters, which the stages go through.
+        // between neighbours ask for. Only the ratio to the continuity sd matters, which the stages go through.
         if (ledger_.round <= 1) {
             const Eigen::VectorXd size = gap_sizes(problem_, set_, minimum_.rows);
             const ErrorLimits limit = limits();

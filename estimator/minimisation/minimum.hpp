@@ -21,16 +21,16 @@ enum class Outcome { converged, no_progress, iteration_limit, interrupted, block
 struct Minimum {
     Outcome outcome = Outcome::start_failed;
     std::string message;
-    Evaluation evaluation;             ///< at the state, with derivatives
-    std::vector<BlockRows> rows;       ///< linearisation at the state
-    PriorModel prior;                  ///< at the state
-    BoundedStep step;                  ///< the full step that is left: its basis and active bounds describe the minimum
-    std::vector<std::size_t> stopped;  ///< blocks that stopped three steps in a row, or failed at the start
-    std::vector<bool> error_at_floor;  ///< error parameters held at their lower limit
+    Evaluation evaluation;               ///< at the state, with derivatives
+    std::vector<BlockRows> rows;         ///< linearisation at the state
+    PriorModel prior;                    ///< at the state
+    BoundedStep step;                    ///< the remaining full step: its basis and active bounds describe the minimum
+    std::vector<std::size_t> stopped;    ///< blocks that stopped three steps in a row, or failed at the start
+    std::vector<bool> error_at_floor;    ///< error parameters held at their lower limit
     std::vector<bool> error_at_ceiling;  ///< and at the upper one
     /// Weight of the constraints at the end: the size of a violation that costs 1/2, in units of their sizes.
     double matching = 1.0;
-    double remaining = 0.0;  ///< length of the full step that is left, in posterior sds
+    double remaining = 0.0;  ///< length of the remaining full step, in posterior sds
 };
 
 /// Counters and history over all rounds.

@@ -122,9 +122,9 @@ private:
     double bend_ = 1.0;       ///< of the last correction, see longest_correction
     double stretch_ = 1.0;
 
-    Eigen::MatrixXd damped_;  ///< triangle with damping, shape (parameters, parameters + 1)
+    Eigen::MatrixXd damped_;  ///< R factor with damping, shape (parameters, parameters + 1)
     Eigen::VectorXd step_;
-    Eigen::VectorXd moved_;  ///< triangle times step
+    Eigen::VectorXd moved_;  ///< R factor times step
     bool derivatives_at_trial_ = true;
     State trial_;
     Evaluation trial_values_;
@@ -250,7 +250,7 @@ void LeastSquares::factorise() {
     remaining_ = triangle_.col(parameters_).head(parameters_).norm() / std::sqrt(square_of_scale());
 }
 
-/// The triangle of [r | rhs] on top of sqrt(damping) times the column norms, by rotations, and the step.
+/// The R factor of [r | rhs] on top of sqrt(damping) times the column norms, by rotations, and the step.
 void LeastSquares::solve_damped() {
     const Eigen::Index q = parameters_;
     damped_ = triangle_.topRows(q);

@@ -31,7 +31,7 @@ struct LawPart {
 struct ActiveBlock {
     std::size_t residual = 0;
     std::size_t block = 0;
-    std::vector<int> channel;  ///< of each record, index into the channels of the estimate; -1: takes no part
+    std::vector<int> channel;  ///< of each record, index into the channels of the estimate; -1: not used
     Eigen::Index latents = 0;
     Eigen::MatrixXd cholesky;           ///< lower L, Sigma_b = L L^T; empty = identity
     Eigen::VectorXd deviation;          ///< known sd of each record; empty = 1
@@ -51,7 +51,7 @@ struct BlockSet {
     Eigen::Index latents = 0;
     Eigen::Index constraints = 0;
     bool linked = false;       ///< some records depend on the states of the next block
-    bool provisional = false;  ///< a stage on the way, see Residual::is_intermediate_stage()
+    bool provisional = false;  ///< see Residual::is_intermediate_stage()
 };
 
 /// All groups of all residuals, in order.

@@ -31,10 +31,10 @@ struct StepBounds {
 /// A step of (M11) and the bounds it rests on.
 struct BoundedStep {
     Eigen::VectorXd d;          ///< shape (q)
-    Eigen::VectorXd seen;       ///< part of d that the data see, shape (q); the rest is decided by the prior alone
+    Eigen::VectorXd seen;       ///< part of d that the data determine, shape (q); the prior alone determines the rest
     std::vector<int> active;    ///< -1 at the lower, +1 at the upper bound and pushed against it, else 0
-    Eigen::MatrixXd decided;    ///< basis of the free directions that data or prior decide, shape (q, rank)
-    Eigen::MatrixXd from_data;  ///< decided, with the columns that the data do not see set to zero
+    Eigen::MatrixXd decided;    ///< basis of the free directions that data or prior determine, shape (q, rank)
+    Eigen::MatrixXd from_data;  ///< determined, with the columns of data-null directions set to zero
     Subspace space;             ///< of the free parameters, see `free`
     std::vector<Eigen::Index> free;
 };

@@ -44,7 +44,7 @@ struct Interval {
 /// term in u, whatever the coordinate (M8).
 struct Coordinate {
     Scale scale = Scale::linear;
-    double lower = -std::numeric_limits<double>::infinity();  ///< of logit, finite; others do not look at it
+    double lower = -std::numeric_limits<double>::infinity();  ///< of logit, finite; others ignore it
     double upper = std::numeric_limits<double>::infinity();   ///< of logit, finite, > lower
 
     /// u(x); x at the end of a log, log10 or logit coordinate gives an infinite u, x beyond it nan.

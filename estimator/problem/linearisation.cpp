@@ -44,7 +44,7 @@ LawRecords part_records(const ActiveBlock& block, const LawPart& part, const Noi
     return records;
 }
 
-/// Replaces the rows by the triangle of their factorisation where that is shorter.
+/// Replaces the rows by their R factor where that is shorter.
 void compress(LawRecords& records) {
     const Eigen::Index columns = records.rows.cols();
     if (records.rows.rows() <= 2 * columns) return;

@@ -72,7 +72,7 @@ struct WhitenedArrow {
     BlockArrow arrow;
     /// Per block, kept on request; empty where the block-arrow matrix has them unchanged, see own_rows().
     std::vector<WhitenedRows<double>> rows;
-    std::vector<Eigen::Index> linked_records;  ///< standard rows of linked records per block
+    std::vector<Eigen::Index> linked_records;  ///< whitened rows of linked records per block
     double value = 0.0;                        ///< sum of the blocks' values
 
     /// A block's rows, shape (rows, latents + parameters + 1). Only if rows were kept.

@@ -37,7 +37,7 @@ struct NutsChain {
     Eigen::MatrixXd metric;     ///< after warm-up, shape (dimension, dimension)
     double step = 0.0;          ///< after warm-up, in units of the metric
     double acceptance = 0.0;    ///< mean over the draws
-    int divergences = 0;        ///< draws whose trajectory lost its energy (by 1000) or met a place without a value
+    int divergences = 0;        ///< draws whose trajectory had an energy error of 1000 or met a place without a value
     int saturated = 0;          ///< draws whose trajectory was ended by maximum_depth
     long warm_up_evaluations = 0;
     long evaluations = 0;  ///< of the draws

@@ -81,7 +81,7 @@ struct PosteriorSample {
 /// Cost: one evaluation of all residuals with derivatives per leapfrog step; memory of a dense metric per chain.
 /// @throws std::invalid_argument where estimate() does; when the estimate has not converged or does not belong to the
 ///         call; when equality constraints are present. Also when the posterior is improper, naming the parameter,
-///         group or block: a parameter is undetermined, or the data can be fitted exactly while a scale without prior
+///         group or block. A parameter is undetermined, or the data can be fitted exactly while a scale without prior
 ///         and floor goes to zero.
 [[nodiscard]] PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters,
                                                const std::vector<Residual*>& residuals,

@@ -13,17 +13,17 @@ namespace orbid::estimator {
 
 /// The information of the data alone on the parameters that are not held at a bound.
 struct Identifiability {
-    Eigen::VectorXd singular_values;             ///< of the condensed sensitivities in units of `column_size`
+    Eigen::VectorXd singular_values;             ///< of the reduced problem's sensitivities in units of `column_size`
     std::vector<NullDirection> null_directions;  ///< directions that leave the data unchanged, sparsest basis
-    std::vector<NullDirection> undecided;        ///< those of them that no prior decides either
-    std::vector<bool> undetermined;              ///< per parameter: takes part in an undecided direction
+    std::vector<NullDirection> undecided;        ///< those of them that no prior determines either
+    std::vector<bool> undetermined;              ///< per parameter: part of an undetermined direction
     /// Directions that the data determine only within a factor e or worse, but others much better; the least determined
     /// first.
     std::vector<SloppyDirection> sloppy_directions;
     Eigen::VectorXd data_variance;  ///< posterior variance in u from the data alone; infinite in a null direction
 };
 
-/// @param r            condensed whitened sensitivities of the data, shape (q, q).
+/// @param r            whitened sensitivities of the reduced problem, shape (q, q).
 /// @param size         size of each parameter in u (1 for log): unit of the components of null directions.
 /// @param column_size  prior sd where proper, else size: unit of the singular values.
 [[nodiscard]] Identifiability identifiability(const Eigen::MatrixXd& r, const BoundedStep& step,

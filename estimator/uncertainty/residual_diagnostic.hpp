@@ -11,7 +11,7 @@ namespace orbid::estimator {
 
 /// Whitened residuals of one group.
 struct ResidualSample {
-    Eigen::VectorXd residual;  ///< e divided by what its error law expects: independent with mean 0 and sd 1 if right
+    Eigen::VectorXd residual;  ///< whitened e: independent with mean 0 and sd 1 if right
     /// Lengths of the uninterrupted sequences of equidistant records, in order, that make up `residual`. Empty: the
     /// records have no order, and independence is not tested.
     std::vector<Eigen::Index> sequences;

@@ -18,7 +18,7 @@ namespace orbid::estimator {
 /// the fit (Bell and McCaffrey's bias-reduced linearisation, CR2).
 class Sandwich {
 public:
-    /// @param rows      one BlockRows per active block, NOT compressed, columns in the basis of decided directions.
+    /// @param rows      one BlockRows per active block, NOT compressed, columns in the basis of determined directions.
     /// @param cluster   per active block, cluster number (from 0, within the block) of each record.
     /// @param triangle  R of the determined parameters with prior, shape (rank, rank).
     /// @param inflation factor >= 1 on the covariance for correlation across the borders of clusters.

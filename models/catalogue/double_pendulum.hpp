@@ -115,8 +115,8 @@ struct ViscousJoints : ArmsOnJoints {
 /// are exact.
 struct JointsWithDryFriction : ArmsOnJoints {
     static constexpr std::string_view variant = "friction_and_drag";
-    // Typical: 1e-4 N m is the friction of a miniature ball bearing; 0.01 kg/m^2 that of a bar of a centimetre or two
-    // in air (1.2 kg/m^3, C_d about 1); a wheel of 40 mm that runs out by 0.1 mm errs by 5 mrad.
+    // Typical: 1e-4 N m is the friction of a miniature ball bearing. 0.01 kg/m^2 is the drag of a bar of a centimetre
+    // or two in air (1.2 kg/m^3, C_d about 1). A wheel of 40 mm that runs out by 0.1 mm errs by 5 mrad.
     static constexpr std::array parameters{
         shared[0],
         shared[1],

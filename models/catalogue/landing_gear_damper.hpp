@@ -20,8 +20,8 @@ namespace orbid::models {
 /// model has no stops: for s < 0 the gas column pulls. At s = V0 / area, where the gas has no room left, the state is
 /// no longer finite. Source: forces of gas and oil as in B. Milwitzky, F. E. Cook, "Analysis of landing-gear behavior",
 /// NACA Report 1154 (1953): polytropic gas; flow through an orifice, c = rho A^3 / (2 (C_d A_o)^2). rho is the density
-/// of the oil, A the area of the piston, C_d and A_o the discharge coefficient and area of the orifice, which a valve
-/// makes smaller in rebound. Here with Coulomb friction of the seals, a foot that follows the ground, and no wing lift.
+/// of the oil, A the area of the piston, C_d and A_o the discharge coefficient and area of the orifice. A valve makes
+/// it smaller in rebound. Here with Coulomb friction of the seals, a foot that follows the ground, and no wing lift.
 /// Defaults: a strut of a light aircraft in round numbers; static stroke 0.142 m of 0.2 m, natural frequency 2.2 Hz.
 struct Strut {
     static constexpr std::string_view name = "landing_gear_damper";

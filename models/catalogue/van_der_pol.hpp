@@ -12,7 +12,7 @@ namespace orbid::models {
 ///     x'' - mu (1 - x^2) x' + x = 0
 ///
 /// State, shape (2): x, x_dot, without units. Symmetric under (x, x_dot) -> -(x, x_dot). For mu > 0 every motion but
-/// rest goes to one limit cycle, of period 2 pi for small and (3 - 2 ln 2) mu for large mu, where it is stiff.
+/// rest goes to one limit cycle. Its period is 2 pi for small and (3 - 2 ln 2) mu for large mu, where it is stiff.
 /// Source: B. van der Pol, "On relaxation-oscillations", Philosophical Magazine (7) 2:978-992 (1926).
 struct VanDerPol {
     static constexpr std::string_view name = "van_der_pol";

@@ -14,7 +14,7 @@ namespace orbid::models {
 
 /// A reading that is a formula of the state; it replaces one coordinate.
 struct FunctionReading {
-    std::size_t coordinate = 0;  ///< index of the coordinate in whose place it stands
+    std::size_t coordinate = 0;  ///< index of the coordinate that it replaces
     Expression expression;       ///< in the names that reading_names() lists
 };
 

@@ -174,7 +174,7 @@ private:
     }
 
     P partial_[L];
-    std::uint64_t depends_;  ///< bit i: on variable i; the other partials are zero and nowhere
+    std::uint64_t depends_;  ///< bit i: on variable i; the other partials are zero and not stored
 };
 
 namespace detail {

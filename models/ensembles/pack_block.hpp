@@ -91,7 +91,7 @@ private:
         std::size_t trajectory;
         State<double, n> section;    ///< state at the last section
         std::size_t level = 0;       ///< the period's table has 2^level times the coarsest one's steps
-        std::size_t halved = 0;      ///< steps of this period that were not good enough
+        std::size_t halved = 0;      ///< rejected steps of this period
         std::size_t calm = 0;        ///< periods without such steps at this level
         std::size_t additional = 0;  ///< steps of this period beside those of the table
         bool ended = false;

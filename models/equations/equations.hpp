@@ -18,9 +18,9 @@ namespace orbid::models {
 /// A model written as text, checked and parsed: its formulas as one graph.
 ///
 /// Flows: for a sign() or abs() with a switching surface h, the sign becomes the side of h, +1 or -1, and abs the side
-/// times h. The equations are then smooth on each side. A surface is dry friction, with sticking, if the model has one
-/// degree of freedom (x' = v), v is its only surface, and the jump opposes the motion at the parameters given. All
-/// others are general surfaces with sliding.
+/// times h. The equations are then smooth on each side. A model has dry friction, with sticking, if it has one degree
+/// of freedom (x' = v), v is its only surface, and the jump opposes the motion at the given parameters. All other
+/// surfaces are general ones with sliding.
 class Equations {
 public:
     using Node = ExpressionGraph::Node;

@@ -17,7 +17,7 @@ namespace orbid::models {
 namespace {
 
 /// Allowed multiple of the estimated errors. Measured over 1500 flows of pendulums and of Duffing's oscillator, 0.4 to
-/// 12 periods, at tolerances 1e-12 and 1e-9: right derivatives differ by up to 1.2 estimated errors, 0.05 in all but
+/// 12 periods, at tolerances 1e-12 and 1e-9. Right derivatives differ by up to 1.2 estimated errors, 0.05 in all but
 /// one.
 constexpr double safety = 3.0;
 /// An entry is compared where the error of its quotient, with safety, is below this fraction of the entry. For a small

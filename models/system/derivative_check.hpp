@@ -20,7 +20,7 @@ struct DerivativeCheckOptions {
 /// `allowed`.
 struct DerivativeCheck {
     bool passed = true;            ///< no entry differs by more than allowed; also when none could be compared
-    std::size_t compared = 0;      ///< entries with a difference quotient that is good enough
+    std::size_t compared = 0;      ///< entries with an accurate enough difference quotient
     std::size_t inconclusive = 0;  ///< entries without one
     Eigen::Index coordinate = -1;  ///< index of the output coordinate, -1 when nothing was compared
     Eigen::Index direction = -1;   ///< column of a sensitivity matrix: the coordinates of the start, then `free`
@@ -43,8 +43,8 @@ struct DerivativeCheck {
 /// wrong derivatives. Three estimated errors are allowed, plus the change that ten times the tolerances make in the
 /// derivative. Entries where this exceeds a thousandth of the entry are not compared and count as inconclusive. (For a
 /// small entry: 1e-6 of the size of its coordinate over that of its direction.) Flows are left out if their status is
-/// not ok, their number of switching events differs from that of the flow through x0, or they end far from it. At a
-/// start on a switching surface the derivative is one-sided: an entry that agrees with the quotient to one side passes.
+/// not ok, or if they end far from the flow through x0 or have another number of switching events. At a start on a
+/// switching surface the derivative is one-sided: an entry that agrees with the quotient to one side passes.
 ///
 /// @param free  parameters to differentiate with respect to; those at the edge of their domain are differenced inwards
 /// @return a status other than ok of the flow itself leaves everything inconclusive, and the message says so.

@@ -124,7 +124,7 @@ public:
     [[nodiscard]] virtual Eigen::MatrixXd rhs(const Eigen::MatrixXd& states, std::span<const double> phases,
                                               const Eigen::VectorXd& theta) const = 0;
     /// Its exact derivatives at columns of states, shape (n, m d): columns [k d, (k + 1) d) = d f_k / d(x, free
-    /// parameters) at a fixed phase, on the side of each switching surface that the state is on.
+    /// parameters) at a fixed phase. The state decides the side of each switching surface.
     [[nodiscard]] virtual Eigen::MatrixXd rhs_derivatives(const Eigen::MatrixXd& states, std::span<const double> phases,
                                                           const Eigen::VectorXd& theta,
                                                           std::span<const Eigen::Index> free) const;

@@ -16,8 +16,8 @@ namespace orbid::models {
 ///
 /// The error of a step is judged by the difference d to a formula of order 3, in units of the state's size. Where the
 /// motion is not stiff, the error of order 5 is about d^(3/2). RADAU5, whose control of steps this is, therefore allows
-/// d = 0.1 tolerance^(2/3). A component that is drawn to a slow motion has order 3 itself: its error is d, which the
-/// filter of stiff directions makes far smaller than the plain difference D. Both hold for d min(1, D)^(1/2), which is
+/// d = 0.1 tolerance^(2/3). A component that is drawn to a slow motion has order 3 itself. Its error is d; the filter
+/// of stiff directions makes it far smaller than the plain difference D. Both hold for d min(1, D)^(1/2), which is
 /// allowed 0.03 tolerance. (With RADAU5's rule errors of such components were up to 900 times what was allowed, at
 /// 1e-12.) Steps whose equations cannot be solved are halved. If a step becomes too short to move s, the status is
 /// not_finite.

@@ -244,7 +244,7 @@ private:
 /// Values: allowed = absolute + relative |x|. An angle counts with at most pi: many turns must not loosen the
 /// tolerance. Derivatives with respect to the start (the first n directions, when any are carried): allowed = 10
 /// relative (largest entry of their column, at least 1). Near an equilibrium, and on an orbit such as phi = 0, the
-/// values alone would allow any step: with them the multipliers of the hanging pendulum were wrong in the third digit.
+/// values alone would allow any step. With them the multipliers of the hanging pendulum were wrong in the third digit.
 template <Model M, std::size_t N, std::size_t order = 1>
 double error_ratio(const State<Scalar<N, order>, dimension_of<M>>& error,
                    const State<Scalar<N, order>, dimension_of<M>>& start,

@@ -21,7 +21,7 @@ namespace orbid::models {
 /// decisions depend on the values and the derivatives with respect to the start only.
 ///
 /// Named outcomes: grazing, where a surface is touched without crossing it, an impact does not send the state away, or
-/// impacts accumulate at an instant; held_twice, where two surfaces hold the solution at once. When impacts accumulate
+/// impacts accumulate at an instant. held_twice, where two surfaces hold the solution at once. When impacts accumulate
 /// (a ball that comes to rest), `s` and `state` are those of the accumulation. Endless chattering between two surfaces
 /// exhausts the step budget.
 template <SurfaceModel M, std::size_t N, std::size_t order = 1>
@@ -378,7 +378,7 @@ private:
     Watch watch_;
     FlowOptions options_;
     std::optional<InputKnots> knots_;
-    std::array<bool, m> on_{};             ///< surfaces on which the state lies, before it is decided how it goes on
+    std::array<bool, m> on_{};             ///< surfaces on which the state lies, before its continuation is decided
     typename Watch::Marks begun_{};        ///< surfaces that the state is just leaving
     std::array<double, m> last_impact_{};  ///< s of the last impact on each surface
     double longest_ = std::numeric_limits<double>::infinity();

@@ -13,8 +13,8 @@ namespace orbid::models {
 
 /// Finds where a step first meets a switching surface, or is released by one.
 ///
-/// It watches numbers that are > 0 until their event: side_j h_j for every surface except the holding one, then the
-/// rates with which the two one-sided fields point at that one.
+/// It watches numbers that are > 0 until their event: side_j h_j for every surface except the holding one. For that one
+/// they are the rates with which the two one-sided fields point at it.
 template <SurfaceModel M>
 class SurfaceWatch {
 public:
@@ -42,7 +42,7 @@ public:
         std::optional<double> at;         ///< length of the step to the first event
         std::size_t event = events;       ///< which one
         std::optional<std::size_t> lost;  ///< the step began on this surface and does not get away from it
-        bool too_long = false;            ///< the numbers watched turn around within the step faster than its ends tell
+        bool too_long = false;            ///< a watched number turns around within the step, unseen at its ends
     };
 
     /// @param field  sides and what is held, as during the step

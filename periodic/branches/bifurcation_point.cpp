@@ -223,9 +223,9 @@ LocatedPoint zero_between(const CurvePoint& a, const CurvePoint& b, Bifurcation 
 
 LocatedPoint located(const CurvePoint& a, const CurvePoint& b, Bifurcation bifurcation) {
     if (bifurcation == Bifurcation::branch_point) {
-        // There the orbit is a double zero of the equations, and rounding alone moves it along the other branch by as
-        // much as the distance from the branch point: it is locked in that direction. That is allowed where the
-        // equations still hold, as those of symmetric orbits do.
+        // There the orbit is a double zero of the equations, and it is locked in one direction: rounding alone moves it
+        // along the other branch by as much as the distance from the branch point. That is allowed where the equations
+        // still hold, as those of symmetric orbits do.
         const bool nearer = std::abs(determinant(a.multipliers, -1.0)) < std::abs(determinant(b.multipliers, -1.0));
         const VectorXd other_branch = a.curve->crossing_direction(nearer ? a : b);
         if (other_branch.allFinite()) {

@@ -57,8 +57,8 @@ struct LocatedPoint {
     CurvePoint point;
     Bifurcation bifurcation = Bifurcation::none;
     double position = 0.0;         ///< distance from a along the chord
-    double parameter_error = 0.0;  ///< how far the last steps of the search and of Newton's method moved it
-    double unfolding = 0.0;        ///< branch points: what the equations missed there
+    double parameter_error = 0.0;  ///< change by the last steps of the search and of Newton's method
+    double unfolding = 0.0;        ///< branch points: residual of the equations there
 };
 
 /// The zero of a test function between two points of a curve where it has different signs, by inverse quadratic

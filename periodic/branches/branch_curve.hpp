@@ -61,7 +61,7 @@ struct Correction {
     CurvePoint point;                               ///< meaningful if converged
     double distance = 0.0;                          ///< from the guess, in the norm of the continuation
     double contraction = 0.0;                       ///< second Newton step / first one; 0 when there was no second
-    double unfolding = 0.0;                         ///< what the equations missed, where they were unfolded
+    double unfolding = 0.0;                         ///< residual of the equations, where they were unfolded
 };
 
 /// The orbits of multiple shooting on one set of segments as a curve in the space of y = (nodes, ln T, parameter):

@@ -13,9 +13,9 @@ namespace orbid::periodic {
 /// nodes for the others. Shape (n).
 [[nodiscard]] Eigen::VectorXd scale_along(const CurveSetting& setting, const ShootingMesh& mesh);
 
-/// The same orbit, adapted where needed. It gets further nodes where errors grow too much between two, a phase
-/// condition across the flow where the old one has become oblique, and a larger scale where it has outgrown the old
-/// one. The point itself when nothing had to be done, or could be.
+/// The same orbit, adapted where needed. It gets further nodes where errors grow too much between two. It gets a phase
+/// condition across the flow if the old one is oblique, and a larger scale if it has outgrown the old one. The point
+/// itself when nothing had to be done, or could be.
 [[nodiscard]] CurvePoint with_fitting_nodes(const CurvePoint& point);
 
 }  // namespace orbid::periodic

@@ -36,10 +36,10 @@ struct Walk {
 /// Follows a curve from a point on it, in the direction of its tangent.
 ///
 /// Predictor: the cubic through the last two points and their tangents. Corrector: Newton's method on the plane across
-/// the cubic. The step is the longest one that meets three limits. Newton's steps shrink by the factor wanted (their
-/// contraction does not depend on the scaling of the equations), the tangent does not turn by too much, and no
-/// multiplier moves too far. Bifurcations on the way are located. Segments over which errors grow too much get further
-/// nodes. The phase condition of an autonomous flow is renewed when the orbit has turned away from it.
+/// the cubic. The step is the longest one that meets three limits: Newton's steps shrink by the factor wanted, the
+/// tangent does not turn by too much, and no multiplier moves too far. (The contraction does not depend on the scaling
+/// of the equations.) Bifurcations on the way are located. Segments over which errors grow too much get further nodes.
+/// The phase condition of an autonomous flow is renewed when the orbit has turned away from it.
 ///
 /// @param first_step  length of the first step.
 /// @param most        number of points, >= 1.

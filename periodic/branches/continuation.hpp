@@ -23,9 +23,9 @@ struct ContinuationOptions {
     double upper = 0.0;
     /// +1: the branch that leaves the start towards larger values, -1: towards smaller ones, 0: both ways.
     int direction = 0;
-    /// Arclength: points relative to the scales (the solver's; by default 2 pi for angles and the largest value along
-    /// the orbit for the others, enlarged when an orbit grows to three times that) and the parameter relative to upper
-    /// - lower, each with the weight of one coordinate. All > 0.
+    /// Arclength: points relative to the scales and the parameter relative to (upper - lower), each with the weight of
+    /// one coordinate. The scales are the solver's, by default 2 pi for angles and the largest value along the orbit
+    /// for the others; they are enlarged when an orbit grows to three times that. All > 0.
     double first_step = 1e-2;
     double smallest_step = 1e-7;
     double largest_step = 5e-2;

@@ -22,7 +22,7 @@ enum class OrbitStatus {
     singular,
     other_orbit,
     shorter_period,
-    equilibrium,     ///< autonomous flows: what was found does not move
+    equilibrium,     ///< autonomous flows: an equilibrium was found
     period_vanished  ///< autonomous flows: the period went to zero
 };
 

@@ -49,9 +49,9 @@ struct SectionPiecesOptions {
 [[nodiscard]] Eigen::VectorXd start_range(const ModelSection& section, std::uint64_t seed,
                                           const models::FlowOptions& flow);
 
-/// Trajectories from states that are uniform within start_range(). One that settles on a stable orbit (64 sections
-/// repeat after p <= 32 within 1e-9 of the size) or cannot be continued is replaced by another, but its points are
-/// kept. The same bytes with any number of threads.
+/// Trajectories from states that are uniform within start_range(). One that settles on a stable orbit or cannot be
+/// continued is replaced by another, but its points are kept. (Settled: 64 sections repeat after p <= 32 within 1e-9 of
+/// the size.) The same bytes with any number of threads.
 [[nodiscard]] SectionPieces simulate_pieces(const ModelSection& section, const SectionPiecesOptions& options);
 
 /// State number `index` of a stream of uniform random states within +-range. Shape (n).

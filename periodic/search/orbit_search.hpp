@@ -55,7 +55,7 @@ struct OrbitSearchOptions {
     /// code are the same depends on the partition.
     std::optional<SymbolPartition> partition{};
     std::vector<std::string> codes{};     ///< words that are looked for besides (their lengths join `periods`)
-    std::function<bool()> interrupted{};  ///< asked between batches of starts; empty: never
+    std::function<bool()> interrupted{};  ///< called between batches of starts; empty: never
     ShootingOptions solver{};
 };
 
@@ -75,7 +75,7 @@ struct OrbitSearch {
     std::vector<FoundOrbit> orbits;  ///< by period, rotation, points; the same with any number of threads
     std::size_t starts = 0;          ///< that were solved
     std::size_t captured = 0;        ///< trajectories that ended in a stable orbit or at rest
-    bool interrupted = false;        ///< asked to stop: what was found until then
+    bool interrupted = false;        ///< a stop was requested: the orbits found until then
 };
 
 /// Prime periodic orbits of a model, of the periods asked for, found without data. Starts come from recurrences of its

@@ -15,7 +15,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// If the flow of its neighbour misses a node by less than this fraction of a turn, the turn is right: the other one is
+/// If the flow of its neighbour misses a node by less than this fraction of a turn, the turn is right. The other one is
 /// at least nine times farther away.
 constexpr double certain = 0.1;
 

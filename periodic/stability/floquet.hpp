@@ -21,8 +21,8 @@ namespace orbid::periodic {
 /// @param factors  X_0 .. X_{p-1}, shape (n, n) each, real, finite.
 /// @return n multipliers, largest modulus first. A complex pair is exactly conjugate, positive imaginary part first;
 ///         real ones have imaginary part exactly 0. There are at least as many exact zeros as the largest number of
-///         zero rows in a factor (a period with sticking has a zero row: its multiplier is 0, not rounding). Where 30 n
-///         QR steps do not converge, neighbouring factors are multiplied and it is tried again. Empty when the whole
+///         zero rows in a factor. (A period with sticking has a zero row: its multiplier is 0, not rounding.) Where 30
+///         n QR steps do not converge, neighbouring factors are multiplied and it is tried again. Empty when the whole
 ///         product does not converge either (not seen).
 /// @throws std::invalid_argument on an empty list, or factors that are not square, of one size and finite.
 /// Cost: O(p n^3).

@@ -21,7 +21,7 @@ enum class Bifurcation {
     fold,             ///< at +1: the orbit meets another one and both vanish (or branches cross, by symmetry)
     period_doubling,  ///< at -1
     neimark_sacker,   ///< a complex pair
-    branch_point      ///< at +1, told from a fold only along a branch: branches cross, as where a symmetry breaks
+    branch_point      ///< at +1: branches cross, as where a symmetry breaks; only along a branch distinct from a fold
 };
 
 [[nodiscard]] std::string_view name(Bifurcation bifurcation);

@@ -14,7 +14,7 @@ namespace orbid::periodic {
 
 /// How a record fits an orbit.
 struct WaveformPlace {
-    double phase = 0.0;       ///< [rad]; the known one, or the best of a scan, good to 1.5 degrees
+    double phase = 0.0;       ///< [rad]; the known one, or the best of a scan, accurate to 1.5 degrees
     Eigen::VectorXd offsets;  ///< shape (channels); known ones, or the mean errors
     double misfit = 0.0;      ///< mean square error over the variance of the readings
     Eigen::VectorXd size;     ///< shape (n): largest |x| along the orbit, 2 pi for angles
