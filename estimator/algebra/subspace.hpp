@@ -25,7 +25,7 @@ struct Subspace {
 /// Equilibration makes the decision independent of units and sizes of parameters: only cancellation between columns
 /// counts.
 ///
-/// @param r          shape (q, q): latent-whitened sensitivities of the reduced problem, without prior.
+/// @param r          shape (q, q): whitened sensitivities of the reduced problem, without prior.
 /// @param prior      square root of the curvature of -ln prior, shape (any, q): prior^T prior is the curvature.
 /// @param fallback   shape (q), > 0: size of a parameter in u, sets the unit of a column that is zero.
 /// @param tolerance  singular values below this fraction of the largest count as zero.
