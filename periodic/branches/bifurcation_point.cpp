@@ -145,6 +145,33 @@ double largest_multiplier_move(const CurvePoint& a, const CurvePoint& b) {
 
 namespace {
 
+struct BrentPoint {
+    double s = 0.0;
+    double value = 0.0;
+    CurvePoint point;
+};
+
+/// From `best` to where the values interpolate to zero; none where that is no better than halving.
+std::optional<double> interpolated_step(const BrentPoint& before, const BrentPoint& best, const BrentPoint& other,
+                                        double half, double smallest, double step_before) {
+    if (!(std::abs(step_before) >= smallest && std::abs(before.value) > std::abs(best.value))) return std::nullopt;
+    const double ratio = best.value / before.value;
+    double numerator = 2.0 * half * ratio;
+    double denominator = 1.0 - ratio;
+    if (before.s != other.s) {
+        const double q = before.value / other.value;
+        const double r = best.value / other.value;
+        numerator = ratio * (2.0 * half * q * (q - r) - (best.s - before.s) * (r - 1.0));
+        denominator = (q - 1.0) * (r - 1.0) * (ratio - 1.0);
+    }
+    if (numerator > 0.0) denominator = -denominator;
+    numerator = std::abs(numerator);
+    if (!(2.0 * numerator <
+          std::min(3.0 * half * denominator - std::abs(smallest * denominator), std::abs(step_before * denominator))))
+        return std::nullopt;
+    return numerator / denominator;
+}
+
 /// The zero of a test function, see located().
 LocatedPoint zero_between(const CurvePoint& a, const CurvePoint& b, Bifurcation bifurcation, const VectorXd* locked) {
     LocatedPoint result;
@@ -156,14 +183,9 @@ LocatedPoint zero_between(const CurvePoint& a, const CurvePoint& b, Bifurcation 
     if (!value_a || !value_b || !opposite(*value_a, *value_b)) return result;
 
     // Brent's method. The zero lies between `best` and `other`; `before` is the best one of the step before.
-    struct Trial {
-        double s = 0.0;
-        double value = 0.0;
-        CurvePoint point;
-    };
-    Trial before{0.0, *value_a, a};
-    Trial best{cubic.length(), *value_b, b};
-    Trial other = before;
+    BrentPoint before{0.0, *value_a, a};
+    BrentPoint best{cubic.length(), *value_b, b};
+    BrentPoint other = before;
     const double smallest = smallest_share * cubic.length();
     double step = best.s - before.s;
     double step_before = step;
@@ -180,24 +202,8 @@ LocatedPoint zero_between(const CurvePoint& a, const CurvePoint& b, Bifurcation 
         }
         const double half = 0.5 * (other.s - best.s);
         if (std::abs(half) <= smallest || best.value == 0.0) break;
-        double next = half;
-        bool interpolated = false;
-        if (std::abs(step_before) >= smallest && std::abs(before.value) > std::abs(best.value)) {
-            const double ratio = best.value / before.value;
-            double numerator = 2.0 * half * ratio;
-            double denominator = 1.0 - ratio;
-            if (before.s != other.s) {
-                const double q = before.value / other.value;
-                const double r = best.value / other.value;
-                numerator = ratio * (2.0 * half * q * (q - r) - (best.s - before.s) * (r - 1.0));
-                denominator = (q - 1.0) * (r - 1.0) * (ratio - 1.0);
-            }
-            if (numerator > 0.0) denominator = -denominator;
-            numerator = std::abs(numerator);
-            interpolated = 2.0 * numerator < std::min(3.0 * half * denominator - std::abs(smallest * denominator),
-                                                      std::abs(step_before * denominator));
-            if (interpolated) next = numerator / denominator;
-        }
+        const std::optional<double> interpolated = interpolated_step(before, best, other, half, smallest, step_before);
+        const double next = interpolated.value_or(half);
         step_before = interpolated ? step : half;
         step = std::abs(next) > smallest ? next : std::copysign(smallest, half);
         before = best;

@@ -38,11 +38,37 @@ void find_multipliers(CurvePoint& point, bool autonomous) {
     point.multipliers = floquet_multipliers(condensed_factors(point.jacobians));
     point.trivial = std::numeric_limits<double>::quiet_NaN();
     if (!autonomous || point.multipliers.empty()) return;
-    const auto trivial =
-        std::min_element(point.multipliers.begin(), point.multipliers.end(),
-                         [](const Complex& a, const Complex& b) { return std::abs(a - 1.0) < std::abs(b - 1.0); });
-    point.trivial = *trivial;
-    point.multipliers.erase(trivial);
+    point.trivial = take_trivial(point.multipliers);
+}
+
+ClosingError closing_at(const OrbitCurve& curve, const VectorXd& y, std::span<const Index> free) {
+    const CurveSetting& setting = curve.setting();
+    const VectorXd theta = setting.theta_at(y(y.size() - 1));
+    return closing_error(FlowSteps(setting.system, theta, curve.mesh(), setting.solver.flow), curve.nodes(y),
+                         curve.time(y), curve.turns(), free);
+}
+
+/// The nodes of y, each in the place of the one before.
+VectorXd next_nodes(const VectorXd& y, Index n, Index count) {
+    VectorXd next(n * count);
+    for (Index j = 0; j < count; ++j)
+        next.segment(n * j, n) = y.segment(n * ((j + 1) % count), n);
+    return next;
+}
+
+/// What the last step knows of its point; `moves`: the step and the tangent.
+CurvePoint curve_point(std::shared_ptr<const OrbitCurve> curve, ClosingError& closing, const MatrixXd& moves,
+                       const MatrixXd& columns, double length) {
+    CurvePoint point;
+    point.tangent = moves.col(1) / curve->norm(moves.col(1));
+    point.last_step = length;
+    point.residual = closing.error.cwiseAbs().maxCoeff();
+    point.sticking = closing.sticking;
+    point.jacobians = std::move(closing.jacobians);
+    point.columns = columns;
+    find_multipliers(point, curve->autonomous());
+    point.curve = std::move(curve);
+    return point;
 }
 
 }  // namespace
@@ -77,10 +103,7 @@ OrbitCurve::OrbitCurve(const CurveSetting& setting, ShootingMesh mesh, MatrixXd 
 }
 
 std::vector<int> OrbitCurve::rotation() const {
-    std::vector<int> result;
-    for (const Index i : angle_coordinates(setting_->system))
-        result.push_back(static_cast<int>(std::lround(turns_.row(i).sum())));
-    return result;
+    return total_rotation(turns_, angle_coordinates(setting_->system));
 }
 
 MatrixXd OrbitCurve::nodes(const VectorXd& y) const {
@@ -146,13 +169,10 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
     const MatrixXd rows = rows_across(directions);
     const Index own = size() - inner;  // ln T and the parameter
     const Index k = rows.rows();
-    MatrixXd columns = MatrixXd::Zero(inner, k);
+    CyclicSystem::Border border{MatrixXd::Zero(inner, k), rows.leftCols(inner), MatrixXd::Zero(k, k)};
+    border.corner.leftCols(own) = rows.rightCols(own);
     // The null vector at the end of each segment: it is not orthogonal to what the equations miss at a branch point.
-    if (locked != nullptr)
-        for (Index j = 0; j < count_; ++j)
-            columns.col(own).segment(n_ * j, n_) = locked->segment(n_ * ((j + 1) % count_), n_);
-    MatrixXd corner = MatrixXd::Zero(k, k);
-    corner.leftCols(own) = rows.rightCols(own);
+    if (locked != nullptr) border.columns.col(own) = next_nodes(*locked, n_, count_);
     const std::vector<Index> free{setting_->parameter};
     Correction result;
     VectorXd y = guess;
@@ -161,18 +181,16 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
     for (int iteration = 0; iteration < maximum_iterations; ++iteration) {
         result.status = OrbitStatus::not_simulated;
         if (!y.allFinite() || !models::contains(domain, y(y.size() - 1))) return result;
-        const VectorXd theta = setting_->theta_at(y(y.size() - 1));
-        ClosingError closing = closing_error(FlowSteps(setting_->system, theta, mesh_, setting_->solver.flow), nodes(y),
-                                             time(y), turns_, free);
+        ClosingError closing = closing_at(*this, y, free);
         if (!closing.simulated) return result;
         result.status = OrbitStatus::no_progress;
 
-        columns.leftCols(own) << closing.by_ln_time, closing.parameters * setting_->range;
-        const CyclicSystem matrix(closing.jacobians, {columns, rows.leftCols(inner), corner});
+        border.columns.leftCols(own) << closing.by_ln_time, closing.parameters * setting_->range;
+        const CyclicSystem matrix(closing.jacobians, border);
         // The tangent belongs to the same matrix as the step.
         MatrixXd right = MatrixXd::Zero(inner + k, 2);
         right.col(0).head(inner) = closing.error.reshaped();
-        if (locked != nullptr) right.col(0).head(inner) += result.unfolding * columns.col(own);
+        if (locked != nullptr) right.col(0).head(inner) += result.unfolding * border.columns.col(own);
         VectorXd back = guess - y;
         back(back.size() - 1) /= setting_->range;
         right.col(0).tail(k) = rows * back;
@@ -192,18 +210,10 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
         const bool stagnates = last < noise_level && length > 0.1 * last;
         y += moves.col(0);
         if (length <= tolerance || stagnates) {
-            CurvePoint& point = result.point;
-            point.curve = shared_from_this();
-            point.tangent = moves.col(1) / norm(moves.col(1));
-            point.last_step = length;
-            point.residual = closing.error.cwiseAbs().maxCoeff();
-            point.sticking = closing.sticking;
-            point.jacobians = std::move(closing.jacobians);
-            point.columns = columns.leftCols(own);
-            point.iterations = iteration + 1;
-            find_multipliers(point, autonomous());
+            result.point = curve_point(shared_from_this(), closing, moves, border.columns.leftCols(own), length);
+            result.point.iterations = iteration + 1;
             result.distance = norm(y - guess);
-            point.y = std::move(y);
+            result.point.y = std::move(y);
             result.status = OrbitStatus::converged;
             return result;
         }
@@ -215,9 +225,7 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
 
 CurvePoint OrbitCurve::settled(CurvePoint point) const {
     if (point.last_step <= rounding_step) return point;
-    const VectorXd theta = setting_->theta_at(point.parameter());
-    ClosingError closing = closing_error(FlowSteps(setting_->system, theta, mesh_, setting_->solver.flow),
-                                         nodes(point.y), time(point.y), turns_);
+    ClosingError closing = closing_at(*this, point.y, {});
     if (!closing.simulated) return point;
     point.residual = closing.error.cwiseAbs().maxCoeff();
     point.sticking = closing.sticking;

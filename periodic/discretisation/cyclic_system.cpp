@@ -16,48 +16,59 @@ using Eigen::MatrixXd;
 
 constexpr double smallest_pivot = 1e-14;  // see CyclicSystem::singular
 
+struct PivotRange {
+    double largest = 0.0;
+    double smallest = std::numeric_limits<double>::infinity();
+
+    void note(const MatrixXd& r) {
+        for (Index i = 0; i < r.cols(); ++i) {
+            largest = std::max(largest, std::abs(r(i, i)));
+            smallest = std::min(smallest, std::abs(r(i, i)));
+        }
+    }
+};
+
+void validate_blocks(const std::vector<MatrixXd>& factors, const CyclicSystem::Border& border) {
+    if (factors.empty()) throw std::invalid_argument("CyclicSystem: no factors, at least one is needed");
+    const Index n = factors.front().rows(), p = static_cast<Index>(factors.size()), k = border.rows.rows();
+    for (const MatrixXd& factor : factors)
+        if (factor.rows() != n || factor.cols() != n || n == 0)
+            throw std::invalid_argument("CyclicSystem: factors must be square and of one size");
+    if (k > 0 && (border.columns.rows() != n * p || border.columns.cols() != k ||
+                  (border.rows.cols() != n && border.rows.cols() != n * p) || border.corner.rows() != k ||
+                  border.corner.cols() != k))
+        throw std::invalid_argument("CyclicSystem: the border does not fit the factors");
+}
+
+/// What block row j holds of d_0 (only the first one does) and tau.
+MatrixXd outer_columns(const std::vector<MatrixXd>& factors, const CyclicSystem::Border& border, Index j) {
+    const Index n = factors.front().rows(), k = border.rows.rows();
+    MatrixXd columns = MatrixXd::Zero(n, n + k);
+    if (j == 0) columns.leftCols(n) = -factors[0];
+    if (k > 0) columns.rightCols(k) = -border.columns.middleRows(n * j, n);
+    return columns;
+}
+
 }  // namespace
 
 CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors) : CyclicSystem(factors, Border{}) {}
 
 CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& border) {
-    if (factors.empty()) throw std::invalid_argument("CyclicSystem: no factors, at least one is needed");
+    validate_blocks(factors, border);
     n_ = factors.front().rows();
     p_ = static_cast<Index>(factors.size());
     k_ = border.rows.rows();
-    for (const MatrixXd& factor : factors)
-        if (factor.rows() != n_ || factor.cols() != n_ || n_ == 0)
-            throw std::invalid_argument("CyclicSystem: factors must be square and of one size");
-    if (k_ > 0 && (border.columns.rows() != n_ * p_ || border.columns.cols() != k_ ||
-                   (border.rows.cols() != n_ && border.rows.cols() != n_ * p_) || border.corner.rows() != k_ ||
-                   border.corner.cols() != k_))
-        throw std::invalid_argument("CyclicSystem: the border does not fit the factors");
-
-    double largest = 0.0;
-    double smallest = std::numeric_limits<double>::infinity();
-    const auto note_pivots = [&](const MatrixXd& r) {
-        for (Index i = 0; i < r.cols(); ++i) {
-            largest = std::max(largest, std::abs(r(i, i)));
-            smallest = std::min(smallest, std::abs(r(i, i)));
-        }
-    };
-    // What block row j holds of d_0 (only the first one does) and tau.
-    const auto outer = [&](Index j) {
-        MatrixXd columns = MatrixXd::Zero(n_, n_ + k_);
-        if (j == 0) columns.leftCols(n_) = -factors[0];
-        if (k_ > 0) columns.rightCols(k_) = -border.columns.middleRows(n_ * j, n_);
-        return columns;
-    };
+    PivotRange pivots;
 
     if (p_ == 1) {
         MatrixXd whole(n_ + k_, n_ + k_);
-        whole.topRows(n_) = outer(0);
+        whole.topRows(n_) = outer_columns(factors, border, 0);
         whole.topLeftCorner(n_, n_) += MatrixXd::Identity(n_, n_);
         if (k_ > 0) whole.bottomRows(k_) << border.rows, border.corner;
         last_ = models::PivotedFactor(whole);
     } else {
         // The current row block: first (d_0, tau) + next d_{j} = right-hand side, with j eliminated next.
-        MatrixXd first = outer(0);
+        MatrixXd first = outer_columns(factors, border, 0);
         MatrixXd next = MatrixXd::Identity(n_, n_);
         // The current rows of the border: bottom (d_0, tau) + bottom_next d_j, and their parts for later nodes.
         const bool all_nodes = k_ > 0 && border.rows.cols() == n_ * p_;
@@ -72,14 +83,14 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
             Elimination step{models::HouseholderFactor(column), {}, {}, {}};
             MatrixXd rest = MatrixXd::Zero(2 * n_, 2 * n_ + k_);
             rest.topLeftCorner(n_, n_ + k_) = first;
-            rest.bottomLeftCorner(n_, n_ + k_) = outer(j);
+            rest.bottomLeftCorner(n_, n_ + k_) = outer_columns(factors, border, j);
             rest.bottomRightCorner(n_, n_).setIdentity();
             step.qr.apply_transposed_q(rest);
             step.to_first = rest.topLeftCorner(n_, n_ + k_);
             step.to_next = rest.topRightCorner(n_, n_);
             first = rest.bottomLeftCorner(n_, n_ + k_);
             next = rest.bottomRightCorner(n_, n_);
-            note_pivots(step.qr.packed());
+            pivots.note(step.qr.packed());
             if (all_nodes) {
                 step.off_rows = bottom_next;
                 models::divide_by_upper_in_place(step.off_rows, step.qr.packed().topRows(n_));
@@ -90,13 +101,13 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
         }
         MatrixXd corner = MatrixXd::Zero(2 * n_ + k_, 2 * n_ + k_);
         corner.topRows(n_) << next, first;
-        corner.middleRows(n_, n_) << -factors[static_cast<std::size_t>(p_ - 1)], outer(p_ - 1);
+        corner.middleRows(n_, n_) << -factors[static_cast<std::size_t>(p_ - 1)], outer_columns(factors, border, p_ - 1);
         corner.block(n_, n_, n_, n_) += MatrixXd::Identity(n_, n_);
         if (k_ > 0) corner.bottomRows(k_) << bottom_next, bottom;
         last_ = models::PivotedFactor(corner);
     }
-    note_pivots(last_.packed());
-    singular_ = !(smallest > smallest_pivot * largest);
+    pivots.note(last_.packed());
+    singular_ = !(pivots.smallest > smallest_pivot * pivots.largest);
 }
 
 MatrixXd CyclicSystem::solve(const MatrixXd& b) const {

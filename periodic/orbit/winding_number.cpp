@@ -57,6 +57,13 @@ MatrixXd winding_numbers(const MatrixXd& error, const std::vector<Index>& angles
     return turns;
 }
 
+std::vector<int> total_rotation(const MatrixXd& turns, const std::vector<Index>& angles) {
+    std::vector<int> sums;
+    for (const Index i : angles)
+        sums.push_back(static_cast<int>(std::lround(turns.row(i).sum())));
+    return sums;
+}
+
 MatrixXd wrapped_angles(MatrixXd difference, const std::vector<Index>& angles) {
     for (const Index i : angles)
         for (double& angle : difference.row(i).reshaped())

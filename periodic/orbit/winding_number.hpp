@@ -25,6 +25,9 @@ namespace orbid::periodic {
 [[nodiscard]] Eigen::MatrixXd winding_numbers(const Eigen::MatrixXd& error, const std::vector<Eigen::Index>& angles,
                                               std::span<const int> rotation);
 
+/// Whole turns of the orbit, one sum per angle.
+[[nodiscard]] std::vector<int> total_rotation(const Eigen::MatrixXd& turns, const std::vector<Eigen::Index>& angles);
+
 /// How often the points of a closed orbit run through the same ones, within a fraction `same` of the scale: 1 where the
 /// prime period is p. Different points of a converged orbit are closer only next to a period doubling, where the orbits
 /// cannot be distinguished either.

@@ -62,14 +62,6 @@ ShootingOptions coarsened(const ShootingOptions& options) {
     return coarse;
 }
 
-/// Turns of each angle over the whole orbit.
-std::vector<int> rotation_of(const MatrixXd& turns, const std::vector<Index>& angles) {
-    std::vector<int> sums;
-    for (const Index i : angles)
-        sums.push_back(static_cast<int>(std::lround(turns.row(i).sum())));
-    return sums;
-}
-
 }  // namespace
 
 FarStartSearch improve_guess(const models::System& system, const VectorXd& theta, const ShootingMesh& mesh,
@@ -84,7 +76,7 @@ FarStartSearch improve_guess(const models::System& system, const VectorXd& theta
     const std::vector<Index> angles = angle_coordinates(system);
     const MatrixXd nearest = winding_numbers(first.error, angles, start.rotation);
     const MatrixXd likely = likely_turns(first, nearest, angles, scale, start.rotation);
-    result.rotation = rotation_of(likely, angles);
+    result.rotation = total_rotation(likely, angles);
     const auto condition = phase_condition(system, theta, mesh.nodes, shares(mesh), start.section, options.phase);
 
     const auto solve = [&](const MatrixXd& turns, bool carefully) {
@@ -107,7 +99,7 @@ FarStartSearch improve_guess(const models::System& system, const VectorXd& theta
             for (std::size_t j = 0; j < mesh.segments.size(); ++j)
                 result.mesh.segments[j].duration = mesh.segments[j].duration * found.time / mesh.time;
         }
-        result.rotation = rotation_of(turns, angles);
+        result.rotation = total_rotation(turns, angles);
         result.closed = true;
         result.iterations = found.iterations;
     };

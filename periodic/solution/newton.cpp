@@ -100,6 +100,57 @@ private:
     CyclicSystem matrix_;
 };
 
+/// What stays the same from step to step.
+struct NewtonProblem {
+    const Discretisation& discretisation;
+    const MatrixXd& turns;
+    const std::optional<PhaseCondition>& condition;
+    const VectorXd& scale;
+    double minimum_damping;
+};
+
+/// What is known at the nodes and the time that were reached.
+struct Iterate {
+    ClosingError closing;
+    Gap gap;
+    double damping = 1.0;
+    bool after_full_step = false;
+};
+
+/// Takes the step, halved until the next one with the same matrix is shorter. @return converged where it was taken, or
+/// why not.
+OrbitStatus damped_step(const NewtonProblem& problem, const Linearisation& matrix, const Move& step, Iterate& now,
+                        NewtonResult& result) {
+    const auto& [discretisation, turns, condition, scale, minimum_damping] = problem;
+    const double step_size = step.size(scale);
+    const double step_norm = step.norm(scale);
+    bool simulated_once = false;
+    bool shrank = false;
+    for (double length = now.damping; length >= minimum_damping; length *= 0.5) {
+        const MatrixXd trial_nodes = result.nodes + length * step.nodes;
+        const double trial_time = result.time * (1.0 + length * step.ln_time);
+        if (discretisation.unknown_time() &&
+            !(most_shrinkage * trial_time > result.time && trial_time < most_shrinkage * result.time)) {
+            shrank = trial_time < result.time;
+            continue;
+        }
+        ClosingError trial = closing_error(discretisation, trial_nodes, trial_time, turns);
+        if (!trial.simulated) continue;
+        simulated_once = true;
+        Gap trial_gap = gap_at(discretisation, trial_nodes, trial_time, condition, scale, {});
+        const Move simplified = matrix.solve(trial.error, trial_gap.value);
+        if (result.iterations == 0 && length == 1.0) result.contraction = simplified.norm(scale) / step_norm;
+        // Below the noise level the test would compare rounding errors: the step is taken unchanged.
+        if (!(simplified.norm(scale) <= (1.0 - 0.5 * length) * step_norm) && !(step_size < noise_level)) continue;
+        result.nodes = trial_nodes;
+        result.time = trial_time;
+        now = {std::move(trial), std::move(trial_gap), std::min(1.0, 2.0 * length), length == 1.0};
+        return OrbitStatus::converged;
+    }
+    if (simulated_once) return OrbitStatus::no_progress;
+    return shrank ? OrbitStatus::period_vanished : OrbitStatus::not_simulated;
+}
+
 }  // namespace
 
 double relative_size(const MatrixXd& difference, const VectorXd& scale) {
@@ -112,27 +163,25 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
     NewtonResult result;
     result.nodes = start;
     result.time = time;
-    ClosingError now = std::move(first);
-    if (!now.simulated) {
+    if (!first.simulated) {
         result.status = OrbitStatus::not_simulated;
         return result;
     }
-    Gap gap = gap_at(discretisation, start, time, condition, scale, {});
-    result.residual = now.error.cwiseAbs().maxCoeff();
+    const NewtonProblem problem{discretisation, turns, condition, scale, options.minimum_damping};
+    Iterate now{std::move(first), gap_at(discretisation, start, time, condition, scale, {})};
+    result.residual = now.closing.error.cwiseAbs().maxCoeff();
     result.status = OrbitStatus::iteration_limit;
-    double damping = 1.0;
     double last_size = std::numeric_limits<double>::infinity();
-    bool last_was_full = false;
     for (result.iterations = 0; result.iterations < options.maximum_iterations; ++result.iterations) {
-        const Linearisation matrix(now, gap);
+        const Linearisation matrix(now.closing, now.gap);
         if (matrix.singular()) {
             result.status = OrbitStatus::singular;
             return result;
         }
-        const Move step = matrix.solve(now.error, gap.value);
+        const Move step = matrix.solve(now.closing.error, now.gap.value);
         const double step_size = step.size(scale);
-        const bool closed = relative_size(now.error, scale) <= options.tolerance;
-        const bool stagnates = last_was_full && last_size < noise_level && step_size > 0.1 * last_size;
+        const bool closed = relative_size(now.closing.error, scale) <= options.tolerance;
+        const bool stagnates = now.after_full_step && last_size < noise_level && step_size > 0.1 * last_size;
         if ((closed && step_size <= options.tolerance) || stagnates) {
             // Squares the error once more; the caller evaluates the result there anyway.
             result.nodes += step.nodes;
@@ -141,41 +190,11 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
             return result;
         }
 
-        const double step_norm = step.norm(scale);
-        if (result.iterations == 0) result.first_step = step_norm;
-        bool accepted = false;
-        bool simulated_once = false;
-        bool shrank = false;
-        for (double length = damping; length >= options.minimum_damping; length *= 0.5) {
-            const MatrixXd trial_nodes = result.nodes + length * step.nodes;
-            const double trial_time = result.time * (1.0 + length * step.ln_time);
-            if (discretisation.unknown_time() &&
-                !(most_shrinkage * trial_time > result.time && trial_time < most_shrinkage * result.time)) {
-                shrank = trial_time < result.time;
-                continue;
-            }
-            ClosingError trial = closing_error(discretisation, trial_nodes, trial_time, turns);
-            if (!trial.simulated) continue;
-            simulated_once = true;
-            Gap trial_gap = gap_at(discretisation, trial_nodes, trial_time, condition, scale, {});
-            const Move simplified = matrix.solve(trial.error, trial_gap.value);
-            if (result.iterations == 0 && length == 1.0) result.contraction = simplified.norm(scale) / step_norm;
-            // Below the noise level the test would compare rounding errors: the step is taken unchanged.
-            if (!(simplified.norm(scale) <= (1.0 - 0.5 * length) * step_norm) && !(step_size < noise_level)) continue;
-            result.nodes = trial_nodes;
-            result.time = trial_time;
-            now = std::move(trial);
-            gap = std::move(trial_gap);
-            last_was_full = length == 1.0;
-            damping = std::min(1.0, 2.0 * length);
-            accepted = true;
-            break;
-        }
-        result.residual = now.error.cwiseAbs().maxCoeff();
-        if (!accepted) {
-            result.status = simulated_once ? OrbitStatus::no_progress
-                            : shrank       ? OrbitStatus::period_vanished
-                                           : OrbitStatus::not_simulated;
+        if (result.iterations == 0) result.first_step = step.norm(scale);
+        const OrbitStatus step_status = damped_step(problem, matrix, step, now, result);
+        result.residual = now.closing.error.cwiseAbs().maxCoeff();
+        if (step_status != OrbitStatus::converged) {
+            result.status = step_status;
             return result;
         }
         if (discretisation.unknown_time() && !(result.time > vanished * time)) {

@@ -43,6 +43,35 @@ MatrixXd states_of(const Discretisation& discretisation, const MatrixXd& nodes, 
     return states;
 }
 
+std::optional<PhaseCondition> condition_at(const models::System& system, const VectorXd& theta,
+                                           const StartingSolution& start, const Discretisation& discretisation,
+                                           const DiscreteStart& first, PhaseChoice choice) {
+    VectorXd shares(discretisation.steps());
+    for (Index j = 0; j < shares.size(); ++j)
+        shares(j) = discretisation.share(j);
+    const bool on_plane = !discretisation.unknown_time() || start.section || choice != PhaseChoice::integral;
+    return phase_condition(
+        system, theta, on_plane ? start.points : states_of(discretisation, first.nodes, first.time, system.dimension()),
+        shares, start.section, choice);
+}
+
+/// Whether the orbit is the one that was looked for: its distance from the guess, and how often it repeats itself.
+void compare_with_start(PeriodicOrbit& orbit, const models::System& system, const VectorXd& theta,
+                        const MatrixXd& guess, const MatrixXd& states, const VectorXd& scale,
+                        const ShootingOptions& options) {
+    const std::vector<Index> angles = angle_coordinates(system);
+    const Index compared = orbit.points.cols() == guess.cols() ? guess.cols() : 1;
+    orbit.distance = relative_size(wrapped_angles(states.leftCols(compared) - guess.leftCols(compared), angles), scale);
+    orbit.repeats = repeats_of(orbit.points, angles, scale);
+    if (system.kind() == models::Kind::autonomous && orbit.repeats == 1)
+        orbit.repeats = repeats_in_time(system, theta, states.col(0), orbit.time, angles, scale, options.flow);
+    if (orbit.repeats > 1) {
+        orbit.status = OrbitStatus::shorter_period;
+    } else if (!(orbit.distance <= options.maximum_distance)) {
+        orbit.status = OrbitStatus::other_orbit;
+    }
+}
+
 void require_orbit(bool holds, const std::string& message) {
     if (!holds) throw std::invalid_argument("periodic orbit: " + message);
 }
@@ -95,16 +124,10 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
         winding_numbers(closing.error.bottomRows(n), angles, first.rotation.empty() ? start.rotation : first.rotation)
             .replicate(copies, 1);
     closing.error -= full_turn * turns;
-    for (const Index i : angles)
-        orbit.rotation.push_back(static_cast<int>(std::lround(turns.row(i).sum())));
+    orbit.rotation = total_rotation(turns, angles);
 
-    VectorXd shares(discretisation.steps());
-    for (Index j = 0; j < shares.size(); ++j)
-        shares(j) = discretisation.share(j);
-    const bool on_plane = !autonomous || start.section || options.phase != PhaseChoice::integral;
     const std::optional<PhaseCondition> condition =
-        phase_condition(system, theta, on_plane ? start.points : states_of(discretisation, first.nodes, first.time, n),
-                        shares, start.section, options.phase);
+        condition_at(system, theta, start, discretisation, first, options.phase);
     const NewtonResult newton_result =
         newton(discretisation, first.nodes, first.time, std::move(closing), turns, condition, node_scale, options);
     orbit.status = newton_result.status;
@@ -132,13 +155,7 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
     orbit.sticking = closing.sticking;
     const std::vector<MatrixXd> factors = discretisation.propagators(closing.jacobians, solution.nodes, orbit.time);
     orbit.multipliers = floquet_multipliers(condensed_factors(factors));
-    if (autonomous && !orbit.multipliers.empty()) {
-        const auto trivial =
-            std::min_element(orbit.multipliers.begin(), orbit.multipliers.end(),
-                             [](const auto& a, const auto& b) { return std::abs(a - 1.0) < std::abs(b - 1.0); });
-        orbit.trivial_multiplier = *trivial;
-        orbit.multipliers.erase(trivial);
-    }
+    if (autonomous && !orbit.multipliers.empty()) orbit.trivial_multiplier = take_trivial(orbit.multipliers);
     MatrixXd sensitivities;
     if (!free.empty()) {
         sensitivities =
@@ -156,17 +173,7 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
     orbit.jacobians =
         merged_factors(factors.size() == closing.jacobians.size() ? factors : closing.jacobians, reported.nodes);
     orbit.points = wrapped_angles(reported.states, angles);
-    const Index compared = orbit.points.cols() == start.points.cols() ? start.points.cols() : 1;
-    orbit.distance = relative_size(
-        wrapped_angles(reported.states.leftCols(compared) - start.points.leftCols(compared), angles), scale);
-    orbit.repeats = repeats_of(orbit.points, angles, scale);
-    if (autonomous && orbit.repeats == 1)
-        orbit.repeats = repeats_in_time(system, theta, reported.states.col(0), orbit.time, angles, scale, options.flow);
-    if (orbit.repeats > 1) {
-        orbit.status = OrbitStatus::shorter_period;
-    } else if (!(orbit.distance <= options.maximum_distance)) {
-        orbit.status = OrbitStatus::other_orbit;
-    }
+    compare_with_start(orbit, system, theta, start.points, reported.states, scale, options);
     return solution;
 }
 

@@ -241,4 +241,13 @@ std::vector<Complex> floquet_multipliers(const std::vector<MatrixXd>& factors) {
     return values;
 }
 
+Complex take_trivial(std::vector<Complex>& multipliers) {
+    const auto nearest =
+        std::min_element(multipliers.begin(), multipliers.end(),
+                         [](const Complex& a, const Complex& b) { return std::abs(a - 1.0) < std::abs(b - 1.0); });
+    const Complex trivial = *nearest;
+    multipliers.erase(nearest);
+    return trivial;
+}
+
 }  // namespace orbid::periodic

@@ -29,6 +29,9 @@ namespace orbid::periodic {
 /// Source: A. Bojanczyk, G. H. Golub, P. Van Dooren, Proc. SPIE 1770 (1992) 31.
 [[nodiscard]] std::vector<std::complex<double>> floquet_multipliers(const std::vector<Eigen::MatrixXd>& factors);
 
+/// Takes the multiplier along the orbit of an autonomous flow, the one nearest to 1, out of a list that is not empty.
+[[nodiscard]] std::complex<double> take_trivial(std::vector<std::complex<double>>& multipliers);
+
 }  // namespace orbid::periodic
 
 #pragma GCC visibility pop
