@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 #include <xsimd/xsimd.hpp>
 
@@ -127,12 +128,12 @@ public:
     /// factor b + c, rounded once where the machine can.
     [[gnu::always_inline]] friend Pack fma(double factor, const Pack& b, const Pack& c) {
         const Register f(factor);
-        return each([&f](const Register& x, const Register& y) { return xsimd::fma(f, x, y); }, b, c);
+        return each([&f](const Register& x, const Register& y) { return fused_sum(f, x, y); }, b, c);
     }
     [[gnu::always_inline]] friend Pack fma(const Pack& a, const Pack& b, const Pack& c) {
         Pack r;
         for (std::size_t i = 0; i < R; ++i)
-            r.part_[i] = xsimd::fma(a.part_[i], b.part_[i], c.part_[i]);
+            r.part_[i] = fused_sum(a.part_[i], b.part_[i], c.part_[i]);
         return r;
     }
 
@@ -236,6 +237,14 @@ private:
             r.part_[i] = xsimd::select(mask.part_[i], a.part_[i], b.part_[i]);
         return r;
     }
+    /// a b + c with one rounding, where the processor has it. For AVX-512 xsimd 8.1 would multiply and then add.
+    [[gnu::always_inline]] static Register fused_sum(const Register& a, const Register& b, const Register& c) {
+#ifdef __AVX512F__
+        if constexpr (std::is_base_of_v<xsimd::avx512f, Arch>) return _mm512_fmadd_pd(a, b, c);
+#endif
+        return xsimd::fma(a, b, c);
+    }
+
     /// Rarely used functions, by the standard library. Those of xsimd 8.1 are wrong by more than 2 ulp (tan 2.5, atan
     /// 2.2, pow 33) or reduce an argument in a way that depends on the other lanes.
     template <class F, class... Packs>
@@ -273,25 +282,25 @@ private:
             Pack result;
             for (std::size_t i = 0; i < R; ++i) {
                 if constexpr (quarter == 0)
-                    whole[i] = xsimd::fma(part_[i], Register(inverse_pi), Register(round));
+                    whole[i] = fused_sum(part_[i], Register(inverse_pi), Register(round));
                 else
-                    whole[i] = xsimd::fma(part_[i], Register(inverse_pi), Register(-0.5)) + Register(round);
+                    whole[i] = fused_sum(part_[i], Register(inverse_pi), Register(-0.5)) + Register(round);
                 turns[i] = whole[i] - Register(round);
                 if constexpr (quarter == 1) turns[i] = turns[i] + Register(0.5);
             }
             for (std::size_t i = 0; i < R; ++i)
-                r[i] = xsimd::fnma(turns[i], Register(pi_1), part_[i]);
+                r[i] = fused_sum(-turns[i], Register(pi_1), part_[i]);
             for (std::size_t i = 0; i < R; ++i)
-                r[i] = xsimd::fnma(turns[i], Register(pi_2), r[i]);
+                r[i] = fused_sum(-turns[i], Register(pi_2), r[i]);
             for (std::size_t i = 0; i < R; ++i) {
                 square[i] = r[i] * r[i];
                 sum[i] = Register(p[7]);
             }
             for (int j = 6; j >= 0; --j)
                 for (std::size_t i = 0; i < R; ++i)
-                    sum[i] = xsimd::fma(sum[i], square[i], Register(p[j]));
+                    sum[i] = fused_sum(sum[i], square[i], Register(p[j]));
             for (std::size_t i = 0; i < R; ++i) {
-                const Register magnitude = xsimd::fma(sum[i], r[i] * square[i], r[i]);
+                const Register magnitude = fused_sum(sum[i], r[i] * square[i], r[i]);
                 Bits sign = xsimd::bitwise_cast<Bits>(whole[i]) << 63;
                 if constexpr (quarter == 1) sign = sign ^ Bits(std::numeric_limits<std::int64_t>::min());
                 const Register signed_value =

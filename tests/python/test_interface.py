@@ -8,7 +8,7 @@ ROOMS = ("models", "periodic", "orbits", "estimator", "apps")
 
 
 def included(folder):
-    for file in sorted(folder.glob("*.[ch]pp")):
+    for file in sorted(folder.rglob("*.[ch]pp")):
         for line, text in enumerate(file.read_text().splitlines(), 1):
             found = re.match(r'#\s*include\s+["<]([^">]+)[">]', text)
             if found and found.group(1).split("/")[0] in ROOMS:

@@ -157,7 +157,7 @@ TEST_CASE("a Cholesky factor says that a matrix is not positive definite", "[mod
 }
 
 TEST_CASE("an LDL^T factor solves with indefinite matrices and knows their signs", "[models][fast]") {
-    MatrixXd a = second_differences(4) - MatrixXd::Identity(4, 4);  // eigenvalues 1 - 2 cos(k pi / 5): one is negative
+    MatrixXd a = second_differences(4) - 0.5 * MatrixXd::Identity(4, 4);  // eigenvalues 1.5 - 2 cos(k pi / 5): one < 0
     const LdltFactor indefinite(a);
     CHECK(indefinite.succeeded());
     CHECK_FALSE(indefinite.positive_semidefinite());
