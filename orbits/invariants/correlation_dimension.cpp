@@ -189,6 +189,53 @@ void find_scaling_range(const std::vector<Octave>& by_octave, double dimension, 
     result.entropy_sd = std::sqrt(1.0 / weight + (count > 1.0 ? square / (count - 1.0) / count : 0.0));
 }
 
+/// Finite points, and how many steps of `stride` points each of all points can be followed.
+struct FollowedPoints {
+    std::vector<std::uint32_t> all;
+    std::vector<std::uint8_t> ahead;
+    double time = 0.0;  ///< sum of the return times
+};
+
+FollowedPoints followed_points(const SectionPoints& points, std::size_t stride) {
+    FollowedPoints result;
+    auto& [all, ahead, time] = result;
+    ahead.assign(points.size(), 0);
+    for (std::size_t i = points.size(); i-- > 0;) {
+        bool finite = true;
+        for (Eigen::Index d = 0; d < points.dimension(); ++d)
+            finite = finite && std::isfinite(points.point(i)[d]);
+        if (finite) all.push_back(static_cast<std::uint32_t>(i));
+        if (!points.has_image(i)) continue;
+        if (points.timed()) time += points.return_time(i);
+        // Steps of `stride` points: every one between has an image as well.
+        const std::size_t next = i + stride;
+        if (next < points.size()) ahead[i] = static_cast<std::uint8_t>(std::min(255, ahead[next] + 1));
+    }
+    std::reverse(all.begin(), all.end());
+    // Points that cannot be followed to the end of the run they are in must not count the next run's steps.
+    std::size_t run = 0;
+    for (std::size_t i = points.size(); i-- > 0;) {
+        run = points.has_image(i) ? run + 1 : 0;
+        ahead[i] = static_cast<std::uint8_t>(std::min<std::size_t>(ahead[i], run / stride));
+    }
+    return result;
+}
+
+Octave measured_octave(const OctaveCount& count, double radius, std::size_t chosen,
+                       std::vector<CorrelationScale>& scales) {
+    Octave octave{radius, {}, {}};
+    octave.takens = jackknife(count, [](const auto& s) { return s.different / s.ln_ratio; });
+    octave.entropy = jackknife(count, decay);
+    for (std::size_t k = 0; k < 2; ++k) {
+        const WithError slope = jackknife(
+            count, [&](const auto& s) { return std::log(s.within[k] / s.within[k + 1]) / std::log(std::sqrt(2.0)); });
+        scales.push_back({radius / std::pow(2.0, 0.5 * static_cast<double>(k)), chosen,
+                          static_cast<std::size_t>(count.all.within[k]), count.all.within[k] / count.candidates,
+                          slope.value, slope.sd, k == 0 ? octave.entropy.value : estimator::nan_value});
+    }
+    return octave;
+}
+
 }  // namespace
 
 CorrelationDimension correlation_dimension(const Series& series, const CorrelationOptions& options) {
@@ -202,27 +249,7 @@ CorrelationDimension correlation_dimension(const Series& series, const Correlati
     result.timed = points.timed();
     result.theiler = options.theiler > 0 ? options.theiler : 10 * stride;
 
-    std::vector<std::uint32_t> all;
-    std::vector<std::uint8_t> ahead(points.size(), 0);
-    double time = 0.0;
-    for (std::size_t i = points.size(); i-- > 0;) {
-        bool finite = true;
-        for (Eigen::Index d = 0; d < points.dimension(); ++d)
-            finite = finite && std::isfinite(points.point(i)[d]);
-        if (finite) all.push_back(static_cast<std::uint32_t>(i));
-        if (!points.has_image(i)) continue;
-        if (result.timed) time += points.return_time(i);
-        // Steps of `stride` points: every one between has an image as well.
-        const std::size_t next = i + stride;
-        if (next < points.size()) ahead[i] = static_cast<std::uint8_t>(std::min(255, ahead[next] + 1));
-    }
-    std::reverse(all.begin(), all.end());
-    // Points that cannot be followed to the end of the run they are in must not count the next run's steps.
-    std::size_t run = 0;
-    for (std::size_t i = points.size(); i-- > 0;) {
-        run = points.has_image(i) ? run + 1 : 0;
-        ahead[i] = static_cast<std::uint8_t>(std::min<std::size_t>(ahead[i], run / stride));
-    }
+    auto [all, ahead, time] = followed_points(points, stride);
     all = spread(all, static_cast<double>(options.points));
     if (all.size() < fewest_points)
         throw std::invalid_argument("correlation_dimension: " + std::to_string(all.size()) +
@@ -251,18 +278,7 @@ CorrelationDimension correlation_dimension(const Series& series, const Correlati
         if (!(sum.within[2] > fewest_pairs)) break;
         identical = 1.0 - sum.different / sum.within[0];
         if (identical > 0.1) break;
-        Octave octave{radius, {}, {}};
-        octave.takens = jackknife(count, [](const auto& s) { return s.different / s.ln_ratio; });
-        octave.entropy = jackknife(count, decay);
-        by_octave.push_back(octave);
-        for (std::size_t k = 0; k < 2; ++k) {
-            const WithError slope = jackknife(count, [&](const auto& s) {
-                return std::log(s.within[k] / s.within[k + 1]) / std::log(std::sqrt(2.0));
-            });
-            result.scales.push_back({radius / std::pow(2.0, 0.5 * static_cast<double>(k)), chosen.size(),
-                                     static_cast<std::size_t>(sum.within[k]), sum.within[k] / count.candidates,
-                                     slope.value, slope.sd, k == 0 ? octave.entropy.value : estimator::nan_value});
-        }
+        by_octave.push_back(measured_octave(count, radius, chosen.size(), result.scales));
     }
     if (identical > 0.1)
         result.remarks.push_back(
