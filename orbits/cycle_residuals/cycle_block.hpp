@@ -11,8 +11,8 @@
 
 namespace orbid::orbits {
 
-/// The values of all active blocks, one after the other or at once: value(b, block) fills block b and returns false
-/// when it cannot be evaluated. Where a parameter lies outside its domain all fail.
+/// The values of all active blocks, sequential or parallel: value(b, block) fills block b and returns false when it
+/// cannot be evaluated. If a parameter is outside its domain all fail.
 /// @param values  full parameter vector of the system.
 template <typename Value>
 std::vector<estimator::BlockValue> evaluate_blocks(const models::System& system, const Eigen::VectorXd& values,

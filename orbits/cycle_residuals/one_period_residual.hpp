@@ -10,12 +10,12 @@ namespace orbid::orbits {
 
 struct OnePeriodOptions {
     CycleTargetOptions targets;  ///< weights and errors are not used: the error of a prediction is the model's
-    /// Error of a prediction that does not grow with the local amplification, relative to that which does, in
-    /// coordinates of unit range. > 0.
+    /// Part of a prediction's error that does not grow with the local amplification, relative to the part that does, in
+    /// coordinates of unit range, > 0.
     double floor = 0.1;
-    /// Cauchy's: predictions that are far off, of orbits on another branch of a fold, hardly count.
+    /// Cauchy's: predictions far off, of orbits on another branch of a fold, have little weight.
     estimator::ErrorDistribution errors = estimator::StudentErrors{{false, 1.0, estimator::FlatPrior{}}};
-    /// 1e-10: predictions over one period need no more, the parameters are still far off.
+    /// 1e-10: enough for one period while the parameters are still far off.
     models::FlowOptions flow{1e-10, 1e-10, 2000};
 };
 
@@ -23,15 +23,15 @@ struct OnePeriodOptions {
 ///
 ///     e_j = x^meas_{j+1} - Phi(x^meas_j; theta),   j mod p, angles wrapped
 ///
-/// No latent states, no orbit that could be lost, and no trajectory longer than a period: the first stage, for starts
-/// far from the truth. A block per cycle, groups "one_period.<coordinate>". The deviation of a record is
-/// sqrt(floor^2 + |its row of X_j|^2) (scaled to unit ranges), X_j the derivative of the section map: what a point is
-/// worth falls with how strongly its error and the model's are amplified. Scales are 1.4826 times the median of |e|
-/// over its deviation, but at least 1e-4 of the range. Both, and the states of points that are readings, are those at
-/// the start parameters or the last update_active_set(); is_intermediate_stage() until neither moves by a tenth.
+/// It has no latent states, no orbits to lose, and no trajectory longer than a period: the first stage, for starts far
+/// from the truth. One block per cycle, groups "one_period.<coordinate>". The deviation of a record is
+/// sqrt(floor^2 + |its row of X_j|^2) (scaled to unit ranges), X_j the derivative of the section map: the weight of a
+/// point falls as its error and the model's are amplified. Scales are 1.4826 times the median of |e| over its
+/// deviation, but at least 1e-4 of the range. Both, and the states of points that are readings, are those at the start
+/// parameters or the last update_active_set(); is_intermediate_stage() until neither moves by a tenth.
 class OnePeriodResidual final : public estimator::Residual {
 public:
-    /// @param system, cycles  the system is kept by pointer, what is needed of the cycles is copied.
+    /// @param system, cycles  the system is kept by pointer; needed data of the cycles are copied.
     /// @param start           the estimator's vector at the start.
     /// @throws std::invalid_argument as select_targets, or floor not > 0.
     OnePeriodResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
@@ -53,9 +53,9 @@ public:
     [[nodiscard]] bool is_intermediate_stage() const override { return provisional_; }
     void deactivate(std::size_t block) override { layout_.at(block).active = false; }
 
-    /// How badly theta predicts, robustly: sum over all records of ln(1 + (e / (0.02 range))^2). A prediction that is
-    /// far off counts little more than one that is just off, so that the minimum is broad and few points decide
-    /// nothing; a block that cannot be evaluated counts as off by half the range.
+    /// Robust measure of theta's prediction errors: sum over all records of ln(1 + (e / (0.02 range))^2). A prediction
+    /// far off counts little more than one slightly off, so that the minimum is broad and few points do not decide. A
+    /// block that cannot be evaluated counts as off by half the range.
     [[nodiscard]] double misfit(const Eigen::VectorXd& theta) const;
 
     /// Cycles left out because they are states of rest.

@@ -8,13 +8,13 @@
 
 namespace orbid::orbits {
 
-/// A better start for the one-period prediction: the parameters are tried one after the other on a coarse ladder around
-/// their start (factors 2^(k/6), k = -12 .. 12; around 0: +- size 2^(k/2), k = -6 .. 6), twice over, and the value with
-/// the smallest misfit (OnePeriodResidual::misfit, PredictionResidual::misfit) is kept. The start itself is the first
-/// candidate, so a good one stays.
+/// A better start for the one-period prediction: each parameter in turn is tried on a coarse ladder around its start
+/// (factors 2^(k/6), k = -12 .. 12; around 0: +- size 2^(k/2), k = -6 .. 6), in two rounds. The value with the smallest
+/// misfit (OnePeriodResidual::misfit, PredictionResidual::misfit) is kept. The start is the first candidate, so a good
+/// one stays.
 ///
-/// The misfit has further minima, which a ladder steps over: from 100 starts with a length within a factor of 2 and
-/// frictions within a factor of 10, at point errors of 1e-4 and of 1e-3, all led to the optimum; of 40 without it 33.
+/// The misfit has other minima, which a ladder steps over. All of 100 starts with a length within a factor of 2 and
+/// frictions within a factor of 10, at point errors of 1e-4 and of 1e-3, led to the optimum; without it 33 of 40.
 ///
 /// @param start, lower, upper, size  one per estimated parameter; candidates outside [lower, upper] are not tried.
 /// @throws std::invalid_argument on wrong lengths.

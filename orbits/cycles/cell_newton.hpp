@@ -7,12 +7,12 @@
 
 namespace orbid::orbits {
 
-/// Newton on all p points of a start together, F(x_j) - x_{j+1} = 0, j mod p, on the polynomials of the cells that the
-/// points are in; near the solution the cells stay, so that Newton converges although cells do not fit together
-/// smoothly.
+/// Newton on all p points of a start together, F(x_j) - x_{j+1} = 0, j mod p, on the polynomials of the cells that
+/// contain the points. Near the solution the cells no longer change, so that Newton converges although cells do not
+/// join smoothly.
 ///
 /// @param points  shape (n, p), scaled units; at success the closed orbit of the cells' polynomials, wrapped.
-/// @return false: a point came to where no map is known, or Newton wandered.
+/// @return false: a point reached a place without a map, or Newton wandered.
 [[nodiscard]] bool close_on_cells(const SectionPoints& section, const CellMap& map, Eigen::MatrixXd& points);
 
 }  // namespace orbid::orbits

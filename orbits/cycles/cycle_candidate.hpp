@@ -16,7 +16,7 @@
 
 namespace orbid::orbits {
 
-/// A closed orbit of a map fitted to the data, in the scaled units of SectionPoints, before it is published.
+/// A closed orbit of a map fitted to the data, in the scaled units of SectionPoints, before it becomes a Cycle.
 struct CycleCandidate {
     Eigen::MatrixXd points;      ///< shape (n, p), wrapped
     Eigen::MatrixXd covariance;  ///< shape (n p, n p), coordinate fastest
@@ -25,10 +25,10 @@ struct CycleCandidate {
     double time = std::numeric_limits<double>::quiet_NaN();     ///< [s]
     double time_sd = std::numeric_limits<double>::quiet_NaN();  ///< [s]
     std::size_t recurrences = 0;
-    Eigen::VectorXd advance;  ///< turns per cycle, one per angle coordinate; empty: the data do not tell
+    Eigen::VectorXd advance;  ///< turns per cycle, one per angle coordinate; empty: unknown
     std::vector<std::string> quality;
     /// Solutions of one map for the whole section are the same only within this distance (scaled units), mirror images
-    /// included; empty: their sds tell.
+    /// included; empty: judged by their sds.
     std::optional<double> same_within;
 
     /// Largest standard deviation of a coordinate of a point.
@@ -45,29 +45,29 @@ struct JudgedCandidate {
 [[nodiscard]] double cycle_distance(const SectionPoints& section, const Eigen::MatrixXd& a, const Eigen::MatrixXd& b,
                                     Eigen::Index shift, bool mirrored);
 
-/// All points lie within `tolerance` of each other, whatever the point that comes first, mirrored or not.
+/// Whether all points lie within `tolerance` of each other, whichever comes first, mirrored or not.
 [[nodiscard]] bool same_cycle(const SectionPoints& section, const Eigen::MatrixXd& a, const Eigen::MatrixXd& b,
                               double tolerance);
 
-/// The points do not repeat (within `tolerance`) before the last.
+/// Whether no point repeats (within `tolerance`) before the last.
 [[nodiscard]] bool is_prime(const SectionPoints& section, const Eigen::MatrixXd& points, double tolerance);
 
 /// Two cycles with these largest sds are one when they lie within this distance: 6 sds, at least 1e-6 (starts of one
 /// cycle end within 1e-7 of each other on clean data), never more than `limit`.
 [[nodiscard]] double same_cycle_tolerance(double sd_a, double sd_b, double limit);
 
-/// One draft per cycle (and mirror pair): the first with most recurrences; recurrences add up. The result is in the
-/// order of descending recurrences and does not depend on the number of threads.
+/// One draft per cycle (and mirror pair): the first with most recurrences; recurrences add up. The result is sorted by
+/// descending recurrences and does not depend on the number of threads.
 [[nodiscard]] std::vector<CycleCandidate> merged(
     const SectionPoints& section, std::vector<CycleCandidate> drafts,
     const std::function<double(const CycleCandidate&, const CycleCandidate&)>& tolerance_of);
 
 /// Turns per cycle from those of the nearest points of the series, one per angle coordinate; empty when the series does
-/// not tell turns.
+/// not count turns.
 [[nodiscard]] Eigen::VectorXd count_turns(const SectionPoints& section, const NeighbourIndex& grid,
                                           const Eigen::MatrixXd& points);
 
-/// Mirror partners, and starts of one cycle, lie no farther apart than this part of a box before they count as one.
+/// Mirror partners, and starts of one cycle, count as one only within this part of a box.
 inline constexpr double merging_boxes = 0.3;
 
 /// Appends a draft and, with a symmetry, its partner. A cycle within `tolerance` of its own mirror image becomes its

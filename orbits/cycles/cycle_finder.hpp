@@ -10,7 +10,7 @@
 
 namespace orbid::orbits {
 
-/// One way of telling the map of a section onto itself from a series, and of closing orbits on it.
+/// A method of estimating the map of a section onto itself from a series, and of closing orbits on it.
 ///
 /// Const and thread-safe after construction; keeps a reference to the section.
 class CycleFinder {
@@ -21,8 +21,8 @@ public:
     /// (candidates, rejected) and remarks of `search`. The same with any number of threads.
     [[nodiscard]] virtual std::vector<CycleCandidate> find(int period, CycleSearch& search) const = 0;
 
-    /// Cycles refined on these data from points that lie near them: one entry per start, empty where it is not
-    /// accepted. A finder that has nothing to add leaves all empty.
+    /// Cycles refined on these data from points near them: one entry per start, empty where not accepted. A finder with
+    /// nothing to add leaves all empty.
     [[nodiscard]] virtual std::vector<std::optional<CycleCandidate>> polish(
         const std::vector<CycleCandidate>& starts) const {
         return std::vector<std::optional<CycleCandidate>>(starts.size());
@@ -39,21 +39,22 @@ protected:
 [[nodiscard]] std::unique_ptr<CycleFinder> local_map_finder(const SectionPoints& section,
                                                             const CycleSearchOptions& options);
 
-/// The paper's analysis (CycleSearchOptions::Method::closest_return): of every group of recurrent points the one that
-/// returns closest is the reference x_t, and a linear map without intercept relative to it is fitted at each of its p
-/// points (P5); (P8) for all points.
+/// The paper's analysis (CycleSearchOptions::Method::closest_return): in every group of recurrent points the closest
+/// return is the reference x_t. A linear map without intercept relative to it is fitted at each of its p points (P5);
+/// (P8) for all points.
 /// @throws std::invalid_argument for too few points or neighbours, or an order beyond 1.
 [[nodiscard]] std::unique_ptr<CycleFinder> closest_return_finder(const SectionPoints& section,
                                                                  const CycleSearchOptions& options);
 
-/// One smooth map fitted to all data at once, errors in both of its sides (CycleSearchOptions::Method::spline_map).
+/// One smooth map fitted to all data at once, with errors in points and images
+/// (CycleSearchOptions::Method::spline_map).
 /// @param reading_covariance_scaled  of the reading errors of a point, shape (n, n), in scaled units.
 [[nodiscard]] std::unique_ptr<CycleFinder> patch_map_finder(const SectionPoints& section,
                                                             const CycleSearchOptions& options,
                                                             const Eigen::MatrixXd& reading_covariance_scaled);
 
-/// Local polynomials along the sheet of fewer dimensions that the points of a section of a strongly contracting flow
-/// lie on within their reading errors (ManifoldMap). Its cycles have the multipliers along the sheet only.
+/// Local polynomials along a sheet of fewer dimensions (ManifoldMap). Section points of a strongly contracting flow lie
+/// on it within their reading errors. The cycles have only the multipliers along the sheet.
 /// @param reading_covariance  shape (n, n), scaled units, positive definite.
 [[nodiscard]] std::unique_ptr<CycleFinder> sheet_map_finder(const SectionPoints& section,
                                                             const CycleSearchOptions& options,

@@ -18,7 +18,7 @@ enum class RefinementStatus {
     converged,
     no_neighbours,  ///< too few untorn neighbours at a point of the cycle
     no_solution,    ///< Newton on the frozen local maps did not converge or ran away
-    unsettled       ///< the points kept moving when the fits were renewed around them
+    unsettled       ///< the points kept moving when the fits were renewed
 };
 
 /// A closed orbit of the local maps.
@@ -32,7 +32,7 @@ struct RefinedCycle {
 };
 
 /// Newton on all p points together,  F_j(x_j) - x_{j+1} = 0, j mod p  (P8 for all points at once), on local maps that
-/// stay frozen while it runs and are fitted anew around the result until the points stay within a small part of the
+/// are frozen meanwhile. They are then fitted again around the result, until the points stay within a small part of the
 /// neighbourhoods' radius.
 ///
 /// @param start  shape (n, p), scaled units: points that nearly close.
@@ -43,7 +43,7 @@ struct RefinedCycle {
 [[nodiscard]] RefinedCycle refine_cycle(const SectionPoints& section, const FitChoice& choice,
                                         const Eigen::MatrixXd& start, const FitSize& size);
 
-/// The cycle on other fits of the same points, not renewed: how far the answer depends on the fit.
+/// The cycle on other fits of the same points, not renewed: shows how the result depends on the fit.
 ///
 /// @param fits  of every point, as fitted to RefinedCycle::sizes.
 /// @param which the fit to take; points that have no such fit keep their map.
@@ -58,7 +58,7 @@ struct CycleUncertainty {
     Eigen::MatrixXd covariance;  ///< shape (n p, n p), coordinate fastest
     CycleMultipliers multipliers;
     Eigen::MatrixXd ln_multiplier_covariance;  ///< shape (n, n)
-    /// Largest over the points: how far other fits are away, over what their predicted errors allow; at least 1.
+    /// Largest over the points: distance of other fits over their predicted errors; at least 1.
     double disagreement = 1.0;
 };
 
@@ -67,9 +67,9 @@ struct CycleUncertainty {
 /// Errors e_j of the fits' values and E_j of their jacobians (local_map_covariance) move the points by the coupled
 /// system dx_{j+1} - A_j dx_j = e_j (for p = 1 and independent reading errors this is (M6)), and ln|multipliers| by
 /// their derivative along E_j + F''_j dx_j. Where other fits of a point are farther away than their predicted errors
-/// allow, its errors grow accordingly: what the residuals of one fit do not show. The ln|multipliers| of the cycles on
-/// other fits (`refits`) are added as outer products. Never zero; see floored_covariance() for how small
-/// eigenvalues are kept away from it.
+/// allow, its errors grow accordingly, since the residuals of one fit do not show this. The ln|multipliers| of the
+/// cycles on other fits (`refits`) are added as outer products. Never zero: floored_covariance() raises small
+/// eigenvalues.
 ///
 /// @param fits  of every point around it, as fitted to RefinedCycle::sizes.
 [[nodiscard]] CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCycle& cycle,

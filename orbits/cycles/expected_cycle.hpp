@@ -9,14 +9,14 @@
 
 namespace orbid::orbits {
 
-/// An orbit of the model as a series would show it, in the scaled units of SectionPoints.
+/// An orbit of the model as it would appear in a series, in the scaled units of SectionPoints.
 struct ExpectedCycle {
     Eigen::MatrixXd points;    ///< shape (n, p), readings, wrapped
     Eigen::VectorXd variance;  ///< shape (n p), coordinate fastest: of the prediction, by the errors of theta
 };
 
-/// The model's orbits of the periods asked for, one of every mirror pair where the search has a symmetry, those of
-/// each period by ascending instability. States of rest and orbits that stick are left out: nothing is to be measured.
+/// The model's orbits of the requested periods, one of every mirror pair if the search has a symmetry, those of each
+/// period by ascending instability. States of rest and orbits that stick are left out: they cannot be measured.
 /// @throws std::invalid_argument as harvest.
 [[nodiscard]] std::vector<ExpectedCycle> expected_cycles(const Series& series, const SectionPoints& section,
                                                          const models::System& system, const Eigen::VectorXd& theta,

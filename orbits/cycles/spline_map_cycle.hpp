@@ -19,7 +19,7 @@ struct SplineMapCycle {
 /// Newton's method on all points of an orbit together,  F(x_j) = x_{j+1}, j mod p.
 ///
 /// @param start  shape (n, p), scaled units.
-/// @return converged = false when it wanders, or leaves the places with data.
+/// @return converged = false when it wanders or leaves the region with data.
 [[nodiscard]] SplineMapCycle close_on_spline_map(const SectionPoints& section, const SplineMap& map,
                                                  const Eigen::MatrixXd& start);
 

@@ -29,7 +29,7 @@ private:
     herr_t (*close_)(hid_t) = nullptr;
 };
 
-/// HDF5 prints its error stack by itself; while one of these lives it does not, and our exceptions say what is wrong.
+/// Keeps HDF5 from printing its error stack while it exists: our exceptions describe the error.
 class Hdf5Silence {
 public:
     Hdf5Silence() {

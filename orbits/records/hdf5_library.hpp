@@ -4,13 +4,13 @@
 
 namespace orbid::orbits {
 
-/// The address of a function or variable of the HDF5 library, which is loaded when first asked for: most commands read
-/// no HDF5 file, and the library with all it depends on (transfer of files over networks, cryptography) takes three
-/// times as long to load as the rest of the program.
+/// The address of a function or variable of the HDF5 library, which is loaded on first use. Most commands read no HDF5
+/// file. The library and its dependencies (network transfer, cryptography) take three times as long to load as the rest
+/// of the program.
 /// @throws DataError naming library and reason when it cannot be loaded.
 [[nodiscard]] void* hdf5_symbol(const char* name);
 
-/// A function of the library under its own name: hides the one of the header, which the program is not linked with.
+/// A function of the library under its own name: hides that of the header, which the program does not link.
 template <class Function>
 class Hdf5Function {
 public:

@@ -7,11 +7,11 @@
 
 namespace orbid::orbits {
 
-/// The known name that a misspelt one most likely means: smallest number of single-letter insertions, deletions and
-/// replacements, upper and lower case being the same.
+/// The known name that a misspelt one most likely means: fewest single-letter insertions, deletions and replacements,
+/// ignoring case.
 ///
 /// @return nothing when every known name needs more than a third of the letters changed (at least one, two from four
-///         letters on): then a suggestion would mislead.
+///         letters on): a suggestion would mislead.
 [[nodiscard]] std::optional<std::string> nearest_name(std::string_view name, const std::vector<std::string>& known);
 
 }  // namespace orbid::orbits

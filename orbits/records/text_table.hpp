@@ -8,8 +8,8 @@
 
 namespace orbid::orbits {
 
-/// A text file with a header line, cut into cells on demand: comments, empty lines, quotes, line ends and the byte
-/// order mark are dealt with here; what a cell means is the caller's matter.
+/// A text file with a header line, cut into cells on demand. Comments, empty lines, quotes, line ends and the byte
+/// order mark are handled here; the caller interprets the cells.
 class TextTable {
 public:
     /// Reads the whole file and its header.
@@ -23,15 +23,15 @@ public:
     /// @throws DataError when there is none (listing what exists, and the nearest) or more than one.
     [[nodiscard]] std::size_t column(const std::string& name) const;
 
-    /// Cuts the next row into cells, blanks around them taken off. The cells live until the next call.
+    /// Cuts the next row into cells, without surrounding blanks. The cells are valid until the next call.
     /// @return false after the last row.
-    /// @throws DataError when the number of cells is not that of the header, or a quote does not end on its line.
+    /// @throws DataError when the number of cells differs from the header's, or a quote does not end on its line.
     bool next(std::vector<std::string_view>& cells);
     [[nodiscard]] std::size_t line() const { return line_; }  ///< of the last row, from 1
     [[nodiscard]] std::size_t bytes_left() const { return text_.size() - position_; }
 
     /// The number in a cell.
-    /// @throws DataError naming line, column and rule when the cell holds no number or one that no double can hold.
+    /// @throws DataError naming line, column and rule when the cell holds no number or one beyond the range of double.
     [[nodiscard]] double number(std::string_view cell, std::size_t column) const;
 
     /// "file:line, column \"name\": what"

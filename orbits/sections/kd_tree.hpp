@@ -11,10 +11,10 @@
 
 namespace orbid::orbits {
 
-/// The nearest points found so far: a list that is cut down now and then.
+/// The nearest points found so far, in a list that is shortened from time to time.
 ///
-/// Distances are those of rounded coordinates: limit() leaves room for the rounding, so that the k nearest by exact
-/// distances are always among the points kept, with a few more at times.
+/// Distances are those of rounded coordinates: limit() allows for the rounding, so that the points kept always include
+/// the k nearest by exact distances, sometimes with a few more.
 class NearestCandidates {
 public:
     /// @param k         >= 1 points are wanted.
@@ -23,18 +23,18 @@ public:
     NearestCandidates(const NearestCandidates&) = delete;
     NearestCandidates& operator=(const NearestCandidates&) = delete;
 
-    [[nodiscard]] float limit() const { return limit_; }  ///< squared distance beyond which nobody need be added
+    [[nodiscard]] float limit() const { return limit_; }  ///< squared distance beyond which no point need be added
 
     /// Adds those of `count` points that are within the limit. `distance2` not negative.
     void add(const float* distance2, const std::uint32_t* ids, std::size_t count);
 
-    /// Removes what is beyond the limit that the points found so far set.
+    /// Removes points beyond the limit set by the points found so far.
     void tighten();
 
-    /// The points added from now on are a second list; which of the k nearest are wanted does not depend on that.
+    /// Points added from now on form a second list; this does not affect which of the k nearest are wanted.
     void part() { second_ = size_; }
 
-    /// Who may be among the k nearest; after tighten() hardly anybody else.
+    /// The points that may be among the k nearest; after tighten() hardly any others.
     [[nodiscard]] std::span<const std::uint32_t> first() const { return {ids_, std::min(second_, size_)}; }
     [[nodiscard]] std::span<const std::uint32_t> second() const {
         return {ids_ + std::min(second_, size_), size_ - std::min(second_, size_)};
@@ -51,9 +51,9 @@ private:
     float limit_;
     std::size_t size_ = 0;
     std::size_t second_ = std::numeric_limits<std::size_t>::max();  // where the second list begins
-    std::size_t full_;                                              // the list is cut down when it is longer
+    std::size_t full_;                                              // the list is shortened when it is longer
     std::size_t capacity_ = few;
-    // Left uninitialised on purpose: a query must not write 4 KB first.
+    // Deliberately uninitialised: a query must not write 4 KB first.
     std::array<float, few> own_distances_;
     std::array<std::uint32_t, few> own_ids_;
     std::unique_ptr<float[]> more_distances_;
@@ -62,22 +62,22 @@ private:
     std::uint32_t* ids_;
 };
 
-/// Places of the numbers when they are sorted, equal ones in the order they come in; for lists of some tens.
+/// Places of the numbers when sorted, equal ones in input order; for lists of some tens.
 /// Cost: O(count^2), but eight at a time and without a branch: faster than sorting up to about 100.
 void rank(const double* numbers, std::size_t count, std::uint32_t* places);
 
-/// Points with coordinates of 32 bits, sorted into boxes of few points by halving: a balanced tree of tight boxes.
+/// Points with 32-bit coordinates, sorted into boxes of few points by halving: a balanced tree of tight boxes.
 ///
-/// Coordinates are on circles of 2^32: differences are those of unsigned numbers, read as signed ones. Who wants a
-/// straight axis uses less than half of the circle. Holds 4 (n + 1) bytes per point and about n / 3 for the boxes.
-/// Const and thread-safe after construction.
+/// Coordinates are on circles of 2^32: differences are those of unsigned numbers, read as signed ones. A straight axis
+/// must use less than half of the circle. Holds 4 (n + 1) bytes per point and about n / 3 for the boxes. Const and
+/// thread-safe after construction.
 class KdTree {
 public:
     KdTree() = default;
     /// @param quanta   length of one unit of each coordinate, > 0; n of them.
-    /// @param records  count x (n coordinates, id): point after point. Sorted in place.
-    /// Cost: O(count log count), parallel; no memory beyond the tree. Answers depend on neither the order of the
-    /// records nor the number of threads.
+    /// @param records  count x (n coordinates, id): point after point. Sorted in place. Cost: O(count log count),
+    /// parallel; no memory beyond the tree. Results depend neither on the order of the records nor on the number of
+    /// threads.
     KdTree(std::vector<float> quanta, std::unique_ptr<std::uint32_t[]> records, std::size_t count);
 
     /// Adds the points that may be among the k nearest to a place (n coordinates).

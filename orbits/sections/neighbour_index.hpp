@@ -11,18 +11,18 @@
 
 namespace orbid::orbits {
 
-/// A point of the series near a place that was asked about.
+/// A point of the series near the queried place.
 struct Neighbour {
     double distance2 = 0.0;   ///< squared Euclidean distance in scaled units
     std::uint32_t index = 0;  ///< of the point in SectionPoints
-    bool mirrored = false;    ///< it is S x, not x, that is near
+    bool mirrored = false;    ///< S x, not x, is near
 };
 
 /// Nearest neighbours among the points of a series that have an image, periodic in the angles.
 ///
-/// The points are sorted into boxes of a few points each, however unevenly they lie (KdTree), with coordinates
-/// rounded to 1e-9 of their range; whoever may be among the nearest by rounded coordinates is then told apart by exact
-/// ones. Any dimension >= 1. Const and thread-safe after construction. Keeps a reference to the points.
+/// The points are sorted into boxes of a few points each, even if unevenly distributed (KdTree), with coordinates
+/// rounded to 1e-9 of their range. Possible nearest points by rounded coordinates are then ranked by exact ones. Any
+/// dimension >= 1. Const and thread-safe after construction. Keeps a reference to the points.
 ///
 /// Memory: 4 (n + 1) bytes per point with an image, and about n / 2 for the boxes.
 class NeighbourIndex {
@@ -32,13 +32,13 @@ public:
     explicit NeighbourIndex(const SectionPoints& points);
 
     /// The k nearest points to a place in scaled units, nearest first, equal distances by index (then unmirrored
-    /// first); all points when there are fewer; none for a place that is not finite. With a symmetry the mirrored
-    /// copies count as points too.
+    /// first); all points when there are fewer; none for a place that is not finite. With a symmetry mirrored copies
+    /// are points too.
     ///
-    /// Cost: O(k + log N) for places among the points; O(N) for those farther from all points than these reach.
+    /// Cost: O(k + log N) for places among the points; O(N) for places far from all points.
     [[nodiscard]] std::vector<Neighbour> nearest(const Eigen::VectorXd& place, std::size_t k) const;
 
-    /// The same into `found`, whose memory is used again.
+    /// The same into `found`, whose memory is reused.
     void nearest(const Eigen::VectorXd& place, std::size_t k, std::vector<Neighbour>& found) const;
 
 private:

@@ -13,11 +13,11 @@ namespace orbid::orbits {
 
 /// A section made from samples in time.
 struct SampledSection {
-    Series series;                       ///< kind section; deviations hold what the smoothing leaves of the errors
+    Series series;                       ///< kind section; deviations: the errors left after smoothing
     std::vector<TimeWindow> windows;     ///< per coordinate of the samples; none: the samples were taken as they are
     Eigen::VectorXd sample_deviation;    ///< sd of the errors of one sample, per coordinate of the samples
     Eigen::MatrixXd reading_covariance;  ///< mean of the points' covariances, per coordinates of `series`
-    std::size_t breaks = 0;              ///< places where a hole, or a crossing not told from none, cuts the record
+    std::size_t breaks = 0;              ///< places where a hole or an undecided crossing cuts the record
 };
 
 /// The plane coordinate = value and the direction in which it is crossed.
@@ -29,18 +29,18 @@ struct PlaneCrossing {
 
 /// Crossings of a plane by a sampled motion.
 ///
-/// Every coordinate is smoothed by local polynomials in time whose window predicts held-out samples near the crossings
-/// best (best_window), so noise is weighed against curvature by the data themselves. A crossing is where the plane's
-/// coordinate passes the value for good: it must have been beyond the value by 3 sds of the smoothed coordinate
-/// before and after. Its instant t* is the root of the polynomial, the other coordinates are theirs at t*, with
+/// Every coordinate is smoothed by local polynomials in time. Their window is the one that best predicts held-out
+/// samples near the crossings (best_window): the data weigh noise against curvature. At a crossing the plane's
+/// coordinate passes the value for good: it must be 3 sds of the smoothed coordinate beyond the value before and after.
+/// The instant t* is the root of the polynomial; the other coordinates are their polynomials at t*, with
 ///
 ///     Cov = diag(sigma_d^2 v_d) + x' x'^T sigma_c^2 v_c / c'^2
 ///
 /// where v are the polynomials' variances for unit errors and c is the plane's coordinate.
 ///
 /// Holes: missing samples are bridged up to half of the window's half width (at least one); a longer hole ends the
-/// segment, and so does an excursion over the value and back that stays within 3 sds, for it may or may not be a
-/// crossing. An angle crosses `value` wherever it does so modulo 2 pi, not at the opposite point of the circle.
+/// segment. So does an excursion over the value and back within 3 sds, which may or may not be a crossing. An angle
+/// crosses `value` modulo 2 pi, but not at the opposite point of the circle.
 ///
 /// @return sections without the plane's coordinate, with times and deviations; angles are in one turn.
 /// @throws std::invalid_argument for sections, fewer than two coordinates, a coordinate or direction that does not
@@ -50,9 +50,9 @@ struct PlaneCrossing {
 
 /// States of a forced motion at one phase of the forcing, from samples.
 ///
-/// Where every instant of the section falls on a sample (the sampling divides the period), the samples are taken as
-/// they are; otherwise the coordinates are smoothed as for plane_section and evaluated at the instants. A section with
-/// no samples within the window is missing (nan).
+/// If every instant of the section falls on a sample (the sampling divides the period), the samples are used unchanged.
+/// Otherwise the coordinates are smoothed as for plane_section and evaluated at the instants. A section without samples
+/// in the window is missing (nan).
 ///
 /// @param period  [s] of the forcing, > 0, at least two sampling intervals.
 /// @param phase   [rad] of the forcing; Series::phase is that at time 0.

@@ -13,12 +13,12 @@
 
 namespace orbid::orbits {
 
-/// The points of a section series in units of Series::scale(), one after the other, ready for neighbour searches.
+/// The points of a section series in units of Series::scale(), in order, ready for neighbour searches.
 ///
-/// Memory: 8 n + 1/8 bytes per point, 2 more per angle whose turns are known, 8 more for times.
+/// Memory: 8 n + 1/8 bytes per point, 2 more per angle with known turns, 8 more for times.
 ///
-/// Angles are turns in [-1/2, 1/2): differences of two points go through difference(). The true images are kept as the
-/// successors: point i is mapped to point i + 1 when has_image(i).
+/// Angles are turns in [-1/2, 1/2): use difference() for the difference of two points. The image of a point is its
+/// successor: point i is mapped to point i + 1 when has_image(i).
 class SectionPoints {
 public:
     /// @param signs  S = diag(signs): sections are mapped onto each other by x -> S x. Empty: no symmetry.
@@ -44,7 +44,7 @@ public:
     /// a - b in coordinate d; angles: the representative in [-1/2, 1/2].
     [[nodiscard]] double difference(double a, double b, Eigen::Index d) const {
         const double r = a - b;
-        // rounding is a call on some processors, and neighbours lie near
+        // rounding is a call on some processors, and neighbours are near
         return angle_[static_cast<std::size_t>(d)] && !(std::abs(r) <= 0.5) ? r - std::nearbyint(r) : r;
     }
     /// a - b, shape (n).

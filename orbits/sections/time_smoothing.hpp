@@ -15,10 +15,10 @@ struct TimeWindow {
     int half_width = 1;  ///< 2 half_width >= degree + 1
 };
 
-/// Variance of the errors of one coordinate's samples, told from their differences in time: the smallest over the
-/// orders k = 1 to 10 of the mean square of the k-th differences over binomial(2 k, k). A motion that is smooth over
-/// ten samples adds nothing to the higher orders; one that is not is an upper bound. Angles are unwrapped from sample
-/// to sample. 0 when no stretch of 11 samples is complete.
+/// Variance of the errors of one coordinate's samples, estimated from their differences in time. It is the smallest
+/// over the orders k = 1 to 10 of the mean square of the k-th differences over binomial(2 k, k). A motion smooth over
+/// ten samples adds nothing to the higher orders; otherwise the result is an upper bound. Angles are unwrapped from
+/// sample to sample. 0 when no stretch of 11 samples is complete.
 [[nodiscard]] double difference_variance(const Series& samples, Eigen::Index coordinate);
 
 /// Value and slope of a coordinate at an instant.
@@ -32,9 +32,9 @@ struct SmoothedValue {
 /// Local polynomials in time (Savitzky and Golay 1964) through the samples of one coordinate of one segment.
 ///
 /// The window around the interval [i, i + 1] holds the samples i - h + 1 to i + h; missing ones are left out (an
-/// interpolation then has a lower degree), and at the ends of a segment it holds those that are there, at least half.
-/// With 2 h = degree + 1 it is an interpolation. Angles are unwrapped from one sample to the next, across missing ones
-/// by the shorter way. Keeps a reference to the segment.
+/// interpolation then has a lower degree). At the ends of a segment it holds those that exist, at least half. With 2
+/// h = degree + 1 it is an interpolation. Angles are unwrapped from one sample to the next, across missing ones the
+/// shorter way. Keeps a reference to the segment.
 class TimeSmoothing {
 public:
     /// @param window  see TimeWindow. @param step [s] sampling interval, > 0.
@@ -42,7 +42,7 @@ public:
 
     /// At a place u in units of the sampling interval, 0 = sample i, 1 = sample i + 1.
     [[nodiscard]] SmoothedValue at(Eigen::Index i, double u) const;
-    /// Readings as they are, unwrapped when an angle; nan = missing.
+    /// Readings, unwrapped if an angle; nan = missing.
     [[nodiscard]] const Eigen::VectorXd& readings() const { return readings_; }
 
 private:
@@ -56,10 +56,10 @@ private:
 };
 
 /// The window whose polynomials predict held-out samples best: each of the given samples is predicted by the h samples
-/// on either side without it. Degrees 1, 3, 5, 7, half widths up to 128. Places without a complete widest window count
-/// for the windows that are complete.
+/// on either side without it. Degrees 1, 3, 5, 7, half widths up to 128. Places without a complete widest window are
+/// used for the windows that are complete.
 ///
-/// @param places  per segment: samples; where the polynomials are going to be used.
+/// @param places  per segment: samples where the polynomials will be used.
 [[nodiscard]] TimeWindow best_window(const Series& samples, Eigen::Index coordinate,
                                      const std::vector<std::vector<Eigen::Index>>& places);
 

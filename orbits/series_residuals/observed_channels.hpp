@@ -16,8 +16,8 @@
 
 namespace orbid::orbits {
 
-/// What a residual of a recorded series observes: checks and choices that are the same for all of them. Every check
-/// throws std::invalid_argument, with `who` in front of the message.
+/// What a residual of a recorded series observes: checks and choices common to all of them. Every check throws
+/// std::invalid_argument; the message begins with `who`.
 class ObservedChannels {
 public:
     /// @param system  and `series`: outlive this object.
@@ -27,7 +27,7 @@ public:
     void require(bool rule, const std::string& message) const;
     /// @param start  of the estimated parameters; may be empty.
     void check_binding(const models::ParameterBinding& binding, const Eigen::VectorXd& start) const;
-    /// Samples in time are no matter for a map.
+    /// Refuses samples in time for a map.
     void check_clock() const;
     /// The coordinates named, each once; all of the series, which then are named, where none was.
     [[nodiscard]] std::vector<ObservedCoordinate> chosen(std::vector<std::string>& names) const;
@@ -35,7 +35,7 @@ public:
     void check_count(std::size_t errors, std::string_view what, std::size_t observed) const;
     /// Segments that exist, each once; all of them where none was named.
     void choose_segments(std::vector<std::size_t>& segments) const;
-    /// An angle has no size that errors could refer to.
+    /// Refuses errors relative to the size of an angle.
     void check_form(const ErrorForm& form, const models::Sensor& sensor, Eigen::Index coordinate) const;
     /// The systems with their inputs, one per segment of the series; none for a model that reads no inputs.
     [[nodiscard]] std::vector<std::shared_ptr<const models::System>> with_inputs(

@@ -19,19 +19,18 @@ struct PredictionOptions {
     models::FlowOptions flow{1e-9, 1e-9, 20000};
 };
 
-/// Prediction over one interval with the nodes pinned to the data: parameters alone, no latent states, no trajectory
+/// Prediction over one interval with the nodes pinned to the data: only parameters, no latent states, no trajectory
 /// longer than an interval. The first stage, for starts far from the truth.
 ///
 ///     e = to - Phi(from; theta),  Cauchy errors of scale s d_i sqrt(0.01 + sum_j (X_ij d_j / d_i)^2),  d = sizes
 ///
-/// The scale s is estimated, one per coordinate: what a transition is worth falls with how strongly errors of its start
-/// are amplified, X at the parameters of the last update_active_set(), and gross errors hardly count. Groups
-/// "<name>.<coordinate>"; blocks of up to 64 transitions, as a block each would cost more than the flows. A
-/// transition that cannot be simulated counts as off by its size, whatever the parameters; a block of which most cannot
-/// fails.
+/// The scale s is estimated, one per coordinate: the weight of a transition falls as errors of its start are amplified,
+/// with X at the parameters of the last update_active_set(). Gross errors have little weight. Groups
+/// "<name>.<coordinate>"; blocks of up to 64 transitions, as a block each would cost more than the flows. A transition
+/// that cannot be simulated counts as off by its size at all parameters; a block in which most cannot fails.
 ///
-/// The estimate is biased by the errors of the states (a frozen start instead of an estimated one): a good start, no
-/// answer.
+/// The estimate is biased by the errors of the states (a frozen start instead of an estimated one): a good start, not a
+/// result.
 class PredictionResidual final : public estimator::Residual {
 public:
     /// @param systems  one; of models with measured inputs one per segment of the series.
@@ -64,9 +63,9 @@ public:
     void deactivate(std::size_t block) override { layout_.at(block).active = false; }
     [[nodiscard]] bool is_intermediate_stage() const override { return rounds_ < rough_rounds; }
 
-    /// How badly theta predicts, robustly: mean over all records of ln(1 + (e / (0.02 sizes sqrt(..)))^2) with the
-    /// present amplifications. A prediction that is far off counts little more than one that is just off, so that the
-    /// minimum is broad and few transitions decide nothing; one that cannot be made counts as off by all of its range.
+    /// Robust measure of theta's prediction errors: mean over all records of ln(1 + (e / (0.02 sizes sqrt(..)))^2) with
+    /// the present amplifications. A prediction far off counts little more than one slightly off, so that the minimum
+    /// is broad and few transitions do not decide. One that cannot be made counts as off by its whole range.
     [[nodiscard]] double misfit(const Eigen::VectorXd& theta) const;
 
 private:

@@ -13,7 +13,7 @@ struct Capture {
     Eigen::Index settled = 0;  ///< column from which on every section lies on the orbit within the tolerance
 };
 
-/// Looks at the end of a trajectory: do the last 256 sections repeat after p <= 64 sections within 1e-9 of the range?
+/// Whether the last 256 sections of a trajectory repeat after p <= 64 sections within 1e-9 of the range.
 ///
 /// @param sections  shape (n, m), column by column one section; fewer than 256 + 64 columns are never captured.
 /// @param angle     per coordinate: differences are taken modulo 2 pi.

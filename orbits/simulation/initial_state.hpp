@@ -10,7 +10,7 @@
 
 namespace orbid::orbits {
 
-/// What the readings of one segment are and how they came about: all that a state at its first sample is guessed from.
+/// The readings of one segment and how they were made: the input for the guess of its first state.
 struct SegmentReading {
     const Segment& segment;
     std::vector<Eigen::Index> coordinate;  ///< model coordinate of each row of the segment's values; different
@@ -21,15 +21,15 @@ struct SegmentReading {
 /// A state of the system at the first sample of a segment, good enough to start a fit from. Shape (n).
 ///
 /// Coordinates that are read: value at the first sample (of a local polynomial where it is missing), the instrument
-/// inverted by damped Newton steps on System::readings. Coordinates that are not read: from the slopes of those that
-/// are, so that the readings change as fast as f(x) says (for a pendulum of which the angle is read: the angular
-/// velocity), by Gauss-Newton from 0 with differences of f; what no slope depends on stays 0. Formulas of a sensor mix
-/// the two: both steps are taken in turn. A formula that bends back has several inverses: the search begins at
+/// inverted by damped Newton steps on System::readings. Unread coordinates: from the slopes of the read ones, so that
+/// the readings change as fast as f(x) says (a pendulum with read angle: the angular velocity). This is Gauss-Newton
+/// from 0 with differences of f; coordinates on which no slope depends stay 0. Formulas of a sensor mix both kinds: the
+/// two steps alternate. A formula that bends back has several inverses: the search begins at
 /// the reading itself, taken as a state, or at 1 where the formula has no value there.
 ///
 /// The local polynomial is a cubic over the first samples, as many of 5, 9, 17, 33, 65 as it describes equally well
-/// (its residual grows by less than one half from one width to the next): short where the motion bends, long where
-/// noise prevails.
+/// (its residual grows by less than one half from one width to the next): short where the motion curves, long where
+/// noise dominates.
 ///
 /// @param theta  shape (q). A segment without any reading of a coordinate leaves it at 0.
 [[nodiscard]] Eigen::VectorXd initial_state(const models::System& system, const Eigen::VectorXd& theta,

@@ -11,20 +11,20 @@
 namespace orbid::orbits {
 
 /// Phase [rad] of the forcing at a sample of a series: of the section, or series.phase + omega t (with measured inputs:
-/// the time on their clock). 0 where phases mean nothing.
+/// the time on their clock). 0 where phases have no meaning.
 [[nodiscard]] double phase_at(const models::System& system, const Eigen::VectorXd& theta, const Series& series,
                               const Segment& segment, Eigen::Index sample);
 
-/// States of a system at samples of a segment, as the readings say: what nodes of a trajectory start from.
+/// States of a system at samples of a segment, from the readings: the starts of a trajectory's nodes.
 ///
-/// Where every coordinate is read the sensor is inverted at each sample, x <- x + (reading - sensor(x)), which for
-/// instruments that shift and for a difference quotient over a short delay settles within a few rounds. Otherwise each
-/// sample is the start of the rest of its segment, see initial_state(): unread coordinates follow from slopes; that
-/// takes samples in time. A sample without the readings that are needed has the state to which the flow leads from the
-/// one before, and the first of a segment the one of the next sample that has.
+/// Where every coordinate is read the sensor is inverted at each sample, x <- x + (reading - sensor(x)), which settles
+/// within a few rounds for instruments that shift and for a difference quotient over a short delay. Otherwise each
+/// sample is the start of the rest of its segment, see initial_state(): unread coordinates follow from slopes, which
+/// needs samples in time. A sample without the needed readings gets the state that the flow reaches from the one
+/// before; the first of a segment gets that of the next sample that has one.
 ///
 /// @param samples  ascending columns of segment.values.
-/// @return shape (n, samples); nan where nothing can be said.
+/// @return shape (n, samples); nan where unknown.
 [[nodiscard]] Eigen::MatrixXd node_states(const models::System& system, const Eigen::VectorXd& theta,
                                           const Series& series, std::size_t segment, const models::Sensor& sensor,
                                           std::span<const Eigen::Index> samples);

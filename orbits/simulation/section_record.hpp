@@ -29,7 +29,7 @@ struct StateRecord {
 
 /// Sections of several trajectories with capture, rest and restarts as `simulate` describes. Options are valid.
 /// @param range           shape (n): half the range of random starts, also the measure of capture.
-/// @param longest_return  [s], > 0: without a crossing for so long a trajectory is lost; of crossings only.
+/// @param longest_return  [s], > 0: a trajectory without a crossing for this long is lost; crossings only.
 [[nodiscard]] StateRecord record_sections(const models::System& system, const Eigen::VectorXd& theta,
                                           const VirtualExperimentOptions& options, const Eigen::VectorXd& range,
                                           double longest_return);

@@ -13,7 +13,7 @@
 
 namespace orbid::orbits {
 
-/// A state that the data say (the sensor inverted), and the one they say follows.
+/// A measured state (the sensor inverted) and the measured state that follows.
 struct Transition {
     Eigen::VectorXd from;   ///< shape (n)
     Eigen::VectorXd to;     ///< shape (n)
@@ -26,8 +26,8 @@ struct Transition {
 [[nodiscard]] models::Clock transition_clock(const models::System& system, const Series& series);
 
 /// At most `count` transitions of a series over one interval, spread over the whole record (`seed`: where exactly);
-/// states from the readings by inverting the sensor at theta, unread coordinates from slopes. Readings that are missing
-/// make no transition.
+/// states from the readings by inverting the sensor at theta, unread coordinates from slopes. Missing readings give no
+/// transition.
 /// @param theta     shape (q), all parameters of the system.
 /// @param interval  sampling intervals per transition, > 0.
 [[nodiscard]] std::vector<Transition> transitions(const models::System& system, const Eigen::VectorXd& theta,
@@ -42,7 +42,7 @@ struct Transition {
                                                   const std::vector<std::size_t>& segments, Eigen::Index interval,
                                                   std::size_t count, std::uint64_t seed);
 
-/// What becomes of the start of a transition: to - Phi(from), angles wrapped, and derivatives of Phi.
+/// The error of a predicted transition: to - Phi(from), angles wrapped, and derivatives of Phi.
 struct Prediction {
     bool ok = false;
     Eigen::VectorXd error;    ///< shape (n)
@@ -51,18 +51,19 @@ struct Prediction {
 };
 
 /// Predictions of all transitions. With measured inputs `systems` has one system per segment of the series, otherwise
-/// one in all. Parallel, the same bytes with any number of threads.
+/// one in all. Parallel, with the same bytes for any number of threads.
 [[nodiscard]] std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models::System>> systems,
                                                   const Eigen::VectorXd& theta,
                                                   const std::vector<Transition>& transitions,
                                                   std::optional<std::span<const Eigen::Index>> free,
                                                   models::Clock clock, const models::FlowOptions& flow);
 
-/// Sizes of the errors of states that come from readings, relative to each other, shape (n): the ranges; of a
-/// difference quotient sqrt 2 / delay times that of its angle.
+/// Sizes of the errors of states from readings, relative to each other, shape (n): the ranges; of a difference quotient
+/// sqrt 2 / delay times that of its angle.
 [[nodiscard]] Eigen::VectorXd error_sizes(const models::Sensor& sensor, const Eigen::VectorXd& range);
 
-/// Errors of states told from the errors of predictions, per coordinate in units of `sizes`: 1.4826 times the median of
+/// Errors of states estimated from the errors of predictions, per coordinate in units of `sizes`: 1.4826 times the
+/// median of
 ///     |e_i| / (d_i sqrt(1 + sum_j (X_ij d_j / d_i)^2)),  d = sizes,
 /// an upper bound while parameters are wrong. 0 without predictions.
 [[nodiscard]] Eigen::VectorXd prediction_noise(const std::vector<Prediction>& predictions,

@@ -15,9 +15,9 @@ public:
         double value = 0.0;
     };
 
-    /// Adds an entry to the row at hand; entries of one column are summed.
+    /// Adds an entry to the current row; entries of one column are summed.
     void add(std::size_t column, double value);
-    /// Puts the entries of the row at hand in the order of their columns and begins the next one.
+    /// Sorts the entries of the current row by column and begins the next row.
     void finish_row();
 
     [[nodiscard]] std::size_t count() const { return begin_.size() - 1; }  ///< of finished rows
@@ -31,7 +31,7 @@ public:
 
 private:
     std::vector<Entry> entries_;
-    std::vector<std::size_t> begin_{0};  ///< of each row in entries_, and of the row at hand
+    std::vector<std::size_t> begin_{0};  ///< of each row in entries_, and of the current row
 };
 
 }  // namespace orbid::orbits

@@ -7,7 +7,7 @@
 
 namespace orbid::orbits {
 
-/// Small matrices and vectors without memory of their own on the heap: at most 4 coordinates.
+/// Small matrices and vectors without heap memory: at most 4 coordinates.
 using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 4, 4>;
 using SmallVector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 4, 1>;
 
@@ -16,7 +16,7 @@ struct SeriesStep {
     bool present = false;  ///< the point has an image
     SmallVector residual;  ///< r = y' - F(x) - A (y - x), shape (n)
     SmallMatrix jacobian;  ///< A, shape (n, n)
-    SmallMatrix model;     ///< Q, shape (n, n): covariance of what the map does not say
+    SmallMatrix model;     ///< Q, shape (n, n): covariance of the map's error
 };
 
 /// Errors in both sides of y' = F(y): with independent reading errors e of covariance S the residuals are
@@ -27,8 +27,8 @@ struct SeriesStep {
 /// block-tridiagonal along every uninterrupted piece. This is its inverse, as far as needed.
 class ReadingSmoother {
 public:
-    /// Steps of which the residual, given those before it, lies beyond `gate` (chi-square per step) have their model
-    /// covariance raised until it lies there: they stop pulling.
+    /// Steps whose residual, given the earlier ones, exceeds `gate` (chi-square per step) get a larger model
+    /// covariance, until the residual is at the gate. They then no longer distort the fit.
     ReadingSmoother(std::vector<SeriesStep> steps, const Eigen::MatrixXd& reading_covariance, double gate);
 
     [[nodiscard]] const std::vector<SeriesStep>& steps() const { return steps_; }
@@ -54,7 +54,7 @@ private:
     SmallMatrix reading_;
     std::vector<SmallMatrix> coupling_;  ///< V_{t,t+1}
     std::vector<SmallMatrix> forward_;   ///< inverse of V_tt reduced by all steps before
-    std::vector<SmallMatrix> backward_;  ///< ... by all steps after
+    std::vector<SmallMatrix> backward_;  ///< the same by all steps after
     std::vector<SmallMatrix> diagonal_;  ///< (V^-1)_tt
     std::size_t gated_ = 0;
 };

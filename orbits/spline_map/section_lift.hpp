@@ -9,7 +9,7 @@
 
 namespace orbid::orbits {
 
-/// From every point of a section to its image, without the jumps that reading angles in one turn makes.
+/// From every point of a section to its image, without the jumps of angles read in one turn.
 struct SectionLift {
     Eigen::MatrixXd displacement;  ///< shape (n, points), scaled units, angles in turns; nan without an image
     /// Shape (n): with a symmetry D(S x) - offset = S (D(x) - offset) holds; halves of whole turns. Else 0.
@@ -20,10 +20,10 @@ struct SectionLift {
 /// Continuous displacement D(x) = F(x) - x of the angles over the section.
 ///
 /// An angle's image is known up to whole turns. Linear fits on the k nearest neighbours (turns chosen anew at every
-/// fit) are joined along the tree of neighbours that agree best; turns of a fit are those that continue its parent's.
-/// Where images of neighbours scatter over half a turn a tree may take a wrong branch, so trees of several k are grown
-/// and the one whose lifted displacements fit best locally is kept. Pieces of the section that no neighbours connect
-/// are lifted apart. Nothing to do without angles, or where the series counts turns itself.
+/// fit) are joined along the tree of neighbours that agree best. The turns of a fit continue its parent's. Where images
+/// of neighbours scatter over half a turn a tree may take a wrong branch. Trees of several k are therefore grown, and
+/// the one whose lifted displacements fit best locally is kept. Pieces of the section without connecting neighbours are
+/// lifted separately. Nothing to do without angles, or if the series counts turns itself.
 ///
 /// Cost: O(points k).
 [[nodiscard]] SectionLift lift_section(const SectionPoints& section, const NeighbourIndex& grid);

@@ -14,16 +14,17 @@ namespace orbid::orbits {
 
 /// The patches that are not zero at a place, with their values and derivatives there.
 struct SplineSupport {
-    bool inside = false;                   ///< every patch that reaches here has data
+    bool inside = false;                   ///< every patch here has data
     std::vector<std::int32_t> patch;       ///< numbers of the patches, 4^n of them
-    std::vector<char> mirrored;            ///< the coefficients of this patch are those of its mirror image
+    std::vector<char> mirrored;            ///< this patch has the coefficients of its mirror image
     Eigen::VectorXd value;                 ///< shape (4^n)
     Eigen::MatrixXd slope;                 ///< shape (n, 4^n) [1 / scaled unit]; empty unless asked for
     std::vector<Eigen::MatrixXd> bending;  ///< second derivatives, shape (n, n) each; empty unless asked for
 };
 
 /// Overlapping polynomial patches on a regular grid over the section: products of cubic B-splines, each four spacings
-/// wide, twice continuously differentiable, around the circle in angles. They sum to one, and hold cubic polynomials.
+/// wide, twice continuously differentiable, around the circle in angles. They sum to one and reproduce cubic
+/// polynomials.
 ///
 /// Only patches over data exist. With a symmetry the grid is its own mirror image and a patch shares its coefficients
 /// with its image, so that a map made of them is exactly symmetric: F(S x) = S F(x).
@@ -35,12 +36,12 @@ public:
 
     [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(spacing_.size()); }
     [[nodiscard]] Eigen::Index patches() const { return patches_; }  ///< mirror images not counted
-    /// One patch has this number for each of its coefficients: patch * n + coordinate; -1: zero by symmetry.
+    /// The number of coefficients, each with number patch * n + coordinate; -1: zero by symmetry.
     [[nodiscard]] Eigen::Index unknowns() const { return patches_ * dimension(); }
     [[nodiscard]] const std::vector<char>& fixed() const { return fixed_; }  ///< unknowns that are zero by symmetry
     [[nodiscard]] double spacing(Eigen::Index d) const { return spacing_[static_cast<std::size_t>(d)]; }
 
-    /// @param derivatives  0, 1 or 2: as far as they are needed.
+    /// @param derivatives  0, 1 or 2, as needed.
     void support(const double* place, int derivatives, SplineSupport& result) const;
 
     /// Number of the box of `width` x ... cells that a place lies in; -1 outside.

@@ -14,7 +14,7 @@
 
 namespace orbid::orbits {
 
-/// How a pass over the series went.
+/// The outcome of a pass over the series.
 struct PatchMapPass {
     double model_share = 0.0;  ///< Q = model_share^2 S
     double chi2 = 0.0;         ///< of the residuals per degree of freedom
@@ -24,7 +24,7 @@ struct PatchMapPass {
     std::size_t gated = 0;     ///< steps that were kept from pulling
 };
 
-/// A patch map fitted to a series with errors in both of its sides.
+/// A patch map fitted to a series with errors in points and images.
 struct SplineMapFit {
     SplineMapFit(SplineMap empty, const Eigen::VectorXd& smallest) : map(std::move(empty)), model_error(smallest) {}
 
@@ -38,8 +38,8 @@ struct SplineMapFit {
     double freedom = 0.0;                ///< effective number of coefficients
     double state_sd = 0.0;               ///< rms of what remains of a reading error relative to the error itself
     std::size_t gated = 0;               ///< steps that were kept from pulling
-    double unexplained = 1.0;            ///< share of the images' variance that a map of the readings leaves over
-    std::vector<SmallMatrix> remaining;  ///< covariance of what is not known of the reading error of a point
+    double unexplained = 1.0;            ///< share of the images' variance that a map of the readings does not explain
+    std::vector<SmallMatrix> remaining;  ///< covariance of the unknown part of a point's reading error
     std::vector<PatchMapPass> passes;
     bool usable = false;
 };

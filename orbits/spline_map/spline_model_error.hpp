@@ -11,8 +11,8 @@
 
 namespace orbid::orbits {
 
-/// What patches cannot follow (kinks, folds narrower than a patch): a variance per coordinate and region, from what the
-/// residuals leave over beyond the reading errors.
+/// What patches cannot represent (kinks, folds narrower than a patch): a variance per coordinate and region, from the
+/// part of the residuals that reading errors do not explain.
 class PatchModelError {
 public:
     /// @param smallest  shape (n): variances never fall below, scaled units.
@@ -22,7 +22,8 @@ public:
     [[nodiscard]] const Eigen::VectorXd& variance(const SplineBasis& basis, const double* place) const;
 
     /// One step towards the most likely variances:  q2 <- q2 sum u^2 / sum (V^-1)_tt, with u = V^-1 r, as long as the
-    /// excess is beyond two standard errors: else the variance falls to the smallest. Steps where u = 0 do not count.
+    /// excess is beyond two standard errors; otherwise the variance falls to the smallest. Steps with u = 0 are
+    /// ignored.
     ///
     /// @param places    shape (n, steps).
     /// @param weighted  u, shape (n, steps).

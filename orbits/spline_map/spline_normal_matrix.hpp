@@ -9,7 +9,7 @@
 
 namespace orbid::orbits {
 
-/// Where the steps of a series touch the patches: the rows of the linear system for the coefficients.
+/// The patches at the steps of a series: the rows of the linear system for the coefficients.
 class SplineDesign {
 public:
     /// @param places  shape (n, steps); steps with present[t] = 0 are left out.

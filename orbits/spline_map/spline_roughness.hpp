@@ -15,9 +15,9 @@ namespace orbid::orbits {
 ///
 ///     -ln prior = 1/2 c' P c,    P = sum over differences of weight(region) row' row
 ///
-/// with one weight per region of the section, found from the data. Where the map folds the weight is small, where it is
-/// plain the neighbours' data are shared; the covariance of the coefficients then holds what the patches do not
-/// resolve, too. Quadratic maps are not rough at all.
+/// with one weight per region of the section, found from the data. The weight is small where the map folds; where it is
+/// smooth, neighbours share their data. The covariance of the coefficients then includes what the patches do not
+/// resolve. Quadratic maps have no roughness.
 class SplineRoughness {
 public:
     /// @param d  the coordinate, of the image.
@@ -29,8 +29,8 @@ public:
     void add_to(std::vector<double>& matrix) const;
     /// P c.
     [[nodiscard]] Eigen::VectorXd times(const Eigen::VectorXd& c) const;
-    /// The weights that make the data most likely, one step towards: the mean square of a region's differences is what
-    /// was found plus what is not known of them.
+    /// One step towards the weights that make the data most likely: the mean square of a region's differences is that
+    /// of their estimates plus their uncertainty.
     ///
     /// @param root      K of the covariance K' K variance of c, from the present weights (relative to `variance`).
     /// @return effective number of coefficients.
@@ -42,7 +42,7 @@ private:
     Eigen::Index unknowns_;
     DifferenceRows rows_;
     std::vector<std::size_t> region_;  ///< of every row
-    std::vector<double> rank_;         ///< differences of a region that are independent
+    std::vector<double> rank_;         ///< independent differences of a region
     std::vector<double> weight_;       ///< of a region
 };
 

@@ -7,9 +7,9 @@ namespace orbid::orbits {
 
 /// Cholesky factor of a dense symmetric positive definite matrix of thousands of rows, and its inverse.
 ///
-/// Tiles of 64 x 64, tiles of one step in parallel; every tile is summed in a fixed order, so that the result does not
-/// depend on the number of threads. No type of Eigen crosses this interface: the file is compiled for the machine it
-/// runs on, and Eigen's alignment depends on such flags.
+/// Tiles of 64 x 64, those of one step in parallel. Each tile is summed in a fixed order, so that the result does not
+/// depend on the number of threads. The interface has no Eigen types: the file is compiled for the machine it runs on,
+/// and Eigen's alignment depends on such flags.
 ///
 /// Cost: size^3 / 3 multiplications for the factor, as many for its inverse; two matrices of memory with the inverse.
 class TiledCholesky {
