@@ -64,12 +64,11 @@ std::string periodic_lines(const Job& job) {
     const auto megabytes = [&](double points) {
         return points * n * static_cast<double>(sizeof(double)) / bytes_per_megabyte;
     };
-    if (periodic.search) {
+    if (periodic.search)
         text += fmt::format("  search     periods {} of the model: {} of the section on {}, {:.3g} MB\n",
                             periods_text(periodic.search->periods), counted(periodic.search->points, "point"),
                             counted(periodic.search->trajectories, "trajectory"),
                             megabytes(static_cast<double>(periodic.search->points)));
-    }
     if (periodic.continuation) {
         const periodic::ContinuationOptions& options = periodic.continuation->options;
         const auto& parameter = job.model.system->parameters()[static_cast<std::size_t>(options.parameter)];
@@ -145,10 +144,9 @@ std::string job_summary(const Job& job) {
         if (data.inputs) text += input_line(job, data);
     }
     if (job.orbits && job.orbits->file) text += fmt::format("  orbits     from {}\n", job.orbits->file->string());
-    if (job.orbits && !job.orbits->file) {
+    if (job.orbits && !job.orbits->file)
         text += fmt::format("  orbits     periods {} in {}\n", periods_text(job.orbits->search.periods),
                             job.data[job.orbits->data].name);
-    }
     if (job.periodic) text += periodic_lines(job);
     if (job.estimate) text += estimate_lines(job);
     return text;

@@ -29,9 +29,7 @@ class Descriptor {
 public:
     explicit Descriptor(int value) : value_(value) {}
     ~Descriptor() {
-        if (value_ >= 0) {
-            ::close(value_);
-        }
+        if (value_ >= 0) ::close(value_);
     }
     Descriptor(const Descriptor&) = delete;
     Descriptor& operator=(const Descriptor&) = delete;
@@ -67,9 +65,7 @@ public:
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
     void rename_to(const std::filesystem::path& final_path) {
-        if (::rename(path_.c_str(), final_path.c_str()) != 0) {
-            fail("write", final_path, errno);
-        }
+        if (::rename(path_.c_str(), final_path.c_str()) != 0) fail("write", final_path, errno);
         renamed_ = true;
         sync_folder(final_path);
     }
@@ -79,9 +75,8 @@ private:
     static void sync_folder(const std::filesystem::path& final_path) {
         const auto folder = final_path.has_parent_path() ? final_path.parent_path() : std::filesystem::path(".");
         const Descriptor opened(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-        if (opened.value() < 0 || (::fsync(opened.value()) != 0 && errno != EINVAL)) {
+        if (opened.value() < 0 || (::fsync(opened.value()) != 0 && errno != EINVAL))
             fail("sync the folder of", final_path, errno);
-        }
     }
 
     std::filesystem::path path_;
@@ -92,9 +87,7 @@ void write_all(int descriptor, std::string_view bytes, const std::filesystem::pa
     while (!bytes.empty()) {
         const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
         if (written < 0) {
-            if (errno == EINTR) {
-                continue;
-            }
+            if (errno == EINTR) continue;
             fail("write", path, errno);
         }
         bytes.remove_prefix(static_cast<std::size_t>(written));
@@ -107,13 +100,9 @@ void write_atomically(const std::filesystem::path& path, std::string_view bytes)
     Temporary temporary(path);
     // 0666: the user's umask decides, as for any file a program creates.
     Descriptor file(::open(temporary.path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
-    if (file.value() < 0) {
-        fail("write", path, errno);
-    }
+    if (file.value() < 0) fail("write", path, errno);
     write_all(file.value(), bytes, path);
-    if (::fsync(file.value()) != 0 || file.close() != 0) {
-        fail("write", path, errno);
-    }
+    if (::fsync(file.value()) != 0 || file.close() != 0) fail("write", path, errno);
     temporary.rename_to(path);
 }
 
@@ -123,9 +112,7 @@ void write_atomically(const std::filesystem::path& path,
     writer(temporary.path());
     {
         const Descriptor file(::open(temporary.path().c_str(), O_RDONLY | O_CLOEXEC));
-        if (file.value() < 0 || ::fsync(file.value()) != 0) {
-            fail("write", path, errno);
-        }
+        if (file.value() < 0 || ::fsync(file.value()) != 0) fail("write", path, errno);
     }
     temporary.rename_to(path);
 }
@@ -151,28 +138,21 @@ void remove_leftover_temporaries(const std::filesystem::path& folder) {
         const auto touched = entry->last_write_time(ignored);
         const std::string name = entry->path().filename().string();
         if (ignored || !name.starts_with(temporary_prefix)) continue;
-        if (is_orphaned(name) || now - touched > std::chrono::hours(24)) {
+        if (is_orphaned(name) || now - touched > std::chrono::hours(24))
             std::filesystem::remove(entry->path(), ignored);
-        }
     }
 }
 
 std::string read_whole_file(const std::filesystem::path& path) {
     const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-    if (file.value() < 0) {
-        fail("read", path, errno);
-    }
+    if (file.value() < 0) fail("read", path, errno);
     std::string bytes;
     std::string buffer(std::size_t{1} << 16, '\0');  // large enough that system calls do not matter
     while (true) {
         const ssize_t got = ::read(file.value(), buffer.data(), buffer.size());
-        if (got == 0) {
-            return bytes;
-        }
+        if (got == 0) return bytes;
         if (got < 0) {
-            if (errno == EINTR) {
-                continue;
-            }
+            if (errno == EINTR) continue;
             fail("read", path, errno);
         }
         bytes.append(buffer.data(), static_cast<std::size_t>(got));

@@ -29,17 +29,14 @@ public:
         unsigned int size = 0;
         require(EVP_DigestFinal_ex(context_.get(), bytes, &size) == 1);
         std::string text;
-        for (unsigned int i = 0; i < size; ++i) {
+        for (unsigned int i = 0; i < size; ++i)
             text += fmt::format("{:02x}", bytes[i]);
-        }
         return text;
     }
 
 private:
     static void require(bool ok) {
-        if (!ok) {
-            throw std::runtime_error("OpenSSL cannot compute SHA-256");
-        }
+        if (!ok) throw std::runtime_error("OpenSSL cannot compute SHA-256");
     }
 
     std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context_;
@@ -77,42 +74,30 @@ std::string sha256_of_file(const std::filesystem::path& path) {
         file.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
         digest.add(std::string_view(buffer).substr(0, static_cast<std::size_t>(file.gcount())));
     }
-    if (!file.eof() || file.bad()) {
+    if (!file.eof() || file.bad())
         throw std::runtime_error(
             fmt::format("cannot read {}: {}", path.string(), std::generic_category().message(errno)));
-    }
     return digest.hexadecimal();
 }
 
 Fingerprint fingerprint(std::vector<std::pair<std::string, std::string>> keys) {
     std::set<std::string> seen;
-    for (const auto& [key, value] : keys) {
-        if (!seen.insert(key).second) {
+    for (const auto& [key, value] : keys)
+        if (!seen.insert(key).second)
             throw std::invalid_argument(fmt::format("fingerprint: key {} is given twice; keys must be unique", key));
-        }
-    }
     std::string hash = hash_of(keys);
     return {std::move(hash), std::move(keys)};
 }
 
 std::optional<FingerprintDifference> compare(const Fingerprint& first, const Fingerprint& second) {
-    if (first.sha256 == second.sha256) {
-        return std::nullopt;
-    }
+    if (first.sha256 == second.sha256) return std::nullopt;
     for (const auto& [key, value] : first.keys) {
         const std::string* other = find(second, key);
-        if (other == nullptr) {
-            return FingerprintDifference{key, value, std::nullopt};
-        }
-        if (*other != value) {
-            return FingerprintDifference{key, value, *other};
-        }
+        if (other == nullptr) return FingerprintDifference{key, value, std::nullopt};
+        if (*other != value) return FingerprintDifference{key, value, *other};
     }
-    for (const auto& [key, value] : second.keys) {
-        if (find(first, key) == nullptr) {
-            return FingerprintDifference{key, std::nullopt, value};
-        }
-    }
+    for (const auto& [key, value] : second.keys)
+        if (find(first, key) == nullptr) return FingerprintDifference{key, std::nullopt, value};
     return FingerprintDifference{"sha256", first.sha256, second.sha256};
 }
 
@@ -121,9 +106,7 @@ std::string description(const FingerprintDifference& difference, std::string_vie
     // Values can be whole parts of a job; enough of them to recognise the difference, not pages.
     const auto shown = [](const std::optional<std::string>& value) {
         constexpr std::size_t longest = 120;
-        if (!value) {
-            return std::string("absent");
-        }
+        if (!value) return std::string("absent");
         return value->size() <= longest ? *value : value->substr(0, longest) + "...";
     };
     return fmt::format("{} is {} in {}, {} in {}", difference.key, shown(difference.first), first_is,
@@ -132,9 +115,8 @@ std::string description(const FingerprintDifference& difference, std::string_vie
 
 std::string to_text(const Fingerprint& value) {
     nlohmann::ordered_json keys = nlohmann::ordered_json::array();
-    for (const auto& [key, text] : value.keys) {
+    for (const auto& [key, text] : value.keys)
         keys.push_back({key, text});
-    }
     return nlohmann::ordered_json{{"sha256", value.sha256}, {"keys", keys}}.dump(
         -1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
@@ -147,14 +129,10 @@ std::optional<Fingerprint> fingerprint_from_text(std::string_view text) {
     }
     Fingerprint read{json["sha256"].get<std::string>(), {}};
     for (const auto& pair : json["keys"]) {
-        if (!pair.is_array() || pair.size() != 2 || !pair[0].is_string() || !pair[1].is_string()) {
-            return std::nullopt;
-        }
+        if (!pair.is_array() || pair.size() != 2 || !pair[0].is_string() || !pair[1].is_string()) return std::nullopt;
         read.keys.emplace_back(pair[0].get<std::string>(), pair[1].get<std::string>());
     }
-    if (hash_of(read.keys) != read.sha256) {
-        return std::nullopt;
-    }
+    if (hash_of(read.keys) != read.sha256) return std::nullopt;
     return read;
 }
 

@@ -80,9 +80,8 @@ std::optional<double> ValueReader::nonnegative() const {
 std::optional<std::uint64_t> ValueReader::whole(std::uint64_t lowest, std::uint64_t highest) const {
     const auto read = number();
     if (!read) return std::nullopt;
-    if (std::trunc(*read) == *read && *read >= static_cast<double>(lowest) && *read <= static_cast<double>(highest)) {
+    if (std::trunc(*read) == *read && *read >= static_cast<double>(lowest) && *read <= static_cast<double>(highest))
         return static_cast<std::uint64_t>(*read);
-    }
     report(fmt::format("must be a whole number from {} to {}, not {}", lowest, highest, *read));
     return std::nullopt;
 }
@@ -119,9 +118,8 @@ std::optional<std::size_t> ValueReader::choice(const std::vector<std::string>& n
         report_kind("one of " + quoted_list(now));
         return std::nullopt;
     }
-    if (const auto at = std::find(now.begin(), now.end(), value_->text); at != now.end()) {
+    if (const auto at = std::find(now.begin(), now.end(), value_->text); at != now.end())
         return static_cast<std::size_t>(at - now.begin());
-    }
     report(fmt::format("unknown value {}{}", shown_value(*value_), suggestion(value_->text, now)));
     return std::nullopt;
 }
@@ -134,9 +132,8 @@ std::vector<ValueReader> ValueReader::items() const {
     const ValueSchema* item = description_ != nullptr && description_->list ? description_->list->item.get() : nullptr;
     std::vector<ValueReader> result;
     result.reserve(value_->items.size());
-    for (std::size_t i = 0; i < value_->items.size(); ++i) {
+    for (std::size_t i = 0; i < value_->items.size(); ++i)
         result.emplace_back(value_->items[i], child_pointer(pointer_, std::to_string(i)), *problems_, item);
-    }
     return result;
 }
 
@@ -186,10 +183,6 @@ std::optional<ValueReader> ObjectReader::require(std::string_view key, std::stri
     return found;
 }
 
-void ObjectReader::reserve(const std::vector<std::string>& keys) {
-    later_.insert(later_.end(), keys.begin(), keys.end());
-}
-
 void ObjectReader::finish() const {
     for (const JsonMember& member : self_.value_->members) {
         if (is_in(member.key, known_) || member.value.flaw == JsonValue::Flaw::itself) continue;
@@ -198,8 +191,6 @@ void ObjectReader::finish() const {
             if (self_.problems_->empty())
                 throw std::logic_error(
                     fmt::format("the key {} is described and not read", child_pointer(self_.pointer_, member.key)));
-        } else if (is_in(member.key, later_)) {
-            report(member.key, std::string(not_in_this_version));
         } else {
             report(member.key, "unknown key" + suggestion(member.key, known_));
         }
@@ -208,9 +199,8 @@ void ObjectReader::finish() const {
 
 void ObjectReader::report(std::string_view key, std::string rule) const {
     Place place = self_.value_->place;
-    for (const JsonMember& member : self_.value_->members) {
+    for (const JsonMember& member : self_.value_->members)
         if (member.key == key) place = member.place;
-    }
     self_.problems_->push_back({place, child_pointer(self_.pointer_, key), std::move(rule), Problem::Kind::job});
 }
 

@@ -17,7 +17,7 @@ namespace orbid::apps {
 /// `; did you mean "x"?`, else `; known: "a", "b"`; nothing when no name is known.
 [[nodiscard]] std::string suggestion(std::string_view word, const std::vector<std::string>& known);
 
-/// What a job says where a method is reserved but not built.
+/// What a job says where a method is not built.
 inline constexpr std::string_view not_in_this_version = "not in this version";
 
 /// A value as a message shows it, cut so that the message stays one line.
@@ -113,8 +113,6 @@ public:
     [[nodiscard]] std::optional<ValueReader> find(std::string_view key);
     /// The same; an absent key is reported, with what it should hold.
     [[nodiscard]] std::optional<ValueReader> require(std::string_view key, std::string_view meaning);
-    /// Keys that are refused until their method is built.
-    void reserve(const std::vector<std::string>& keys);
     /// What the description says of a key's value; null without one.
     [[nodiscard]] const ValueSchema* description_of(std::string_view key) const;
     /// Reports every key never asked for.
@@ -127,7 +125,6 @@ private:
     ValueReader self_;
     bool valid_;
     std::vector<std::string> known_;
-    std::vector<std::string> later_;
 };
 
 }  // namespace orbid::apps

@@ -98,9 +98,7 @@ private:
 
     /// What a key demands of others.
     static void add_rules(const KeySchema& entry, const ObjectSchema& form, Json& written, Json& rules) {
-        if (entry.never_beside) {
-            written["dependentSchemas"][*entry.never_beside]["properties"][entry.key] = false;
-        }
+        if (entry.never_beside) written["dependentSchemas"][*entry.never_beside]["properties"][entry.key] = false;
         if (entry.only_with && entry.only_with->values.empty()) {
             written["dependentRequired"][entry.key].push_back(entry.only_with->key);
             if (entry.required) written["dependentRequired"][entry.only_with->key].push_back(entry.key);

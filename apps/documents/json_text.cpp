@@ -21,16 +21,10 @@ bool append_on_one_line(const nlohmann::ordered_json& value, std::size_t longest
     out += value.is_object() ? '{' : '[';
     bool first = true;
     for (auto item = value.begin(); item != value.end(); ++item) {
-        if (!first) {
-            out += ", ";
-        }
+        if (!first) out += ", ";
         first = false;
-        if (value.is_object()) {
-            out += scalar_text(item.key()) + ": ";
-        }
-        if (!append_on_one_line(*item, longest, out)) {
-            return false;
-        }
+        if (value.is_object()) out += scalar_text(item.key()) + ": ";
+        if (!append_on_one_line(*item, longest, out)) return false;
     }
     out += value.is_object() ? '}' : ']';
     return out.size() <= longest;
@@ -52,9 +46,7 @@ void append(const nlohmann::ordered_json& value, std::size_t depth, std::size_t 
     const std::string indent(indent_width * (depth + 1), ' ');
     out += value.is_object() ? "{\n" : "[\n";
     for (auto item = value.begin(); item != value.end(); ++item) {
-        if (item != value.begin()) {
-            out += ",\n";
-        }
+        if (item != value.begin()) out += ",\n";
         out += indent;
         std::string key;
         if (value.is_object()) {

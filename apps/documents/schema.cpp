@@ -130,9 +130,8 @@ std::string rule(const NumberSchema& number) {
     }
     std::string text;
     if (number.lowest != -infinity) text = fmt::format("{} {}", number.above_lowest ? ">" : ">=", number.lowest);
-    if (number.highest != infinity) {
+    if (number.highest != infinity)
         text += fmt::format("{}{} {}", text.empty() ? "" : " and ", number.below_highest ? "<" : "<=", number.highest);
-    }
     return text;
 }
 
@@ -223,10 +222,9 @@ ValueSchema text_like(bool (*accepts)(std::string_view), std::string pattern, st
     return value;
 }
 
-ValueSchema choice(std::vector<std::string> choices, std::vector<std::string> later) {
+ValueSchema choice(std::vector<std::string> choices) {
     ValueSchema value = text();
     value.text->choices = std::move(choices);
-    value.text->later = std::move(later);
     return value;
 }
 

@@ -32,7 +32,6 @@ struct NumberSchema {
 
 struct TextSchema {
     std::vector<std::string> choices;             ///< empty: any text
-    std::vector<std::string> later;               ///< further ones that are reserved
     bool (*accepts)(std::string_view) = nullptr;  ///< null: any text
     std::string pattern;                          ///< regular expression that says the same, for the schema
     std::string rule = "a text";                  ///< in words
@@ -84,7 +83,7 @@ struct KeySchema {
     std::optional<Condition> required_with;  ///< required there, allowed elsewhere
     std::optional<std::string> required_unless;  ///< required where this key is not there
     std::optional<std::string> never_beside;     ///< a key that this one excludes
-    std::string refused;                         ///< reserved names: why the key is refused; empty: it is not
+    std::string refused;                         ///< why the key is refused; empty: it is not
 
     KeySchema& required_always() {
         required = true;
@@ -175,7 +174,7 @@ namespace describe {
 /// A text that `accepts` takes; the regular expression says the same. (A library of these would not survive a hostile
 /// text: its recursion is as deep as the text is long.)
 [[nodiscard]] ValueSchema text_like(bool (*accepts)(std::string_view), std::string pattern, std::string rule);
-[[nodiscard]] ValueSchema choice(std::vector<std::string> choices, std::vector<std::string> later = {});
+[[nodiscard]] ValueSchema choice(std::vector<std::string> choices);
 [[nodiscard]] ValueSchema list(ValueSchema item, std::size_t fewest = 0,
                                std::size_t most = std::numeric_limits<std::size_t>::max(), std::string rule = "");
 /// Items are different from each other.

@@ -39,9 +39,8 @@ public:
     /// @return false when something is wrong with the value or within it
     bool value(JsonValue& at, const std::string& pointer, const ValueSchema& description) {
         if (description.anything) return true;
-        if (!description.allows(at.kind)) {
+        if (!description.allows(at.kind))
             return refuse(at, pointer, fmt::format("must be {}, not {}", in_words(description), shown_value(at)));
-        }
         switch (at.kind) {
             case JsonValue::Kind::number:
                 if (fits(*description.number, at.number)) return true;
@@ -68,11 +67,6 @@ private:
         const TextSchema& form = *description.text;
         if (!form.choices.empty()) {
             if (is_in(at.text, form.choices)) return true;
-            if (is_in(at.text, form.later)) {
-                return refuse(at, pointer,
-                              fmt::format("\"{}\": {}; this version has {}", at.text, not_in_this_version,
-                                          quoted_list(form.choices)));
-            }
             // Where nothing like it is known, something else than a word may have been meant.
             const bool near = orbits::nearest_name(at.text, form.choices).has_value();
             const bool others = description.number || description.boolean || description.list || description.object;

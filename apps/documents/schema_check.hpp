@@ -8,7 +8,7 @@
 namespace orbid::apps {
 
 /// Compares a document with its description and reports everything in which they differ: kinds, ranges, choices,
-/// counts, unknown, missing and reserved keys, keys that do not go together.
+/// counts, unknown, missing and refused keys, keys that do not go together.
 ///
 /// What is reported is marked in the document (JsonValue::flaw): readers take a refused value as absent, and need not
 /// report it again. A document without problems here is one that the schema of the description accepts, and the other

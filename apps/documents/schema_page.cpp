@@ -36,9 +36,8 @@ public:
 
     void object(const ObjectSchema& form, const std::string& path) {
         text_ += "| key | value | default | |\n|---|---|---|---|\n";
-        for (const KeySchema& entry : form.keys) {
+        for (const KeySchema& entry : form.keys)
             if (entry.refused.empty()) row(entry);
-        }
         if (form.entries) text_ += fmt::format("| *{}* | {} | | |\n", form.entries->names, kinds(*form.entries->value));
         if (!form.exactly_one.empty())
             text_ += fmt::format("\nExactly one of `{}` must be there.\n", fmt::join(form.exactly_one, "`, `"));

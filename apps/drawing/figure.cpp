@@ -161,10 +161,9 @@ Panel::Panel(Figure& figure, const PageBox& part, PlotAxis x, PlotAxis y, const 
     }
     if (options.x_labels && !x_axis_.label.empty())
         figure.text(0.5 * (box_.left + box_.right), box_.bottom + 2.6 * font, x_axis_.label, {"middle"});
-    if (options.y_labels && !y_axis_.label.empty()) {
+    if (options.y_labels && !y_axis_.label.empty())
         figure.text(part.left + 1.05 * font, 0.5 * (box_.top + box_.bottom), y_axis_.label,
                     {"middle", 1.0, "#1d2430", false});
-    }
 }
 
 void Panel::open() {

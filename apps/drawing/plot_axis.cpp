@@ -34,9 +34,7 @@ double round_step(double rough) {
     const double power = std::pow(10.0, std::floor(std::log10(rough)));
     for (const double factor : {1.0, 2.0, 5.0}) {
         // A rough step of 0.2 must not become 0.5 because 2 * 0.1 is a rounding short of it.
-        if (factor * power >= rough * (1.0 - 1e-9)) {
-            return factor * power;
-        }
+        if (factor * power >= rough * (1.0 - 1e-9)) return factor * power;
     }
     return 10.0 * power;
 }
@@ -45,9 +43,8 @@ double round_step(double rough) {
 
 std::string display_name(const std::string& name) {
     constexpr std::string_view suffix = "_dot";
-    if (name.size() > suffix.size() && name.ends_with(suffix)) {
+    if (name.size() > suffix.size() && name.ends_with(suffix))
         return fmt::format("d{}/dt", letter(std::string_view(name).substr(0, name.size() - suffix.size())));
-    }
     return letter(name);
 }
 

@@ -103,18 +103,16 @@ std::optional<FlowStart> first_flow(const Job& job, const std::vector<Experiment
 
 std::string compare_derivatives(const FlowStart& start) {
     const Eigen::Index directions = start.state.size() + static_cast<Eigen::Index>(start.free.size());
-    if (directions > most_directions) {
+    if (directions > most_directions)
         return fmt::format("derivatives of the model were not compared with differences: {} directions, at most {}",
                            directions, most_directions);
-    }
     const auto check = models::check_derivatives(*start.system, start.state, start.phase, start.durations, start.theta,
                                                  start.free, start.clock);
-    if (!check.passed) {
+    if (!check.passed)
         throw WrongModel(
             fmt::format("model {}: its derivatives are not those of its equations: {}; a branch on a value, or a "
                         "number that is no scalar of the template, loses derivatives",
                         start.system->name(), check.message));
-    }
     return fmt::format("{}{}", check.message,
                        check.inconclusive > 0 ? fmt::format(", {} undecided", check.inconclusive) : "");
 }

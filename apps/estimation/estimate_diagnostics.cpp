@@ -22,9 +22,8 @@ VectorXd error_parameters(const NoiseModel& law, const std::vector<std::string>&
                           const estimator::Estimate& estimate) {
     VectorXd psi(static_cast<Index>(law.coordinates.size()));
     const auto scale_of = [&](int channel) -> const estimator::EstimatedScale& {
-        for (const auto& scale : estimate.scales) {
+        for (const auto& scale : estimate.scales)
             if (scale.group == names[static_cast<std::size_t>(channel)]) return scale;
-        }
         throw std::logic_error("an error law without a scale in the estimate");
     };
     if (law.joint()) {
@@ -43,9 +42,8 @@ VectorXd error_parameters(const NoiseModel& law, const std::vector<std::string>&
     for (std::size_t k = 0; k < law.coordinates.size(); ++k) {
         const auto& coordinate = law.coordinates[k];
         double value = coordinate.name == "scale" ? scale.value : coordinate.start;
-        for (const auto& parameter : scale.shape) {
+        for (const auto& parameter : scale.shape)
             if (parameter.name == coordinate.name) value = parameter.value;
-        }
         psi[static_cast<Index>(k)] = coordinate.at(value);
     }
     return psi;
@@ -61,9 +59,8 @@ struct Collected {
 /// Positions of a group's records in a block.
 std::vector<Index> records_of(const estimator::BlockLayout& block, int group) {
     std::vector<Index> records;
-    for (std::size_t r = 0; r < block.group.size(); ++r) {
+    for (std::size_t r = 0; r < block.group.size(); ++r)
         if (block.group[r] == group) records.push_back(static_cast<Index>(r));
-    }
     return records;
 }
 
@@ -103,15 +100,13 @@ std::vector<GroupDiagnostic> diagnose_residuals(const std::vector<estimator::Res
                 for (Index r = 0; r < e.size(); ++r) {
                     const auto channel =
                         static_cast<std::size_t>(first[i] + layout[b].group[static_cast<std::size_t>(r)]);
-                    for (const auto& scale : estimate.scales) {
+                    for (const auto& scale : estimate.scales)
                         if (scale.group == names[channel]) e[r] /= scale.value;
-                    }
                 }
                 models::CholeskyFactor(layout[b].shape).solve_lower_in_place(e);
-                for (std::size_t g = 0; g < residuals[i]->groups().size(); ++g) {
+                for (std::size_t g = 0; g < residuals[i]->groups().size(); ++g)
                     collect(e(records_of(layout[b], static_cast<int>(g))), layout[b].label,
                             collected[static_cast<std::size_t>(first[i]) + g]);
-                }
                 continue;
             }
             for (const NoiseModel& law : laws) {

@@ -23,9 +23,8 @@ Eigen::VectorXd values(const estimator::Estimate& estimate) {
 
 /// Relative part of a group's errors; 0 where there is none.
 double relative_of(const estimator::EstimatedScale& scale) {
-    for (const estimator::Estimated& parameter : scale.shape) {
+    for (const estimator::Estimated& parameter : scale.shape)
         if (parameter.name == "relative") return parameter.value;
-    }
     return 0.0;
 }
 

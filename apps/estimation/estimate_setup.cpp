@@ -16,9 +16,8 @@ bool has_own(const DataJob& data, Eigen::Index parameter) {
 
 /// What the parameter that another one follows is called in an experiment.
 std::string name_in(const Job& job, const DataJob& data, const std::string& name) {
-    for (const FreeParameterJob& free : job.estimate->parameters) {
+    for (const FreeParameterJob& free : job.estimate->parameters)
         if (free.value.name == name && has_own(data, free.parameter)) return fmt::format("{}@{}", name, data.name);
-    }
     return name;
 }
 
@@ -65,9 +64,8 @@ estimator::DerivedQuantity derived_quantity(const DerivedJob& derived, const mod
             [expression, binding](const Eigen::VectorXd& theta) {
                 const Eigen::VectorXd gradient = expression.gradient(binding.values(theta));
                 Eigen::MatrixXd columns(1, static_cast<Eigen::Index>(binding.parameter.size()));
-                for (std::size_t i = 0; i < binding.parameter.size(); ++i) {
+                for (std::size_t i = 0; i < binding.parameter.size(); ++i)
                     columns(0, static_cast<Eigen::Index>(i)) = gradient[binding.parameter[i]];
-                }
                 return Eigen::VectorXd(binding.spread(columns).transpose());
             }};
 }
@@ -94,11 +92,9 @@ EstimateSetup estimate_setup(const Job& job, const std::vector<std::vector<std::
     for (const FreeParameterJob& free : job.estimate->parameters) {
         if (!is_shared(job, free.parameter)) continue;
         bind(setup.model, free.parameter, setup.parameters.size());
-        for (std::size_t e = 0; e < job.data.size(); ++e) {
-            if (!has_own(job.data[e], free.parameter)) {
+        for (std::size_t e = 0; e < job.data.size(); ++e)
+            if (!has_own(job.data[e], free.parameter))
                 bind(setup.experiments[e], free.parameter, setup.parameters.size());
-            }
-        }
         setup.parameters.push_back(free.value);
     }
     for (std::size_t e = 0; e < job.data.size(); ++e) {
@@ -120,9 +116,8 @@ EstimateSetup estimate_setup(const Job& job, const std::vector<std::vector<std::
     setup.model.estimated_count = count;
     for (models::ParameterBinding& binding : setup.experiments)
         binding.estimated_count = count;
-    for (const DerivedJob& derived : job.estimate->derived) {
+    for (const DerivedJob& derived : job.estimate->derived)
         setup.derived.push_back(derived_quantity(derived, setup.model));
-    }
     return setup;
 }
 

@@ -52,9 +52,8 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
                   const models::ParameterBinding& binding, const Eigen::VectorXd& theta,
                   const Fingerprint& fingerprint) {
     std::vector<std::string> names;
-    for (const Eigen::Index parameter : binding.parameter) {
+    for (const Eigen::Index parameter : binding.parameter)
         names.emplace_back(work.system().parameters()[static_cast<std::size_t>(parameter)].name);
-    }
     ComputedOrbits orbits;
     const auto found = residual.orbits(theta);
     for (std::size_t b = 0; b < found.size(); ++b) {
@@ -176,9 +175,8 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     for (const std::string& lost : add_waveform(job, data, setup, setup.start(), prepared.waveform))
         work.progress.say(lost);
     const models::ParameterBinding& cycle_binding = searched_binding(job, setup);
-    if (const auto flow = first_flow(job, data, search, setup, prepared, cycle_binding)) {
+    if (const auto flow = first_flow(job, data, search, setup, prepared, cycle_binding))
         work.progress.log(compare_derivatives(*flow));
-    }
 
     PosteriorResults& posterior = outcome.context.posterior;
     for (const auto& parameter : setup.parameters)

@@ -69,9 +69,8 @@ Job without(Job job, Eigen::Index parameter) {
     job.model.values[parameter] = 0.0;
     for (DataJob& data : job.data) {
         data.free.erase(std::remove(data.free.begin(), data.free.end(), parameter), data.free.end());
-        for (ParameterValue& own : data.parameters) {
+        for (ParameterValue& own : data.parameters)
             if (own.parameter == parameter) own.value = 0.0;
-        }
     }
     return job;
 }
@@ -81,9 +80,8 @@ std::set<std::size_t> used_cycles(const StageRun& run) {
     std::set<std::size_t> used;
     if (!run.residuals.cycles || run.estimate.residuals.empty()) return used;
     const auto& blocks = run.estimate.residuals.front();
-    for (std::size_t b = 0; b < blocks.size(); ++b) {
+    for (std::size_t b = 0; b < blocks.size(); ++b)
         if (blocks[b].e.size() > 0) used.insert(run.residuals.cycles->cycle_of(b));
-    }
     return used;
 }
 

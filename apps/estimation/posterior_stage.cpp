@@ -28,9 +28,8 @@ std::vector<std::string> chosen(const ParameterChoice& choice,
                                 const std::vector<estimator::FreeParameter>& parameters) {
     std::vector<std::string> names;
     if (choice.all) return names;
-    for (const auto& parameter : parameters) {
+    for (const auto& parameter : parameters)
         if (choice.contains(parameter.name)) names.push_back(parameter.name);
-    }
     // What is no parameter belongs to an error group; the reader checked it.
     for (const std::string& name : choice.names) {
         const auto is_it = [&](const estimator::FreeParameter& parameter) {

@@ -15,11 +15,10 @@ namespace {
 void sign(const std::filesystem::path& path, std::string& expected) {
     if (!std::filesystem::exists(path)) throw orbits::DataError(fmt::format("{}: no such file", path.string()));
     const std::string found = sha256_of_file(path);
-    if (!expected.empty() && expected != found) {
+    if (!expected.empty() && expected != found)
         throw orbits::DataError(
             fmt::format("{}: is not the file the job was made for: its SHA-256 is {}, the job says {}", path.string(),
                         found, expected));
-    }
     expected = found;
 }
 

@@ -31,12 +31,10 @@ void read_columns(const ValueReader& value, const Job& job, FileJob& file) {
     }
     std::sort(file.columns.begin(), file.columns.end(),
               [](const ColumnJob& a, const ColumnJob& b) { return a.coordinate < b.coordinate; });
-    if (job.model.system && file.columns.empty() && value.is(JsonValue::Kind::object)) {
+    if (job.model.system && file.columns.empty() && value.is(JsonValue::Kind::object))
         value.report("must name the column of at least one coordinate of the model");
-    }
-    if (file.sampling == Sampling::samples && file.time_column.empty()) {
+    if (file.sampling == Sampling::samples && file.time_column.empty())
         value.report("samples need the column of the time: \"time\": \"t\"");
-    }
 }
 
 /// What write_csv of orbid names its columns.
@@ -65,14 +63,11 @@ ColumnJob read_column(const ValueReader& value, Eigen::Index index, const models
     if (const auto name = object.find("column")) column.column = name->text().value_or("");
     if (const auto unit = object.find("unit")) {
         column.unit = unit->text().value_or(column.unit);
-        if (!orbits::unit_factor(column.unit, entry.unit)) {
+        if (!orbits::unit_factor(column.unit, entry.unit))
             unit->report(fmt::format("unit \"{}\" cannot be turned into {}; known: {}", column.unit, entry.unit,
                                      orbits::units_like(entry.unit)));
-        }
     }
-    if (const auto sign = object.find("sign")) {
-        column.sign = sign->number() == -1.0 ? -1 : 1;
-    }
+    if (const auto sign = object.find("sign")) column.sign = sign->number() == -1.0 ? -1 : 1;
     if (const auto offset = object.find("offset")) column.offset = offset->number().value_or(0.0);
     object.finish();
     return column;
@@ -87,9 +82,8 @@ void read_time(const ValueReader& value, std::string& column, std::string& time_
     if (const auto name = object.find("column")) column = name->text().value_or("");
     if (const auto unit = object.find("unit")) {
         time_unit = unit->text().value_or("s");
-        if (!orbits::unit_factor(time_unit, "s")) {
+        if (!orbits::unit_factor(time_unit, "s"))
             unit->report(fmt::format("unit \"{}\" is no time; known: {}", time_unit, orbits::units_like("s")));
-        }
     }
     object.finish();
 }
@@ -100,18 +94,16 @@ void read_file(ObjectReader& data, const ValueReader& path, const Job& job, File
         file.path = *read;
         const std::string type = extension(*read);
         file.table = type == ".csv" || type == ".tsv" || type == ".txt";
-        if (!file.table && type != ".h5" && type != ".hdf5") {
+        if (!file.table && type != ".h5" && type != ".hdf5")
             path.report(fmt::format("files end in .csv, .tsv, .txt, .h5 or .hdf5, not in \"{}\"", type));
-        }
     }
     file.sha256 = read_sha256(data);
     if (const auto kind = data.find("kind")) {
         if (kind->choice({"section", "samples"}) == 1) file.sampling = Sampling::samples;
         const bool map = job.model.system && job.model.system->kind() == models::Kind::map;
-        if (map && file.sampling == Sampling::samples) {
+        if (map && file.sampling == Sampling::samples)
             kind->report(fmt::format("the model {} is a map: it has no samples in time; its iterates are a \"section\"",
                                      job.model.name));
-        }
     }
     const auto columns = data.find("columns");
     if (columns && !file.table) {

@@ -105,9 +105,8 @@ std::optional<Eigen::VectorXd> read_state(const ValueReader& value, const Job& j
 std::optional<Eigen::MatrixXd> read_matrix(const ValueReader& value, Eigen::Index size) {
     const auto rows = value.items();
     bool complete = value.is(JsonValue::Kind::array) && static_cast<Eigen::Index>(rows.size()) == size;
-    if (value.is(JsonValue::Kind::array) && !complete) {
+    if (value.is(JsonValue::Kind::array) && !complete)
         value.report(fmt::format("must be a matrix of {} rows, not {}", size, rows.size()));
-    }
     Eigen::MatrixXd matrix(size, size);
     for (std::size_t i = 0; complete && i < rows.size(); ++i) {
         const auto cells = rows[i].items();
@@ -128,9 +127,7 @@ bool is_name(const std::string& name, const ValueReader& at) {
     const auto digit = [](char c) { return c >= '0' && c <= '9'; };
     const bool good = !name.empty() && letter(name.front()) &&
                       std::all_of(name.begin(), name.end(), [&](char c) { return letter(c) || digit(c); });
-    if (!good) {
-        at.report(fmt::format("\"{}\" is no name: letters, digits and _, no digit first", name));
-    }
+    if (!good) at.report(fmt::format("\"{}\" is no name: letters, digits and _, no digit first", name));
     return good;
 }
 

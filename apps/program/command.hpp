@@ -67,7 +67,7 @@ struct Command {
     std::vector<CommandOption> options;  ///< besides those every command has
     std::vector<CommandExample> examples;
     std::string details;                            ///< paragraphs for the help below the options; may be empty
-    int (*run)(const CommandCall& call) = nullptr;  ///< returns the exit code; null: a name reserved for later
+    int (*run)(const CommandCall& call) = nullptr;  ///< returns the exit code
 };
 
 }  // namespace orbid::apps

@@ -81,7 +81,6 @@ std::string bash_script() {
     std::string with_values;
     std::string places;
     for (const Command& command : command_table()) {
-        if (command.run == nullptr) continue;
         names += " " + command.name;
         std::string list;
         for (const CommandOption& option : options_of(command)) {
@@ -92,10 +91,9 @@ std::string bash_script() {
             with_values += fmt::format("{}'{} --{}'", with_values.empty() ? "" : " | ", command.name, option.name);
         }
         switches += fmt::format("            {}) _orbid_words '{}' ;;\n", command.name, list);
-        for (std::size_t i = 0; i < command.words.size(); ++i) {
+        for (std::size_t i = 0; i < command.words.size(); ++i)
             places += fmt::format("        '{} {}') {} ;;\n", command.name, i,
                                   bash_offer(command.words[i].kind, command.words[i].choices));
-        }
     }
     std::string script(bash_begin);
     script += names + "'\n        return\n    fi\n    case \"$command $previous\" in\n" + values;
@@ -139,7 +137,6 @@ std::string zsh_script() {
     std::string names;
     std::string cases;
     for (const Command& command : command_table()) {
-        if (command.run == nullptr) continue;
         names += fmt::format("        '{}:{}'\n", command.name, zsh_text(command.summary));
         cases += fmt::format("        {})\n            _arguments", command.name);
         for (const CommandOption& option : options_of(command)) {

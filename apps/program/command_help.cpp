@@ -71,7 +71,6 @@ std::string usage_words(const Command& command) {
 std::string program_help() {
     std::string text = "orbid: parameters of nonlinear systems from chaotic data\n\nusage: orbid COMMAND [options]\n\n";
     for (const Command& command : command_table()) {
-        if (command.run == nullptr) continue;
         constexpr std::size_t indent = 27;
         text +=
             fmt::format("  {:<10} {:<13} {}\n", command.name, usage_words(command), wrapped(command.summary, indent));
@@ -112,9 +111,8 @@ std::string signals_text() {
 
 std::vector<std::string> command_names() {
     std::vector<std::string> names;
-    for (const Command& command : command_table()) {
-        if (command.run != nullptr) names.push_back(command.name);
-    }
+    for (const Command& command : command_table())
+        names.push_back(command.name);
     return names;
 }
 
@@ -124,7 +122,7 @@ int show_help(const CommandCall& call) {
         return 0;
     }
     for (const Command& command : command_table()) {
-        if (command.name != call.words[0] || command.run == nullptr) continue;
+        if (command.name != call.words[0]) continue;
         call.console.out << command_help(command);
         return 0;
     }

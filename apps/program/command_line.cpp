@@ -75,9 +75,8 @@ CommandCall parsed(const Command& command, const std::vector<std::string>& argum
         const std::string value = option.value.empty() ? "" : values[option.name].as<std::string>();
         if (option.choices != nullptr) {
             const auto choices = option.choices();
-            if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
+            if (std::find(choices.begin(), choices.end(), value) == choices.end())
                 refuse(fmt::format("--{} must be one of {}, not \"{}\"", option.name, fmt::join(choices, ", "), value));
-            }
         }
         call.options[option.name] = value;
     }
@@ -109,9 +108,8 @@ int run_known(const std::vector<std::string>& arguments, const Console& console)
     }
     std::vector<std::string> names;
     for (const Command& command : command_table()) {
-        if (command.run != nullptr) names.push_back(command.name);
+        names.push_back(command.name);
         if (command.name != first) continue;
-        if (command.run == nullptr) throw CommandLineError(fmt::format("orbid {}: {}", first, not_in_this_version));
         CommandCall call = parsed(command, {arguments.begin() + 1, arguments.end()}, console);
         if (call.has("help")) {
             console.out << command_help(command);

@@ -7,7 +7,7 @@
 namespace orbid::apps {
 
 /// All commands, in the order in which help shows them. One row each: parser, help, completion and man page are made
-/// from it. Reserved names have no `run`.
+/// from it.
 [[nodiscard]] const std::vector<Command>& command_table();
 
 /// Options that every command has.

@@ -41,9 +41,8 @@ void add_command(std::string& page, const Command& command) {
     page +=
         ".SS \"orbid " + command.name + (command.words.empty() ? "" : " ") + troff_text(usage_words(command)) + "\"\n";
     page += troff_text(command.summary) + ".\n";
-    for (const CommandWord& word : command.words) {
+    for (const CommandWord& word : command.words)
         if (word.choices != nullptr) add_entry(page, word.name, "", with_choices("One of", word.choices));
-    }
     for (const CommandOption& option : command.options)
         add_entry(page, "--" + option.name, option.value, with_choices(option.meaning, option.choices));
     if (!command.details.empty()) page += ".PP\n" + troff_text(command.details) + "\n";
@@ -65,9 +64,8 @@ std::string manual_page() {
         "them; results go to a folder.\n"
         ".SH COMMANDS\n",
         program_version());
-    for (const Command& command : command_table()) {
-        if (command.run != nullptr) add_command(page, command);
-    }
+    for (const Command& command : command_table())
+        add_command(page, command);
     page += ".SH OPTIONS OF ALL COMMANDS\n";
     for (const CommandOption& option : common_options())
         add_entry(page, "--" + option.name, option.value, with_choices(option.meaning, option.choices));

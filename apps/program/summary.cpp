@@ -18,9 +18,7 @@ using Align = SummaryTable::Align;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 std::string interval(const estimator::Estimated& x) {
-    if (!std::isfinite(x.lower95) || !std::isfinite(x.upper95)) {
-        return "undefined";
-    }
+    if (!std::isfinite(x.lower95) || !std::isfinite(x.upper95)) return "undefined";
     return fmt::format("[{}, {}]", with_digits_of(x.lower95, x.sd), with_digits_of(x.upper95, x.sd));
 }
 
@@ -33,11 +31,10 @@ std::string estimated_table(const std::vector<estimator::Estimated>& list) {
                         {"95 % interval", Align::left},
                         {"method", Align::left},
                         {"bound", Align::left}});
-    for (const auto& x : list) {
+    for (const auto& x : list)
         table.add({x.name, x.unit, significant(x.start, 4), with_digits_of(x.value, x.sd),
                    std::isfinite(x.sd) ? significant(x.sd, 2) : "undefined", interval(x), x.interval_method,
                    x.at_bound.empty() ? "" : "at " + x.at_bound});
-    }
     return table.text();
 }
 
@@ -48,9 +45,7 @@ std::string reference_table(const estimator::Estimate& estimate, const ResultCon
     for (const auto* list : {&estimate.parameters, &estimate.derived}) {
         for (const auto& x : *list) {
             const auto known = context.reference.find(x.name);
-            if (known == context.reference.end()) {
-                continue;
-            }
+            if (known == context.reference.end()) continue;
             const double reference = known->second;
             const double in_sds = x.sd > 0.0 ? (x.value - reference) / x.sd : nan;
             table.add({x.name, significant(reference, 8), with_digits_of(x.value, x.sd),
@@ -116,10 +111,9 @@ std::string covariance_table(const std::vector<estimator::EstimatedCovariance>& 
 std::string remarks(const estimator::Estimate& estimate) {
     std::string out;
     for (const auto& x : estimate.parameters) {
-        if (!x.at_bound.empty()) {
+        if (!x.at_bound.empty())
             out += fmt::format("  {} lies at its {} bound; the other uncertainties hold for {} held there.\n", x.name,
                                x.at_bound, x.name);
-        }
     }
     for (const auto& x : estimate.parameters) {
         // Half: below it the prior says more than the data. One thousandth: what shows in no digit of the value.
@@ -132,27 +126,23 @@ std::string remarks(const estimator::Estimate& estimate) {
         }
     }
     for (const auto& scale : estimate.scales) {
-        if (std::isfinite(scale.lag1) && scale.effective_count < 0.5 * static_cast<double>(scale.count)) {
+        if (std::isfinite(scale.lag1) && scale.effective_count < 0.5 * static_cast<double>(scale.count))
             out += fmt::format("  {}: {} autocorrelated records are worth about {:.0f} independent values.\n",
                                scale.group, scale.count, scale.effective_count);
-        }
     }
     const auto sandwich = [](const auto& x) { return x.interval_method == "sandwich"; };
-    if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), sandwich)) {
+    if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), sandwich))
         out += "  Intervals are from a sandwich over blocks longer than the correlation time.\n";
-    }
     const auto widened = [](const auto& x) { return x.interval_method == "effective_count"; };
-    if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), widened)) {
+    if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), widened))
         out +=
             "  The residuals repeat each other over most of a record: intervals are widened to what the independent\n"
             "  records among them are worth, and only as good as that guess. The model misses something.\n";
-    }
-    if (!estimate.trust_normal) {
+    if (!estimate.trust_normal)
         out += fmt::format(
             "  The normal approximation of the posterior is doubtful{}{}:\n"
             "  take sds and intervals as orders of size; \"profile\", \"marginals\" or \"posterior\" say more.\n",
             estimate.distrust.empty() ? "" : ": ", estimate.distrust);
-    }
     return out;
 }
 
@@ -160,9 +150,7 @@ std::string null_directions(const estimator::Estimate& estimate) {
     std::string out;
     for (const auto& direction : estimate.null_directions) {
         const auto components = named_components(direction, estimate.parameters);
-        if (components.empty()) {
-            continue;
-        }
+        if (components.empty()) continue;
         std::string names;
         std::string sizes;
         for (const auto& [name, component] : components) {
@@ -180,24 +168,19 @@ std::string null_directions(const estimator::Estimate& estimate) {
 
 std::string counts_table(const std::vector<estimator::ResidualCount>& counts) {
     SummaryTable table({{"residuals", Align::left}, {"used"}, {"lost"}, {"rejected"}, {"added"}});
-    for (const auto& count : counts) {
+    for (const auto& count : counts)
         table.add({count.type, std::to_string(count.used), std::to_string(count.lost), std::to_string(count.rejected),
                    std::to_string(count.added)});
-    }
     return table.text();
 }
 
 std::string orbits_line(const ResultContext& context) {
-    if (context.orbits_found.empty() && context.orbits_missing.empty()) {
-        return "";
-    }
+    if (context.orbits_found.empty() && context.orbits_missing.empty()) return "";
     std::string out;
-    for (const auto& [period, count] : context.orbits_found) {
+    for (const auto& [period, count] : context.orbits_found)
         out += fmt::format("{}period {}: {}", out.empty() ? "  " : ", ", period, count);
-    }
-    for (const int period : context.orbits_missing) {
+    for (const int period : context.orbits_missing)
         out += fmt::format("{}period {}: none found", out.empty() ? "  " : ", ", period);
-    }
     return out + '\n';
 }
 
@@ -209,9 +192,8 @@ std::string prediction_table(const std::vector<Prediction>& predictions) {
                         {"rms / error sd"}});
     for (const auto& prediction : predictions) {
         std::string rms;
-        for (const auto& [coordinate, value] : prediction.rms) {
+        for (const auto& [coordinate, value] : prediction.rms)
             rms += fmt::format("{}{} {:.4g}", rms.empty() ? "" : ", ", coordinate, value);
-        }
         table.add({prediction.experiment, prediction.segment, prediction.fitted ? "fitted" : "predicted", rms,
                    significant(prediction.normalised_rms, 3)});
     }
@@ -264,9 +246,8 @@ std::string cycles_summary(const orbits::CycleSearch& search) {
         ++row.cycles;
         row.fewest = std::min(row.fewest, cycle.recurrences);
         row.most = std::max(row.most, cycle.recurrences);
-        if (cycle.covariance.size() > 0) {
+        if (cycle.covariance.size() > 0)
             row.worst_sd = std::max(row.worst_sd, std::sqrt(cycle.covariance.diagonal().maxCoeff()));
-        }
         if (!cycle.multipliers.empty()) {
             row.least = std::min(row.least, std::abs(cycle.multipliers.front()));
             row.largest = std::max(row.largest, std::abs(cycle.multipliers.front()));
@@ -274,17 +255,15 @@ std::string cycles_summary(const orbits::CycleSearch& search) {
     }
     SummaryTable table(
         {{"period"}, {"cycles"}, {"points"}, {"recurrences"}, {"largest |multiplier|"}, {"worst sd of a point"}});
-    for (const auto& [period, row] : rows) {
+    for (const auto& [period, row] : rows)
         table.add({std::to_string(period), std::to_string(row.cycles),
                    std::to_string(row.cycles * static_cast<std::size_t>(period)),
                    fmt::format("{} ... {}", row.fewest, row.most),
                    row.largest > 0.0 ? fmt::format("{:.3g} ... {:.3g}", row.least, row.largest) : "",
                    row.worst_sd > 0.0 ? significant(row.worst_sd, 2) : ""});
-    }
     std::string out = titled("Unstable periodic orbits in the series", table.text());
-    for (const int period : search.missing) {
+    for (const int period : search.missing)
         out += fmt::format("  period {}: none found\n", period);
-    }
     return out;
 }
 

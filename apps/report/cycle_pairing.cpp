@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apps/results/summary_table.hpp"
+#include "apps/stored_run/stored_record.hpp"
 #include "models/definition/parameter.hpp"
 
 namespace orbid::apps {
@@ -75,8 +76,7 @@ MatchedCycles matched_cycles(const StoredRun& run, const Json& first, const Json
     const ModelJob model = stored_model(run);
     for (std::size_t i = 0; i < dimension; ++i) {
         range.push_back(highest[i] > lowest[i] ? highest[i] - lowest[i] : 1.0);
-        const auto index = model.system->coordinate_index(first.at("coordinates")[i].get<std::string>());
-        angle.push_back(index >= 0 && model.system->coordinates()[static_cast<std::size_t>(index)].angle);
+        angle.push_back(catalog::coordinate_of(model, first.at("coordinates")[i].get<std::string>()).angle);
     }
     SummaryTable table({{"period"}, {"first"}, {"second"}, {"in both"}, {"median distance / range"}});
     std::set<int> periods;

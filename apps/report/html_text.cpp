@@ -26,10 +26,9 @@ std::string attributes_of(const HtmlTable::Column& column, const HtmlTable::Cell
 }  // namespace
 
 void HtmlTable::add(std::vector<Cell> cells) {
-    if (cells.size() != columns_.size()) {
+    if (cells.size() != columns_.size())
         throw std::invalid_argument(
             fmt::format("HTML table: {} cells, must be {}, one per column", cells.size(), columns_.size()));
-    }
     rows_.push_back(std::move(cells));
 }
 

@@ -9,15 +9,13 @@
 #include "apps/report/html_text.hpp"
 #include "apps/report/report_chapter.hpp"
 #include "apps/results/summary_table.hpp"
+#include "apps/stored_run/stored_record.hpp"
 
 namespace orbid::apps {
 
 namespace {
 
-using detail::filled;
-using detail::Json;
-using detail::number_at;
-using detail::text_at;
+using namespace detail;
 
 constexpr std::size_t most_orbits = 2000;  // rows of the table of computed orbits
 
@@ -62,8 +60,8 @@ ChartView branch_view(const Json& file, std::size_t coordinate, bool angle) {
                     last = value;
                     line.x.push_back(at);
                     line.y.push_back(here || before ? value : std::nan(""));
-                    x.add(at);
-                    y.add(value);
+                    x.include(at);
+                    y.include(value);
                 }
                 line.x.push_back(std::nan(""));
                 line.y.push_back(std::nan(""));
@@ -199,8 +197,7 @@ ReportChapter branch_chapter(const ReportSource& source) {
         const std::string plotted = plotted_coordinate(source.run.job);
         for (std::size_t i = 0; i < file.at("coordinates").size(); ++i) {
             const auto name = file.at("coordinates")[i].get<std::string>();
-            const Eigen::Index index = model.system->coordinate_index(name);
-            const bool angle = index >= 0 && model.system->coordinates()[static_cast<std::size_t>(index)].angle;
+            const bool angle = catalog::coordinate_of(model, name).angle;
             // What the job plots comes first.
             chart.views.insert(name == plotted ? chart.views.begin() : chart.views.end(), branch_view(file, i, angle));
         }

@@ -64,6 +64,10 @@ using Json = nlohmann::ordered_json;
 [[nodiscard]] std::string text_at(const Json& object, std::string_view key);
 /// A member that is an object or a list with something in it, else null.
 [[nodiscard]] const Json* filled(const Json& object, std::string_view key);
+/// The same of an object that may not be there.
+[[nodiscard]] inline const Json* filled(const Json* object, std::string_view key) {
+    return object == nullptr ? nullptr : filled(*object, key);
+}
 /// 1048576 -> "1 048 576", with spaces that do not break.
 [[nodiscard]] std::string grouped(std::size_t value);
 /// "1 cycle", "3 cycles".

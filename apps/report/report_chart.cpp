@@ -29,14 +29,11 @@ bool is_even(std::span<const double> values) {
 }
 
 Json in_steps(std::span<const double> values) {
-    double lower = std::numeric_limits<double>::infinity();
-    double upper = -lower;
-    for (const double value : values) {
-        if (!std::isfinite(value)) continue;
-        lower = std::min(lower, value);
-        upper = std::max(upper, value);
-    }
-    if (!(lower <= upper)) lower = upper = 0.0;  // nothing is defined: every code is the highest
+    ChartRange range;
+    range.include(values);
+    // Nothing is defined: every code is the highest.
+    const double lower = range.empty() ? 0.0 : range.lowest;
+    const double upper = range.empty() ? 0.0 : range.highest;
     const unsigned bits = values.size() <= fine_numbers ? 32 : 16;
     const std::uint32_t undefined = bits == 32 ? 0xffffffffU : 0xffffU;
     const double last = static_cast<double>(undefined - 1);
@@ -55,9 +52,8 @@ Json in_steps(std::span<const double> values) {
 
 /// Ascending without gaps: the page then finds what is in view by bisection.
 bool rises(const std::vector<double>& x) {
-    for (std::size_t i = 0; i < x.size(); ++i) {
+    for (std::size_t i = 0; i < x.size(); ++i)
         if (!std::isfinite(x[i]) || (i > 0 && !(x[i] >= x[i - 1]))) return false;
-    }
     return x.size() > 1;
 }
 
@@ -148,27 +144,16 @@ void name_lines(ChartView& view, std::vector<std::string> names) {
     view.height = std::min(0.8, 0.16 + 0.05 * (last + 1.0));
 }
 
-void ChartRange::add(double value) {
-    if (!std::isfinite(value)) return;
-    lower_ = std::min(lower_, value);
-    upper_ = std::max(upper_, value);
-}
-
-void ChartRange::add(std::span<const double> values) {
-    for (const double value : values)
-        add(value);
-}
-
 bool ChartRange::spans(double decades) const {
-    return lower_ > 0.0 && std::log10(upper_) - std::log10(lower_) > decades;
+    return lowest > 0.0 && std::log10(highest) - std::log10(lowest) > decades;
 }
 
 ChartAxis ChartRange::axis(std::string label, std::string unit, bool log) const {
     constexpr double spare = 0.04;
     ChartAxis out{std::move(label), std::move(unit)};
-    out.log = log && lower_ > 0.0;
-    double lower = empty() ? 0.0 : lower_;
-    double upper = empty() ? 0.0 : upper_;
+    out.log = log && lowest > 0.0;
+    double lower = empty() ? 0.0 : lowest;
+    double upper = empty() ? 0.0 : highest;
     if (out.log) {
         const double room = std::max(spare * (std::log10(upper) - std::log10(lower)), 0.1);
         out.lower = lower * std::pow(10.0, -room);
@@ -177,9 +162,8 @@ ChartAxis ChartRange::axis(std::string label, std::string unit, bool log) const 
     }
     double room = spare * (upper - lower);
     // A single value, or values that differ by rounding alone.
-    if (!(room > 1e-12 * std::max(std::abs(lower), std::abs(upper)))) {
+    if (!(room > 1e-12 * std::max(std::abs(lower), std::abs(upper))))
         room = lower == 0.0 && upper == 0.0 ? 0.5 : 0.05 * std::max(std::abs(lower), std::abs(upper));
-    }
     out.lower = lower - room;
     out.upper = upper + room;
     return out;

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -8,6 +7,8 @@
 #include <vector>
 
 #include <nlohmann/json.hpp>
+
+#include "apps/drawing/plot_axis.hpp"
 
 namespace orbid::apps {
 
@@ -70,19 +71,13 @@ struct Chart {
 void name_lines(ChartView& view, std::vector<std::string> names);
 
 /// Least and greatest of finite numbers, fed bit by bit.
-class ChartRange {
+class ChartRange : public PlotRange {
 public:
-    void add(double value);
-    void add(std::span<const double> values);
     /// The range with 4 % to spare (logarithmic: of the decades); one unit around a single value or around 0.
     [[nodiscard]] ChartAxis axis(std::string label, std::string unit, bool log = false) const;
-    [[nodiscard]] bool empty() const { return !(lower_ <= upper_); }
+    [[nodiscard]] bool empty() const { return !(lowest <= highest); }
     /// Positive throughout and over more than `decades`: worth a logarithmic axis.
     [[nodiscard]] bool spans(double decades) const;
-
-private:
-    double lower_ = std::numeric_limits<double>::infinity();
-    double upper_ = -std::numeric_limits<double>::infinity();
 };
 
 }  // namespace orbid::apps

@@ -11,10 +11,7 @@ namespace orbid::apps {
 
 namespace {
 
-using detail::filled;
-using detail::Json;
-using detail::number_at;
-using detail::text_at;
+using namespace detail;
 
 /// The objective after each accepted step, above its last value: a logarithmic course shows every step.
 Chart convergence_chart(const Json& history) {
@@ -25,9 +22,8 @@ Chart convergence_chart(const Json& history) {
         ChartLayer refused{"points", "refused step", 2, ""};
         refused.open = true;
         double last = std::nan("");
-        for (const Json& step : history) {
+        for (const Json& step : history)
             if (text_at(step, "block") == block && step.value("accepted", false)) last = number_at(step, "after");
-        }
         // Below this the objective only rounds.
         const double rounding = 1e-12 * std::max(1.0, std::abs(last));
         ChartRange range;
@@ -50,7 +46,7 @@ Chart convergence_chart(const Json& history) {
                 line.x.push_back(number - 1.0);
                 line.y.push_back(above);
             }
-            range.add(above);
+            range.include(above);
         }
         if (points.x.size() < 2) continue;
         ChartView view;
@@ -80,20 +76,19 @@ Chart stage_chart(const Json& stages) {
         for (const Json& stage : stages) {
             const auto height = static_cast<double>(names.size());
             names.push_back(text_at(stage, "stage"));
-            const Json* parameters = filled(stage, "parameters");
-            const auto entry = parameters == nullptr ? Json::const_iterator() : parameters->find(name);
-            if (parameters == nullptr || entry == parameters->end()) continue;
+            const Json* entry = filled(filled(stage, "parameters"), name);
+            if (entry == nullptr) continue;
             values.x.push_back(number_at(*entry, "value"));
             values.y.push_back(height);
             values.labels.push_back(text_at(stage, "stage"));
-            range.add(values.x.back());
+            range.include(values.x.back());
             const Json* ends = filled(*entry, "interval95");
             if (ends == nullptr || !(*ends)[0].is_number() || !(*ends)[1].is_number()) continue;
             intervals.lower.push_back((*ends)[0].get<double>());
             intervals.upper.push_back((*ends)[1].get<double>());
             intervals.y.push_back(height);
-            range.add(intervals.lower.back());
-            range.add(intervals.upper.back());
+            range.include(intervals.lower.back());
+            range.include(intervals.upper.back());
         }
         if (values.x.size() < 2) continue;
         view.label = name;
@@ -131,8 +126,8 @@ std::string stages_table(const Json& stages) {
         const Json* own = filled(stage, "parameters");
         if (parameters != nullptr) {
             for (const auto& [name, entry] : parameters->items()) {
-                const auto found = own == nullptr ? Json::const_iterator() : own->find(name);
-                const bool known = own != nullptr && found != own->end();
+                const Json* found = filled(own, name);
+                const bool known = found != nullptr;
                 const double sd = known ? number_at(*found, "sd") : std::nan("");
                 const double value = known ? number_at(*found, "value") : std::nan("");
                 cells.emplace_back(known ? with_digits_of(value, sd) : "", value);

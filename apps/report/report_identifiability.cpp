@@ -12,9 +12,7 @@ namespace orbid::apps {
 
 namespace {
 
-using detail::filled;
-using detail::Json;
-using detail::number_at;
+using namespace detail;
 
 /// More parameters than this make a table that nobody reads; the strongest pairs are listed instead.
 constexpr std::size_t readable = 24;
@@ -55,9 +53,8 @@ std::string strongest_table(const Json& names, const Json& matrix) {
     };
     std::vector<Pair> pairs;
     for (std::size_t i = 0; i < names.size(); ++i) {
-        for (std::size_t j = 0; j < i; ++j) {
+        for (std::size_t j = 0; j < i; ++j)
             if (matrix[i][j].is_number()) pairs.push_back({j, i, matrix[i][j].get<double>()});
-        }
     }
     std::stable_sort(pairs.begin(), pairs.end(),
                      [](const Pair& a, const Pair& b) { return std::abs(a.value) > std::abs(b.value); });
@@ -90,7 +87,7 @@ Chart singular_value_chart(const Json& values) {
         points.x.push_back(static_cast<double>(i + 1));
         points.y.push_back(values[i].get<double>());
         points.labels.push_back(fmt::format("direction {}", i + 1));
-        range.add(points.y.back());
+        range.include(points.y.back());
     }
     if (points.x.size() < 2) return chart;
     ChartView view;

@@ -10,10 +10,7 @@ namespace orbid::apps {
 
 namespace {
 
-using detail::filled;
-using detail::Json;
-using detail::number_at;
-using detail::text_at;
+using namespace detail;
 
 std::string parameter_interval_text(const Json& entry, double sd) {
     const Json* ends = filled(entry, "interval95");
@@ -96,9 +93,9 @@ Chart deviation_chart(const Json& result) {
         }
     }
     if (names.empty()) return chart;
-    range.add(intervals.lower);
-    range.add(intervals.upper);
-    range.add(0.0);
+    range.include(intervals.lower);
+    range.include(intervals.upper);
+    range.include(0.0);
     view.x = range.axis("(estimate − reference) / sd", "");
     ChartLayer reference{"rule", "reference", 1, "ink"};
     reference.at_x = 0.0;

@@ -12,10 +12,7 @@ namespace orbid::apps {
 
 namespace {
 
-using detail::filled;
-using detail::Json;
-using detail::number_at;
-using detail::text_at;
+using namespace detail;
 
 /// A block that was asked for and could not be done: { "status": "refused", "message": ... }.
 std::string refusal(const Json& block) {
@@ -44,9 +41,8 @@ ChartLayer upright(double at, std::string name, std::string ink, bool dash) {
 /// The estimate and, where it is known, the reference.
 void add_marks(const Json& result, const std::string& name, ChartView& view) {
     for (const char* list : {"parameters", "derived"}) {
-        const Json* entries = filled(result, list);
-        const auto found = entries == nullptr ? Json::const_iterator() : entries->find(name);
-        if (entries == nullptr || found == entries->end()) continue;
+        const Json* found = filled(filled(result, list), name);
+        if (found == nullptr) continue;
         const double reference = number_at(*found, "reference");
         if (std::isfinite(reference)) view.layers.push_back(upright(reference, "reference", "ink", false));
     }
@@ -61,23 +57,20 @@ Chart profile_chart(const Json& result, const Json& profiles) {
         ChartLayer dots{"points", "profile", 1, ""};
         ChartLayer parabola{"line", "normal approximation", 2, ""};
         parabola.dash = true;
-        const double sd = [&result, &name = name] {
-            const Json* parameters = filled(result, "parameters");
-            const auto found = parameters == nullptr ? Json::const_iterator() : parameters->find(name);
-            return parameters == nullptr || found == parameters->end() ? std::nan("") : number_at(*found, "sd");
-        }();
+        const Json* parameter = filled(filled(result, "parameters"), name);
+        const double sd = parameter == nullptr ? std::nan("") : number_at(*parameter, "sd");
         const double best = number_at(profile, "value");
         ChartRange x;
         ChartRange y;
-        y.add(-2.5);
-        y.add(2.5);
+        y.include(-2.5);
+        y.include(2.5);
         for (const Json& point : *points) {
             const double root = number_at(point, "signed_root");
             if (!std::isfinite(root)) continue;
             curve.x.push_back(number_at(point, "value"));
             curve.y.push_back(root);
-            x.add(curve.x.back());
-            y.add(root);
+            x.include(curve.x.back());
+            y.include(root);
         }
         if (curve.x.size() < 2) continue;
         dots.x = curve.x;
@@ -135,15 +128,14 @@ Chart marginal_chart(const Json& result, const Json* marginals, const std::optio
             names.push_back(name);
     }
     if (draws) {
-        for (const std::string& name : draws->names) {
+        for (const std::string& name : draws->names)
             if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
-        }
     }
     for (const std::string& name : names) {
         ChartView view;
         ChartRange x;
         ChartRange y;
-        y.add(0.0);
+        y.include(0.0);
         std::string unit;
         if (draws) {
             const auto column = std::find(draws->names.begin(), draws->names.end(), name);
@@ -163,23 +155,22 @@ Chart marginal_chart(const Json& result, const Json* marginals, const std::optio
                         bars.x.push_back(*least + width * static_cast<double>(k));
                     for (double& height : bars.y) {
                         height /= static_cast<double>(values.size()) * width;
-                        y.add(height);
+                        y.include(height);
                     }
-                    x.add(bars.x);
+                    x.include(bars.x);
                     view.layers.push_back(std::move(bars));
                 }
             }
         }
-        const auto marginal = marginals == nullptr ? Json::const_iterator() : marginals->find(name);
-        if (marginals != nullptr && marginal != marginals->end()) {
+        if (const Json* marginal = filled(marginals, name)) {
             unit = text_at(*marginal, "unit");
             ChartLayer line{"line", "nested Laplace", 1, ""};
             if (const Json* points = filled(*marginal, "points")) {
                 MarginalDensity density = marginal_density(*points);
                 line.x = std::move(density.x);
                 line.y = std::move(density.y);
-                x.add(line.x);
-                y.add(line.y);
+                x.include(line.x);
+                y.include(line.y);
             }
             if (line.x.size() > 1) view.layers.push_back(std::move(line));
         }

@@ -12,10 +12,7 @@ namespace orbid::apps {
 
 namespace {
 
-using detail::filled;
-using detail::Json;
-using detail::number_at;
-using detail::text_at;
+using namespace detail;
 
 std::string plain(const Json& value) {
     return value.is_string() ? value.get<std::string>() : value.dump();

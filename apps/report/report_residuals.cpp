@@ -18,10 +18,7 @@ namespace orbid::apps {
 
 namespace {
 
-using detail::filled;
-using detail::Json;
-using detail::number_at;
-using detail::text_at;
+using namespace detail;
 
 /// Rows that a page carries; of more, every k-th of a block. 2^18 are some 3 MB.
 constexpr std::size_t most_rows = std::size_t{1} << 18;
@@ -101,8 +98,8 @@ Chart residual_chart(const std::vector<Group>& groups) {
         ChartView view;
         ChartRange x;
         ChartRange y;
-        y.add(-3.0);
-        y.add(3.0);
+        y.include(-3.0);
+        y.include(3.0);
         view.layers = {level(0.0, "", false), level(1.96, "± 1.96", true), level(-1.96, "± 1.96", true)};
         ChartLayer cycles{"points", "cycles", 2, ""};
         std::size_t index = 0;
@@ -113,8 +110,8 @@ Chart residual_chart(const std::vector<Group>& groups) {
                 out.x.push_back(group.cycles ? static_cast<double>(index) : row->at);
                 out.y.push_back(scaled(*row));
                 if (group.cycles) out.labels.push_back(block);
-                x.add(out.x.back());
-                y.add(out.y.back());
+                x.include(out.x.back());
+                y.include(out.y.back());
             }
             ++index;
             if (!group.cycles && std::any_of(layer.y.begin(), layer.y.end(), [](double v) { return std::isfinite(v); }))
@@ -143,9 +140,8 @@ Chart quantile_chart(const std::vector<Group>& groups) {
     for (const Group& group : groups) {
         std::vector<double> values;
         for (const auto& [block, rows] : group.blocks) {
-            for (const ResidualRow* row : rows) {
+            for (const ResidualRow* row : rows)
                 if (std::isfinite(scaled(*row))) values.push_back(scaled(*row));
-            }
         }
         if (values.size() < 3) continue;
         std::sort(values.begin(), values.end());
@@ -157,8 +153,8 @@ Chart quantile_chart(const std::vector<Group>& groups) {
             if (k >= tail && k + tail < n && k % every != 0) continue;
             points.x.push_back(boost::math::quantile(normal, (static_cast<double>(k) + 0.5) / static_cast<double>(n)));
             points.y.push_back(values[k]);
-            range.add(points.x.back());
-            range.add(points.y.back());
+            range.include(points.x.back());
+            range.include(points.y.back());
         }
         ChartView view;
         view.label = label_of(group, several);
@@ -184,9 +180,9 @@ ChartView course_view(const Group& group, const std::string& block, const Rows& 
         observed.y.push_back(row->observed);
         predicted.x.push_back(row->at);
         predicted.y.push_back(row->predicted);
-        x.add(row->at);
-        y.add(row->observed);
-        y.add(row->predicted);
+        x.include(row->at);
+        y.include(row->observed);
+        y.include(row->predicted);
     }
     ChartView view;
     view.label = group.blocks.size() == 1 && several ? label_of(group, several)
@@ -208,8 +204,8 @@ ChartView cycle_view(const Group& group, bool several) {
             points.x.push_back(row->predicted);
             points.y.push_back(row->observed);
             points.labels.push_back(block);
-            range.add(row->predicted);
-            range.add(row->observed);
+            range.include(row->predicted);
+            range.include(row->observed);
         }
     }
     ChartView view;

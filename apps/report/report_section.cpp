@@ -17,12 +17,7 @@ namespace orbid::apps {
 
 namespace {
 
-using detail::filled;
-using detail::grouped;
-using detail::grouped_count;
-using detail::Json;
-using detail::number_at;
-using detail::text_at;
+using namespace detail;
 
 double modulus(const Json& pair) {
     if (!pair.is_array() || pair.size() != 2 || !pair[0].is_number() || !pair[1].is_number()) return std::nan("");
@@ -194,11 +189,11 @@ Chart section_chart(const SectionPoints& section, const Json* cycles, PointBlock
     if (cycles != nullptr) view.layers = cycle_layers(*cycles, first.angle, second.angle);
     ChartRange x;
     ChartRange y;
-    x.add(section.x);
-    y.add(section.y);
+    x.include(section.x);
+    y.include(section.y);
     for (const ChartLayer& layer : view.layers) {
-        x.add(layer.x);
-        y.add(layer.y);
+        x.include(layer.x);
+        y.include(layer.y);
     }
     view.x = whole_axis(first, x);
     view.y = whole_axis(second, y);
@@ -225,7 +220,7 @@ Chart multiplier_chart(const Json& cycles) {
         const double largest = largest_multiplier(cycles[number]);
         if (!(largest > 0.0)) continue;
         periods[cycles[number].at("period").get<int>()].emplace_back(largest, number);
-        range.add(largest);
+        range.include(largest);
     }
     Chart chart{"multipliers", "Largest multiplier of each cycle by period", "", {}};
     if (range.empty()) return chart;

@@ -12,11 +12,7 @@ namespace orbid::apps {
 
 namespace {
 
-using detail::filled;
-using detail::grouped_count;
-using detail::Json;
-using detail::number_at;
-using detail::text_at;
+using namespace detail;
 
 /// A sentence about how far to trust the result, with its weight.
 struct Remark {
@@ -208,9 +204,8 @@ void add_errors(const Json& result, Remarks& remarks) {
     }
     if (const Json* predictions = filled(result, "prediction")) {
         double worst = 0.0;
-        for (const Json& entry : *predictions) {
+        for (const Json& entry : *predictions)
             if (!entry.value("fitted", false)) worst = std::fmax(worst, number_at(entry, "normalised_rms"));
-        }
         // Twice the error: what the error scale explains is less than what is left.
         if (worst > 2.0)
             remarks.push_back({Remark::Weight::caution,

@@ -105,9 +105,8 @@ Difference quantities_table(const StoredRun& first, const StoredRun& second) {
 std::string only_in(const StoredRun& run, const StoredRun& other) {
     std::string names;
     for (const char* name : {"parameters", "derived"}) {
-        for (const auto& entry : block(run, name).items()) {
+        for (const auto& entry : block(run, name).items())
             if (!block(other, name).contains(entry.key())) names += (names.empty() ? "" : ", ") + entry.key();
-        }
     }
     return names;
 }
@@ -217,9 +216,8 @@ void differences(const Json& a, const Json& b, const std::string& pointer, Summa
                 leaf(pointer + "/" + key, &value, nullptr);
             }
         }
-        for (const auto& [key, value] : b.items()) {
+        for (const auto& [key, value] : b.items())
             if (!a.contains(key)) leaf(pointer + "/" + key, nullptr, &value);
-        }
         return;
     }
     if (a.is_array() && b.is_array() && a.size() == b.size()) {
@@ -264,11 +262,10 @@ std::string comparison_text(const StoredRun& first, const StoredRun& second) {
     if (first.cycles && second.cycles) cycles = matched_cycles(first, *first.cycles, *second.cycles);
     if (!cycles.common && first.orbits && second.orbits) orbits = matched_cycles(first, *first.orbits, *second.orbits);
     const bool same_model = model_name(first) == model_name(second);
-    if (quantities.common == 0 && cycles.common == 0 && orbits.common == 0) {
+    if (quantities.common == 0 && cycles.common == 0 && orbits.common == 0)
         throw StoredRunRefused(fmt::format(
             "nothing to compare: no parameter, derived quantity or periodic orbit that both have\n  {}\n  {}",
             holdings(first), holdings(second)));
-    }
     std::string out = head_table(first, second);
     out += titled("Estimates", quantities.table);
     for (const auto& [words, names] :

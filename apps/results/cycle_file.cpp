@@ -25,28 +25,25 @@ Json rows_or_null(const Eigen::MatrixXd& matrix) {
 
 Json complex_pairs(const std::vector<std::complex<double>>& values) {
     Json out = Json::array();
-    for (const auto& value : values) {
+    for (const auto& value : values)
         out.push_back(Json::array({value.real(), value.imag()}));
-    }
     return out;
 }
 
 void require_points(const Eigen::MatrixXd& points, int period, std::size_t dimension, std::size_t index) {
     const auto n = static_cast<Eigen::Index>(dimension);
-    if (period < 1 || points.rows() != n || points.cols() != period) {
+    if (period < 1 || points.rows() != n || points.cols() != period)
         throw std::invalid_argument(
             fmt::format("cycle {}: points have shape ({}, {}), must be (coordinates, period) = "
                         "({}, {}) with period >= 1",
                         index, points.rows(), points.cols(), n, period));
-    }
 }
 
 void require_shape(const Eigen::MatrixXd& matrix, Eigen::Index height, Eigen::Index width, std::string_view what,
                    std::size_t index) {
-    if (matrix.size() != 0 && (matrix.rows() != height || matrix.cols() != width)) {
+    if (matrix.size() != 0 && (matrix.rows() != height || matrix.cols() != width))
         throw std::invalid_argument(fmt::format("cycle {}: {} has shape ({}, {}), must be ({}, {})", index, what,
                                                 matrix.rows(), matrix.cols(), height, width));
-    }
 }
 
 Json head_document(const CycleFileHead& head) {
@@ -60,16 +57,12 @@ Json head_document(const CycleFileHead& head) {
         out["units"].push_back(coordinate.unit);
     }
     out["section"] = Json::object();
-    if (head.phase) {
-        out["section"]["phase"] = *head.phase;
-    }
+    if (head.phase) out["section"]["phase"] = *head.phase;
     if (head.plane) {
         out["section"] = {
             {"coordinate", head.plane->coordinate}, {"value", head.plane->value}, {"direction", head.plane->direction}};
     }
-    if (!head.fingerprint.sha256.empty()) {
-        out["fingerprint"] = Json::parse(to_text(head.fingerprint));
-    }
+    if (!head.fingerprint.sha256.empty()) out["fingerprint"] = Json::parse(to_text(head.fingerprint));
     return out;
 }
 
@@ -97,9 +90,8 @@ Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size
     out["covariance"] = detail::rows_or_null(cycle.covariance);
     out["multipliers"] = complex_pairs(cycle.multipliers);
     out["ln_multiplier"] = Json::array();
-    for (const double value : cycle.ln_multiplier) {
+    for (const double value : cycle.ln_multiplier)
         out["ln_multiplier"].push_back(value);
-    }
     out["ln_multiplier_covariance"] = detail::rows_or_null(cycle.ln_multiplier_covariance);
     out["time"] = std::isfinite(cycle.time) ? Json(cycle.time) : detail::time_of(head, cycle.period);
     out["time_sd"] = cycle.time_sd;
@@ -121,9 +113,8 @@ std::string cycles_text(const CycleFile& file) {
     out["reading_covariance"] = detail::rows_or_null(file.search.reading_covariance);
     out["remarks"] = file.search.remarks;
     out["cycles"] = Json::array();
-    for (std::size_t i = 0; i < file.search.cycles.size(); ++i) {
+    for (std::size_t i = 0; i < file.search.cycles.size(); ++i)
         out["cycles"].push_back(cycle_json(file.head, file.search.cycles[i], i));
-    }
     return json_text(out);
 }
 

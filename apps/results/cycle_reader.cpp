@@ -47,14 +47,12 @@ Eigen::MatrixXd matrix(const ValueReader& value, Eigen::Index rows, Eigen::Index
         const ValueReader& line = lines[static_cast<std::size_t>(i)];
         const auto cells = line.items();
         if (static_cast<Eigen::Index>(cells.size()) != columns) {
-            if (line.is(JsonValue::Kind::array)) {
+            if (line.is(JsonValue::Kind::array))
                 line.report(fmt::format("has {} numbers, must have {}", cells.size(), columns));
-            }
             return {};
         }
-        for (Eigen::Index j = 0; j < columns; ++j) {
+        for (Eigen::Index j = 0; j < columns; ++j)
             out(i, j) = number_or_nan(cells[static_cast<std::size_t>(j)]);
-        }
     }
     return out;
 }
@@ -73,9 +71,8 @@ Eigen::MatrixXd points_of(const ValueReader& value, int period,
         return {};
     }
     for (Eigen::Index i = 0; i < points.rows(); ++i) {
-        for (Eigen::Index k = 0; coordinates[static_cast<std::size_t>(i)].angle && k < points.cols(); ++k) {
+        for (Eigen::Index k = 0; coordinates[static_cast<std::size_t>(i)].angle && k < points.cols(); ++k)
             points(i, k) = models::wrapped(points(i, k));
-        }
     }
     return points;
 }
@@ -102,9 +99,8 @@ Eigen::MatrixXd covariance_of(const ValueReader& value, Eigen::Index size) {
 
 std::vector<std::string> texts(const ValueReader& value) {
     std::vector<std::string> out;
-    for (const ValueReader& item : value.items()) {
+    for (const ValueReader& item : value.items())
         out.push_back(item.text().value_or(""));
-    }
     return out;
 }
 
@@ -114,11 +110,8 @@ std::optional<Fingerprint> fingerprint_of(const JsonValue& value) {
         if (member.key == "sha256") {
             stored.sha256 = member.value.text;
         } else if (member.key == "keys") {
-            for (const JsonValue& pair : member.value.items) {
-                if (pair.items.size() == 2) {
-                    stored.keys.emplace_back(pair.items[0].text, pair.items[1].text);
-                }
-            }
+            for (const JsonValue& pair : member.value.items)
+                if (pair.items.size() == 2) stored.keys.emplace_back(pair.items[0].text, pair.items[1].text);
         }
     }
     return fingerprint_from_text(to_text(stored));
@@ -127,9 +120,8 @@ std::optional<Fingerprint> fingerprint_of(const JsonValue& value) {
 void read_rotation(const ValueReader& value, const std::vector<orbits::SeriesCoordinate>& coordinates,
                    std::vector<int>& rotation) {
     std::size_t angles = 0;
-    for (const auto& coordinate : coordinates) {
+    for (const auto& coordinate : coordinates)
         angles += coordinate.angle ? 1 : 0;
-    }
     const auto items = value.items();
     if (value.is(JsonValue::Kind::array) && items.size() != angles) {
         value.report(fmt::format("has {} numbers of turns, must have {}, one per angle", items.size(), angles));
@@ -150,47 +142,32 @@ orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::Ser
     ObjectReader object(value);
     const auto period = object.require("period", "the number of sections after which the cycle closes");
     const auto points = object.require("points", "one list of coordinates per section");
-    if (period) {
-        cycle.period = static_cast<int>(period->whole(1, longest_period).value_or(0));
-    }
+    if (period) cycle.period = static_cast<int>(period->whole(1, longest_period).value_or(0));
     const auto n = static_cast<Eigen::Index>(coordinates.size());
-    if (points && cycle.period > 0) {
-        cycle.points = points_of(*points, cycle.period, coordinates);
-    }
-    if (const auto rotation = given(object, "rotation")) {
-        read_rotation(*rotation, coordinates, cycle.rotation);
-    }
-    if (const auto covariance = given(object, "covariance"); covariance && cycle.points.size() > 0) {
+    if (points && cycle.period > 0) cycle.points = points_of(*points, cycle.period, coordinates);
+    if (const auto rotation = given(object, "rotation")) read_rotation(*rotation, coordinates, cycle.rotation);
+    if (const auto covariance = given(object, "covariance"); covariance && cycle.points.size() > 0)
         cycle.covariance = covariance_of(*covariance, n * cycle.period);
-    }
     if (const auto multipliers = given(object, "multipliers")) {
         const Eigen::MatrixXd pairs =
             matrix(*multipliers, static_cast<Eigen::Index>(multipliers->value().items.size()), 2);
-        for (Eigen::Index i = 0; i < pairs.rows(); ++i) {
+        for (Eigen::Index i = 0; i < pairs.rows(); ++i)
             cycle.multipliers.emplace_back(pairs(i, 0), pairs(i, 1));
-        }
     }
     if (const auto logarithms = given(object, "ln_multiplier")) {
         const auto items = logarithms->items();
         cycle.ln_multiplier.resize(static_cast<Eigen::Index>(items.size()));
-        for (std::size_t i = 0; i < items.size(); ++i) {
+        for (std::size_t i = 0; i < items.size(); ++i)
             cycle.ln_multiplier[static_cast<Eigen::Index>(i)] = number_or_nan(items[i]);
-        }
     }
-    if (const auto covariance = given(object, "ln_multiplier_covariance")) {
+    if (const auto covariance = given(object, "ln_multiplier_covariance"))
         cycle.ln_multiplier_covariance = matrix(*covariance, cycle.ln_multiplier.size(), cycle.ln_multiplier.size());
-    }
-    if (const auto recurrences = given(object, "recurrences")) {
+    if (const auto recurrences = given(object, "recurrences"))
         cycle.recurrences = static_cast<std::size_t>(recurrences->whole(0, most_counted).value_or(0));
-    }
     if (const auto mirror = given(object, "mirror")) {
-        if (const auto index = mirror->whole(0, count - 1)) {
-            cycle.mirror = static_cast<std::size_t>(*index);
-        }
+        if (const auto index = mirror->whole(0, count - 1)) cycle.mirror = static_cast<std::size_t>(*index);
     }
-    if (const auto quality = given(object, "quality")) {
-        cycle.quality = texts(*quality);
-    }
+    if (const auto quality = given(object, "quality")) cycle.quality = texts(*quality);
     if (const auto time = given(object, "time")) cycle.time = number_or_nan(*time);
     if (const auto sd = given(object, "time_sd")) cycle.time_sd = number_or_nan(*sd);
     if (const auto code = given(object, "code")) cycle.code = code->text().value_or("");
@@ -210,18 +187,14 @@ template <class Name>
 void require_names(ObjectReader& object, std::string_view key, std::string_view model,
                    const std::vector<orbits::SeriesCoordinate>& coordinates, Name name) {
     const auto value = given(object, key);
-    if (!value) {
-        return;
-    }
+    if (!value) return;
     std::vector<std::string> expected;
     std::string listed;
     for (const auto& coordinate : coordinates) {
         expected.emplace_back(name(coordinate));
         listed += fmt::format("{}\"{}\"", listed.empty() ? "" : ", ", expected.back());
     }
-    if (texts(*value) != expected) {
-        value->report(fmt::format("must be [{}], as {} has them", listed, model));
-    }
+    if (texts(*value) != expected) value->report(fmt::format("must be [{}], as {} has them", listed, model));
 }
 
 void read_plane(ObjectReader& members, CycleFileHead& head) {
@@ -235,35 +208,28 @@ void read_plane(ObjectReader& members, CycleFileHead& head) {
 
 void read_head(ObjectReader& object, std::string_view model, const std::vector<orbits::SeriesCoordinate>& coordinates,
                CycleFileHead& head) {
-    if (const auto format = given(object, "format")) {
-        (void)format->choice({"orbid-cycles/1"});
-    }
-    if (const auto name = given(object, "model"); name && name->text() && *name->text() != model) {
+    if (const auto format = given(object, "format")) (void)format->choice({"orbid-cycles/1"});
+    if (const auto name = given(object, "model"); name && name->text() && *name->text() != model)
         name->report(fmt::format("holds cycles of \"{}\", must be of \"{}\"", *name->text(), model));
-    }
     head.model = model;
     head.coordinates = coordinates;
     require_names(object, "coordinates", model, coordinates, [](const auto& coordinate) { return coordinate.name; });
     require_names(object, "units", model, coordinates, [](const auto& coordinate) { return coordinate.unit; });
     if (const auto section = given(object, "section")) {
         ObjectReader members(*section);
-        if (const auto phase = given(members, "phase")) {
-            head.phase = phase->number();
-        }
+        if (const auto phase = given(members, "phase")) head.phase = phase->number();
         read_plane(members, head);
         members.finish();
     }
-    if (const auto fingerprint = given(object, "fingerprint")) {
+    if (const auto fingerprint = given(object, "fingerprint"))
         head.fingerprint = fingerprint_of(fingerprint->value()).value_or(Fingerprint{});
-    }
 }
 
 /// What the search said of itself beside the cycles.
 void read_search(ObjectReader& object, std::size_t dimension, orbits::CycleSearch& search) {
     if (const auto missing = given(object, "missing")) {
-        for (const ValueReader& item : missing->items()) {
+        for (const ValueReader& item : missing->items())
             search.missing.push_back(static_cast<int>(item.whole(1, longest_period).value_or(1)));
-        }
     }
     const auto count = [&object](std::string_view key) {
         const auto value = given(object, key);
@@ -283,9 +249,8 @@ void read_search(ObjectReader& object, std::size_t dimension, orbits::CycleSearc
 
 std::vector<orbits::SeriesCoordinate> series_coordinates(const models::System& system) {
     std::vector<orbits::SeriesCoordinate> coordinates;
-    for (const auto& coordinate : system.coordinates()) {
+    for (const auto& coordinate : system.coordinates())
         coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
-    }
     return coordinates;
 }
 
@@ -293,9 +258,7 @@ CycleReading parse_cycles(std::string_view text, std::string_view model,
                           const std::vector<orbits::SeriesCoordinate>& coordinates) {
     JsonDocument document = parse_json(text);
     CycleReading reading{std::nullopt, std::move(document.problems)};
-    if (!document.root) {
-        return reading;
-    }
+    if (!document.root) return reading;
     CycleFile file;
     ObjectReader object(ValueReader(*document.root, "", reading.problems));
     read_head(object, model, coordinates, file.head);
@@ -317,9 +280,7 @@ CycleReading parse_cycles(std::string_view text, std::string_view model,
             if (cycle.mirror) cycle.mirror = place[*cycle.mirror];
     }
     object.finish();
-    if (reading.problems.empty()) {
-        reading.file = std::move(file);
-    }
+    if (reading.problems.empty()) reading.file = std::move(file);
     return reading;
 }
 
@@ -334,9 +295,8 @@ CycleFile read_cycles(const std::filesystem::path& path, std::string_view model,
     CycleReading reading = parse_cycles(text, model, coordinates);
     if (!reading.file) {
         std::string lines;
-        for (const Problem& problem : reading.problems) {
+        for (const Problem& problem : reading.problems)
             lines += fmt::format("{}{}", lines.empty() ? "" : "\n", message(problem, path.string()));
-        }
         throw orbits::DataError(lines);
     }
     return std::move(*reading.file);

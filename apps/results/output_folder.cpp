@@ -33,32 +33,24 @@ std::string shortened(const std::string& text) {
 
 /// First place where two JSON values differ, in the order of sorted keys; empty when they are equal.
 std::string first_difference(const nlohmann::json& stored, const nlohmann::json& wanted, const std::string& pointer) {
-    if (stored == wanted) {
-        return "";
-    }
+    if (stored == wanted) return "";
     if (stored.is_object() && wanted.is_object()) {
         nlohmann::json all = stored;
         all.update(wanted);
         for (const auto& item : all.items()) {
             const std::string at = pointer + "/" + item.key();
-            if (!stored.contains(item.key())) {
+            if (!stored.contains(item.key()))
                 return fmt::format("{} is absent there, {} in this job", at, shortened(wanted[item.key()].dump()));
-            }
-            if (!wanted.contains(item.key())) {
+            if (!wanted.contains(item.key()))
                 return fmt::format("{} is {} there, absent in this job", at, shortened(stored[item.key()].dump()));
-            }
             std::string inside = first_difference(stored[item.key()], wanted[item.key()], at);
-            if (!inside.empty()) {
-                return inside;
-            }
+            if (!inside.empty()) return inside;
         }
     }
     if (stored.is_array() && wanted.is_array() && stored.size() == wanted.size()) {
         for (std::size_t i = 0; i < stored.size(); ++i) {
             std::string inside = first_difference(stored[i], wanted[i], pointer + "/" + std::to_string(i));
-            if (!inside.empty()) {
-                return inside;
-            }
+            if (!inside.empty()) return inside;
         }
     }
     return fmt::format("{} is {} there, {} in this job", pointer, shortened(stored.dump()), shortened(wanted.dump()));
@@ -70,54 +62,42 @@ FolderState examine_output_folder(const std::filesystem::path& folder, const nlo
     const auto stored_path = folder / "job.json";
     if (std::filesystem::exists(stored_path)) {
         auto stored = nlohmann::json::parse(read_whole_file(stored_path), nullptr, false, true);
-        if (!stored.is_object()) {
-            return {FolderContent::unknown_job, "its job.json cannot be read"};
-        }
+        if (!stored.is_object()) return {FolderContent::unknown_job, "its job.json cannot be read"};
         auto wanted = job;
         stored.erase("versions");
         wanted.erase("versions");
         std::string difference = first_difference(stored, wanted, "");
-        if (difference.empty()) {
-            return {FolderContent::same_job, ""};
-        }
+        if (difference.empty()) return {FolderContent::same_job, ""};
         return {FolderContent::other_job, std::move(difference)};
     }
-    for (const std::string_view name : result_names) {
-        if (std::filesystem::exists(folder / name)) {
+    for (const std::string_view name : result_names)
+        if (std::filesystem::exists(folder / name))
             return {FolderContent::unknown_job, fmt::format("it holds {} but no job.json", name)};
-        }
-    }
     return {};
 }
 
 void prepare_output_folder(const std::filesystem::path& folder, const nlohmann::json& job, bool force) {
     std::error_code error;
-    if (std::filesystem::exists(folder, error) && !std::filesystem::is_directory(folder, error)) {
+    if (std::filesystem::exists(folder, error) && !std::filesystem::is_directory(folder, error))
         throw FolderRefused(fmt::format("cannot store results in {}: it is not a folder", folder.string()));
-    }
     if (!force) {
         const FolderState state = examine_output_folder(folder, job);
-        if (state.content == FolderContent::other_job) {
+        if (state.content == FolderContent::other_job)
             throw FolderRefused(
                 fmt::format("{} holds the result of another job ({}); choose another --out, or --force "
                             "to overwrite it",
                             folder.string(), state.difference));
-        }
-        if (state.content == FolderContent::unknown_job) {
+        if (state.content == FolderContent::unknown_job)
             throw FolderRefused(
                 fmt::format("{} may hold the result of another job ({}); choose another --out, or "
                             "--force to overwrite it",
                             folder.string(), state.difference));
-        }
     }
     std::filesystem::create_directories(folder, error);
-    if (error) {
-        throw FolderRefused(fmt::format("cannot create folder {}: {}", folder.string(), error.message()));
-    }
+    if (error) throw FolderRefused(fmt::format("cannot create folder {}: {}", folder.string(), error.message()));
     // Known now, not after hours of computing.
-    if (::access(folder.c_str(), W_OK | X_OK) != 0) {
+    if (::access(folder.c_str(), W_OK | X_OK) != 0)
         throw FolderRefused(fmt::format("cannot store results in {}: it is not writable", folder.string()));
-    }
     remove_leftover_temporaries(folder);
 }
 

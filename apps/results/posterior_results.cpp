@@ -83,10 +83,9 @@ Json profile_json(const estimator::Profile& profile) {
     out["unit"] = profile.unit;
     out["evaluations"] = profile.evaluations;
     out["points"] = Json::array();
-    for (const auto& point : profile.points) {
+    for (const auto& point : profile.points)
         out["points"].push_back(
             {{"value", point.value}, {"objective", point.objective}, {"signed_root", point.signed_root}});
-    }
     out["failed"] = profile.failed;
     return out;
 }
@@ -105,9 +104,8 @@ Json marginal_json(const estimator::Marginal& marginal) {
     out["failed_points"] = marginal.failed_points;
     out["evaluations"] = marginal.evaluations;
     out["points"] = Json::array();
-    for (const auto& point : marginal.points) {
+    for (const auto& point : marginal.points)
         out["points"].push_back({{"value", point.value}, {"coordinate", point.u}, {"log_density", point.log_density}});
-    }
     return out;
 }
 
@@ -115,9 +113,8 @@ Json optima_json(const PosteriorResults& results) {
     Json out = Json::array();
     for (const estimator::Optimum& optimum : results.optima) {
         Json entry{{"objective", optimum.objective}, {"parameters", Json::object()}, {"starts", optimum.starts}};
-        for (std::size_t i = 0; i < results.parameters.size(); ++i) {
+        for (std::size_t i = 0; i < results.parameters.size(); ++i)
             entry["parameters"][results.parameters[i]] = optimum.theta[static_cast<Eigen::Index>(i)];
-        }
         out.push_back(std::move(entry));
     }
     return out;
@@ -127,9 +124,8 @@ Json runs_json(const PosteriorResults& results) {
     Json out = Json::array();
     for (const estimator::StartedRun& run : results.runs) {
         Json from = Json::object();
-        for (std::size_t i = 0; i < results.parameters.size() && static_cast<Eigen::Index>(i) < run.from.size(); ++i) {
+        for (std::size_t i = 0; i < results.parameters.size() && static_cast<Eigen::Index>(i) < run.from.size(); ++i)
             from[results.parameters[i]] = run.from[static_cast<Eigen::Index>(i)];
-        }
         out.push_back({{"start", run.start},
                        {"from", std::move(from)},
                        {"status", estimator::name(run.status)},
@@ -161,19 +157,17 @@ Json diagnostic_json(const GroupDiagnostic& group) {
     out["ljung_box"] = test_json(d.ljung_box);
     out["runs"] = test_json(d.runs);
     out["outliers"] = Json::array();
-    for (const OutlierRecord& outlier : group.outliers) {
+    for (const OutlierRecord& outlier : group.outliers)
         out["outliers"].push_back({{"block", outlier.block},
                                    {"record", outlier.record},
                                    {"studentised", outlier.studentised},
                                    {"p", outlier.p}});
-    }
     return out;
 }
 
 const std::string* refusal(const PosteriorResults& results, std::string_view block) {
-    for (const auto& [name, reason] : results.refused) {
+    for (const auto& [name, reason] : results.refused)
         if (name == block) return &reason;
-    }
     return nullptr;
 }
 

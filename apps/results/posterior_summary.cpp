@@ -30,16 +30,14 @@ std::string sample_table(const estimator::PosteriorSample& sample) {
                         {"bulk"},
                         {"tail"}});
     for (const auto* list : {&sample.parameters, &sample.derived, &sample.errors}) {
-        for (const estimator::SampledQuantity& x : *list) {
+        for (const estimator::SampledQuantity& x : *list)
             table.add({x.name, x.unit, with_digits_of(x.mean, x.sd), significant(x.sd, 3),
                        interval(x.quantiles.front(), x.quantiles.back(), x.sd), fmt::format("{:.3f}", x.rhat),
                        fmt::format("{:.0f}", x.bulk_size), fmt::format("{:.0f}", x.tail_size)});
-        }
     }
     std::string out = table.text();
-    if (sample.status != estimator::SampleStatus::complete) {
+    if (sample.status != estimator::SampleStatus::complete)
         out += fmt::format("  {}{}{}\n", name(sample.status), sample.message.empty() ? "" : ": ", sample.message);
-    }
     if (!sample.trusted && !sample.distrust.empty()) out += fmt::format("  Do not trust yet: {}.\n", sample.distrust);
     return out;
 }

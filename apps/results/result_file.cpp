@@ -72,12 +72,11 @@ Json scale_json(const estimator::EstimatedScale& scale) {
     out["rms"] = scale.rms;
     out["distribution"] = scale.distribution;
     out["interval95"] = interval_json(scale.lower95, scale.upper95);
-    for (const estimator::Estimated& parameter : scale.shape) {
+    for (const estimator::Estimated& parameter : scale.shape)
         out[parameter.name] = {{"value", parameter.value},
                                {"uncertainty", parameter.sd},
                                {"interval95", interval_json(parameter.lower95, parameter.upper95)},
                                {"start", parameter.start}};
-    }
     out["lag1"] = scale.lag1;
     out["correlation_records"] = scale.correlation_records;
     out["effective_count"] = scale.effective_count;
@@ -130,9 +129,8 @@ Json prediction_json(const Prediction& prediction) {
     out["experiment"] = prediction.experiment;
     out["segment"] = prediction.segment;
     out["rms"] = Json::object();
-    for (const auto& [coordinate, rms] : prediction.rms) {
+    for (const auto& [coordinate, rms] : prediction.rms)
         out["rms"][coordinate] = rms;
-    }
     out["normalised_rms"] = prediction.normalised_rms;
     out["fitted"] = prediction.fitted;
     return out;
@@ -141,15 +139,13 @@ Json prediction_json(const Prediction& prediction) {
 Json identifiability_json(const estimator::Estimate& estimate) {
     Json out;
     out["singular_values"] = Json::array();
-    for (const double value : estimate.singular_values) {
+    for (const double value : estimate.singular_values)
         out["singular_values"].push_back(value);
-    }
     out["null_directions"] = Json::array();
     for (const auto& direction : estimate.null_directions) {
         Json named = Json::object();
-        for (const auto& [name, component] : named_components(direction, estimate.parameters)) {
+        for (const auto& [name, component] : named_components(direction, estimate.parameters))
             named[name] = component;
-        }
         out["null_directions"].push_back(std::move(named));
     }
     out["trust_normal"] = estimate.trust_normal;
@@ -160,7 +156,7 @@ Json identifiability_json(const estimator::Estimate& estimate) {
 
 Json history_json(const std::vector<estimator::StepRecord>& history) {
     Json out = Json::array();
-    for (const auto& step : history) {
+    for (const auto& step : history)
         out.push_back({{"round", step.round},
                        {"block", step.block},
                        {"accepted", step.accepted},
@@ -168,16 +164,14 @@ Json history_json(const std::vector<estimator::StepRecord>& history) {
                        {"after", step.after},
                        {"damping", step.damping},
                        {"reason", step.reason}});
-    }
     return out;
 }
 
 Json orbits_json(const ResultContext& context) {
     Json out;
     out["found"] = Json::object();
-    for (const auto& [period, count] : context.orbits_found) {
+    for (const auto& [period, count] : context.orbits_found)
         out["found"][std::to_string(period)] = count;
-    }
     out["missing"] = context.orbits_missing;
     return out;
 }
@@ -187,12 +181,11 @@ Json data_json(const ResultContext& context) {
     out["points"] = context.data_points;
     out["segments"] = context.data_segments;
     out["captured"] = Json::array();
-    for (const auto& capture : context.captured) {
+    for (const auto& capture : context.captured)
         out["captured"].push_back({{"experiment", capture.experiment},
                                    {"trajectory", capture.trajectory},
                                    {"section", capture.section},
                                    {"what", capture.what}});
-    }
     return out;
 }
 
@@ -200,20 +193,16 @@ Json data_json(const ResultContext& context) {
 
 Json estimated_list(const std::vector<estimator::Estimated>& list, const std::map<std::string, double>& references) {
     Json out = Json::object();
-    for (const auto& x : list) {
+    for (const auto& x : list)
         out[x.name] = estimated_json(x, references);
-    }
     return out;
 }
 
 std::string csv_cell(const std::string& text) {
-    if (text.find_first_of(",\"\r\n") == std::string::npos) {
-        return text;
-    }
+    if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
     std::string out = "\"";
-    for (const char c : text) {
+    for (const char c : text)
         out += c == '"' ? "\"\"" : std::string(1, c);
-    }
     return out + '"';
 }
 
@@ -226,15 +215,11 @@ std::vector<std::pair<std::string, double>> named_components(const estimator::Nu
                                                              const std::vector<estimator::Estimated>& parameters) {
     constexpr double rounding = 1e-6;
     std::vector<std::pair<std::string, double>> out;
-    if (direction.components.size() == 0) {
-        return out;
-    }
+    if (direction.components.size() == 0) return out;
     const double largest = direction.components.cwiseAbs().maxCoeff();
-    for (Eigen::Index i = 0; i < direction.components.size(); ++i) {
-        if (std::abs(direction.components[i]) > rounding * largest) {
+    for (Eigen::Index i = 0; i < direction.components.size(); ++i)
+        if (std::abs(direction.components[i]) > rounding * largest)
             out.emplace_back(parameters.at(static_cast<std::size_t>(i)).name, direction.components[i]);
-        }
-    }
     // Compared in steps of the rounding: equal sizes keep the parameters' order, so that the bytes are stable.
     const auto size = [largest](const std::pair<std::string, double>& named) {
         return std::llround(std::abs(named.second) / (rounding * largest));
@@ -252,30 +237,25 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["parameters"] = parameters_json(estimate, context.reference);
     out["derived"] = estimated_list(estimate.derived, context.reference);
     out["errors"] = Json::object();
-    for (const auto& scale : estimate.scales) {
+    for (const auto& scale : estimate.scales)
         out["errors"][scale.group] = scale_json(scale);
-    }
     out["covariances"] = Json::array();
-    for (const auto& covariance : estimate.covariances) {
+    for (const auto& covariance : estimate.covariances)
         out["covariances"].push_back(covariance_json(covariance));
-    }
     out["initial_states"] = Json::array();
-    for (const auto& state : context.initial_states) {
+    for (const auto& state : context.initial_states)
         out["initial_states"].push_back(initial_state_json(state));
-    }
     if (!context.steady_states.empty()) {
         out["steady_states"] = Json::array();
         for (const auto& state : context.steady_states)
             out["steady_states"].push_back(steady_state_json(state));
     }
     out["prediction"] = Json::array();
-    for (const auto& prediction : context.predictions) {
+    for (const auto& prediction : context.predictions)
         out["prediction"].push_back(prediction_json(prediction));
-    }
     Json names = Json::array();
-    for (const auto& parameter : estimate.parameters) {
+    for (const auto& parameter : estimate.parameters)
         names.push_back(parameter.name);
-    }
     out["correlation"] = {{"names", names}, {"matrix", json_rows(estimate.correlation)}};
     out["covariance"] = {{"names", names}, {"matrix", json_rows(estimate.covariance)}};
     out["identifiability"] = identifiability_json(estimate);
@@ -292,9 +272,7 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["orbits"] = orbits_json(context);
     out["data"] = data_json(context);
     out["history"] = history_json(estimate.history);
-    if (!context.fingerprint.sha256.empty()) {
-        out["fingerprint"] = Json::parse(to_text(context.fingerprint));
-    }
+    if (!context.fingerprint.sha256.empty()) out["fingerprint"] = Json::parse(to_text(context.fingerprint));
     return json_text(out);
 }
 

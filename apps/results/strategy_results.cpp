@@ -91,13 +91,12 @@ std::string in_words(double ln_bayes_factor) {
 
 Json counts_json(const std::vector<estimator::ResidualCount>& counts) {
     Json out = Json::array();
-    for (const auto& count : counts) {
+    for (const auto& count : counts)
         out.push_back({{"type", count.type},
                        {"used", count.used},
                        {"lost", count.lost},
                        {"rejected", count.rejected},
                        {"added", count.added}});
-    }
     return out;
 }
 

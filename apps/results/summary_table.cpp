@@ -31,51 +31,37 @@ std::string percent(double relative) {
 }
 
 std::string with_digits_of(double value, double sd) {
-    if (std::isnan(value)) {
-        return "undefined";
-    }
-    if (!(sd > 0.0) || !std::isfinite(sd) || !std::isfinite(value)) {
-        return fmt::format("{:.6g}", value);
-    }
+    if (std::isnan(value)) return "undefined";
+    if (!(sd > 0.0) || !std::isfinite(sd) || !std::isfinite(value)) return fmt::format("{:.6g}", value);
     constexpr int most_digits = 15;  // of a double; a smaller sd says more than the number holds
     const int last = exponent(sd) - 1;
     const int first = value == 0.0 ? last : std::max(exponent(value), last);
     const int digits = std::min(first - last, most_digits);  // after the first one
     // Plain decimals from 0.001 to a million read best; beyond that an exponent saves zeros.
-    if (first >= -3 && first < 6) {
-        return fmt::format("{:.{}f}", value, std::clamp(digits - first, 0, most_digits + 3));
-    }
+    if (first >= -3 && first < 6) return fmt::format("{:.{}f}", value, std::clamp(digits - first, 0, most_digits + 3));
     return fmt::format("{:.{}e}", value, digits);
 }
 
 void SummaryTable::add(std::vector<std::string> cells) {
-    if (cells.size() != columns_.size()) {
+    if (cells.size() != columns_.size())
         throw std::invalid_argument(
             fmt::format("summary table: {} cells, must be {}, one per column", cells.size(), columns_.size()));
-    }
     rows_.push_back(std::move(cells));
 }
 
 std::string SummaryTable::text() const {
-    if (rows_.empty()) {
-        return "";
-    }
+    if (rows_.empty()) return "";
     std::vector<std::size_t> widths(columns_.size(), 0);
     for (std::size_t c = 0; c < columns_.size(); ++c) {
-        for (const auto& row : rows_) {
+        for (const auto& row : rows_)
             widths[c] = std::max(widths[c], shown_width(row[c]));
-        }
-        if (widths[c] > 0) {
-            widths[c] = std::max(widths[c], shown_width(columns_[c].heading));
-        }
+        if (widths[c] > 0) widths[c] = std::max(widths[c], shown_width(columns_[c].heading));
     }
     std::string out;
     const auto line = [&](const auto& cell_of) {
         std::string text;
         for (std::size_t c = 0; c < columns_.size(); ++c) {
-            if (widths[c] == 0) {
-                continue;
-            }
+            if (widths[c] == 0) continue;
             const std::string& cell = cell_of(c);
             const std::string blanks(widths[c] - shown_width(cell), ' ');
             text += "  " + (columns_[c].align == Align::left ? cell + blanks : blanks + cell);
@@ -84,9 +70,8 @@ std::string SummaryTable::text() const {
         out += text + '\n';
     };
     line([&](std::size_t c) -> const std::string& { return columns_[c].heading; });
-    for (const auto& row : rows_) {
+    for (const auto& row : rows_)
         line([&](std::size_t c) -> const std::string& { return row[c]; });
-    }
     return out;
 }
 

@@ -63,10 +63,9 @@ FollowedBranches followed_from(const Workspace& work, const ComputedOrbits& orbi
     options.interrupted = [&work] { return work.interruption.asked(); };
     auto diagram =
         periodic::follow_branches(work.system(), job.model.values, starting_solution(job, start.orbit), options);
-    if (diagram.branches.empty()) {
+    if (diagram.branches.empty())
         followed.message =
             fmt::format("no branch begins at orbit {}: {}", continuation.orbit, periodic::name(diagram.start_status));
-    }
     followed.branches = std::move(diagram.branches);
     thin_out(job, followed.branches);
     return followed;

@@ -39,11 +39,10 @@ orbits::VirtualExperimentOptions simulation_options(const Job& job, std::size_t 
         orbits::SectionPlan plan;
         plan.sections = simulation.sections;
         plan.transient = simulation.transient;
-        if (job.section_plane) {
+        if (job.section_plane)
             plan.section =
                 models::Section{Eigen::VectorXd::Unit(job.model.system->dimension(), job.section_plane->coordinate),
                                 job.section_plane->value, job.section_plane->direction};
-        }
         options.plan = plan;
     } else {
         options.plan = orbits::SamplePlan{simulation.step, simulation.count, simulation.transient};
@@ -51,9 +50,8 @@ orbits::VirtualExperimentOptions simulation_options(const Job& job, std::size_t 
     options.trajectories = simulation.trajectories;
     if (!simulation.initial.empty()) {
         options.initial.resize(job.model.system->dimension(), static_cast<Eigen::Index>(simulation.initial.size()));
-        for (std::size_t i = 0; i < simulation.initial.size(); ++i) {
+        for (std::size_t i = 0; i < simulation.initial.size(); ++i)
             options.initial.col(static_cast<Eigen::Index>(i)) = simulation.initial[i];
-        }
     }
     options.restart = simulation.restart ? orbits::Restart::when_captured_or_at_rest : orbits::Restart::never;
     options.phase = job.section_phase;
@@ -87,12 +85,11 @@ std::vector<Capture> captures(const std::string& experiment, const std::vector<o
 /// What series files say of their origin: the fingerprint, and what the simulation noticed.
 std::string origin_text(const Fingerprint& fingerprint, const std::vector<Capture>& captured) {
     nlohmann::json list = nlohmann::json::array();
-    for (const Capture& capture : captured) {
+    for (const Capture& capture : captured)
         list.push_back({{"experiment", capture.experiment},
                         {"trajectory", capture.trajectory},
                         {"section", capture.section},
                         {"what", capture.what}});
-    }
     return nlohmann::json{{"fingerprint", to_text(fingerprint)}, {"captured", list}}.dump();
 }
 
@@ -200,10 +197,9 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     }
     work.progress.end(fmt::format("{} in {}", counted(experiment.series.size(), "point"),
                                   counted(experiment.series.segments.size(), "segment")));
-    for (const Capture& capture : experiment.captured) {
+    for (const Capture& capture : experiment.captured)
         work.progress.say(fmt::format("{}, trajectory {}, section {}: {}", capture.experiment, capture.trajectory,
                                       capture.section, capture.what));
-    }
     return experiment;
 }
 
@@ -213,9 +209,8 @@ std::string sd_column(const Job& job, std::size_t experiment, Eigen::Index coord
     if (!job.estimate || std::count(observed.begin(), observed.end(), coordinate) == 0) return {};
     const auto column_of = [&](const auto& residual) -> std::string {
         if (!residual || std::count(residual->data.begin(), residual->data.end(), experiment) == 0) return {};
-        for (const ErrorJob& error : residual->errors) {
+        for (const ErrorJob& error : residual->errors)
             if (error.coordinate == coordinate) return error.sd_column;
-        }
         return {};
     };
     const std::string column = column_of(job.estimate->series);
@@ -249,25 +244,22 @@ orbits::Series recorded_series(const Job& job, std::size_t index) {
         layout.nan_is_missing = file.nan_is_missing;
         layout.phase = job.section_phase;
         layout.minimum_points = 2;
-        for (const ColumnJob& column : file.columns) {
+        for (const ColumnJob& column : file.columns)
             layout.coordinates.push_back({series_coordinate(job, data, static_cast<std::size_t>(column.coordinate)),
                                           column.column, column.unit, static_cast<double>(column.sign), column.offset,
                                           sd_column(job, index, column.coordinate)});
-        }
         return orbits::read_csv(file.path, layout);
     }
     orbits::Series series = orbits::read_hdf5(file.path, 2);
-    if (series.sampling != file.sampling) {
+    if (series.sampling != file.sampling)
         throw orbits::DataError(
             fmt::format("{}: holds {}, but the job says \"kind\": \"{}\"", file.path.string(),
                         file.sampling == orbits::Series::Sampling::section ? "samples" : "sections",
                         file.sampling == orbits::Series::Sampling::section ? "section" : "samples"));
-    }
     for (const auto& coordinate : series.coordinates) {
-        if (job.model.system->coordinate_index(coordinate.name) < 0) {
+        if (job.model.system->coordinate_index(coordinate.name) < 0)
             throw orbits::DataError(fmt::format("{}: coordinate \"{}\" is none of model {}", file.path.string(),
                                                 coordinate.name, job.model.system->name()));
-        }
     }
     return series;
 }
@@ -280,9 +272,8 @@ std::optional<orbits::Series> simulated_series(const Job& job, std::size_t index
 
 std::vector<Experiment> load_data(const Workspace& work) {
     std::vector<Experiment> experiments;
-    for (std::size_t i = 0; i < work.job.data.size(); ++i) {
+    for (std::size_t i = 0; i < work.job.data.size(); ++i)
         experiments.push_back(work.job.data[i].simulation ? simulated(work, i) : measured(work, i));
-    }
     return experiments;
 }
 

@@ -24,9 +24,8 @@ Fingerprint cycles_fingerprint(const Workspace& work) {
 }
 
 void say_missing(const Workspace& work, const orbits::CycleSearch& search) {
-    for (const int period : search.missing) {
+    for (const int period : search.missing)
         work.progress.say(fmt::format("no cycle of period {} was found", period));
-    }
 }
 
 /// Periods asked for of which a list from a file has none.

@@ -31,19 +31,11 @@ std::string short_number(double value) {
 }  // namespace
 
 std::string duration_text(double seconds) {
-    if (!(seconds >= 0.0) || !std::isfinite(seconds)) {
-        return "?";
-    }
-    if (seconds < 0.995) {
-        return fmt::format("{:.2f} s", seconds);
-    }
-    if (seconds < 59.95) {
-        return fmt::format("{:.1f} s", seconds);
-    }
+    if (!(seconds >= 0.0) || !std::isfinite(seconds)) return "?";
+    if (seconds < 0.995) return fmt::format("{:.2f} s", seconds);
+    if (seconds < 59.95) return fmt::format("{:.1f} s", seconds);
     const auto whole = static_cast<long long>(std::llround(seconds));
-    if (whole < 3600) {
-        return fmt::format("{} min {:02} s", whole / 60, whole % 60);
-    }
+    if (whole < 3600) return fmt::format("{} min {:02} s", whole / 60, whole % 60);
     return fmt::format("{} h {:02} min", whole / 3600, whole % 3600 / 60);
 }
 
@@ -54,9 +46,7 @@ Progress::Progress(bool quiet, std::ostream& stream, bool terminal)
     : quiet_(quiet), stream_(stream), terminal_(terminal) {}
 
 Progress::~Progress() {
-    if (running_) {
-        finish("stopped");
-    }
+    if (running_) finish("stopped");
 }
 
 double Progress::seconds_since(Clock::time_point then) const {
@@ -84,9 +74,7 @@ void Progress::clear_bar() {
 
 void Progress::draw() {
     const auto now = Clock::now();
-    if (quiet_ || !terminal_ || !running_ || now - last_drawn_ < shortest_redraw) {
-        return;
-    }
+    if (quiet_ || !terminal_ || !running_ || now - last_drawn_ < shortest_redraw) return;
     last_drawn_ = now;
     const double elapsed = seconds_since(stage_start_);
     std::string line = fmt::format("{:<9}", stage_);
@@ -98,15 +86,11 @@ void Progress::draw() {
     }
     if (done_ > 0.0 && elapsed > 0.0) {
         line += fmt::format("  {}{}{}/s", short_number(done_ / elapsed), unit_.empty() ? "" : " ", unit_);
-        if (total_ > 0.0) {
-            line += fmt::format("  {} left", duration_text((total_ - done_) * elapsed / done_));
-        }
+        if (total_ > 0.0) line += fmt::format("  {} left", duration_text((total_ - done_) * elapsed / done_));
     } else {
         line += fmt::format("  {}", duration_text(elapsed));
     }
-    if (!note_.empty()) {
-        line += "  " + note_;
-    }
+    if (!note_.empty()) line += "  " + note_;
     // A longer line would wrap on an 80-column terminal and leave its upper half behind.
     constexpr std::size_t columns = 79;
     line.resize(std::min(line.size(), columns));
@@ -117,9 +101,7 @@ void Progress::draw() {
 
 void Progress::begin(std::string_view stage, double total, std::string_view unit) {
     const std::lock_guard lock(mutex_);
-    if (running_) {
-        finish("");
-    }
+    if (running_) finish("");
     running_ = true;
     stage_ = stage;
     unit_ = unit;
@@ -149,9 +131,7 @@ void Progress::at(double done, std::string_view note) {
 
 void Progress::end(std::string_view outcome) {
     const std::lock_guard lock(mutex_);
-    if (running_) {
-        finish(outcome);
-    }
+    if (running_) finish(outcome);
 }
 
 void Progress::finish(std::string_view outcome) {
@@ -159,12 +139,9 @@ void Progress::finish(std::string_view outcome) {
     const double elapsed = seconds_since(stage_start_);
     times_.push_back({stage_, elapsed, false});
     std::string line = fmt::format("{:<9} {:>11}", stage_, duration_text(elapsed));
-    if (done_ > 0.0 && !unit_.empty() && elapsed > 0.0) {
+    if (done_ > 0.0 && !unit_.empty() && elapsed > 0.0)
         line += fmt::format("  {} {}/s", short_number(done_ / elapsed), unit_);
-    }
-    if (!outcome.empty()) {
-        line += fmt::format("  {}", outcome);
-    }
+    if (!outcome.empty()) line += fmt::format("  {}", outcome);
     keep(line);
     print(line);
 }
@@ -211,9 +188,8 @@ std::string timing_text(const std::vector<StageTime>& times, int threads,
     out["seconds"] = sum;
     out["threads"] = threads;
     out["versions"] = nlohmann::ordered_json::object();
-    for (const auto& [name, version] : versions) {
+    for (const auto& [name, version] : versions)
         out["versions"][name] = version;
-    }
     return json_text(out);
 }
 

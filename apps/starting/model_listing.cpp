@@ -21,10 +21,9 @@ std::string kind_text(const models::System& system) {
 
 std::string units_text(std::span<const models::Coordinate> table) {
     std::string text;
-    for (const models::Coordinate& entry : table) {
+    for (const models::Coordinate& entry : table)
         text +=
             fmt::format("{}{} [{}{}]", text.empty() ? "" : " ", entry.name, entry.unit, entry.angle ? ", angle" : "");
-    }
     return text;
 }
 
@@ -80,9 +79,8 @@ std::vector<std::string> model_names() {
 
 std::string model_list() {
     std::string text;
-    for (const models::ModelEntry& entry : models::registered_models()) {
+    for (const models::ModelEntry& entry : models::registered_models())
         text += fmt::format("{:<22}{}\n", entry.name, entry.summary);
-    }
     return text;
 }
 
@@ -93,9 +91,8 @@ std::string model_page(std::string_view name) {
     std::string text = fmt::format("{}: {}\n\n{}\n", entry->name, entry->summary, entry->equations);
     if (!entry->variants.empty()) {
         text += "\nvariants:    ";
-        for (const auto& variant : entry->variants) {
+        for (const auto& variant : entry->variants)
             text += fmt::format(" {}{}", variant, variant == entry->variants.front() ? " (default)" : "");
-        }
         text += '\n';
     }
     const auto line = [&text](std::string_view what, std::string_view value) {

@@ -230,26 +230,21 @@ std::string starting_job(std::string_view model, std::string_view task) {
     const bool equations = model == "equations";
     const auto size = starting_size(model);
     const auto system = models::make_system(equations ? written_out : model, "", size);
-    if (std::find(starting_tasks().begin(), starting_tasks().end(), task) == starting_tasks().end()) {
+    if (std::find(starting_tasks().begin(), starting_tasks().end(), task) == starting_tasks().end())
         throw std::invalid_argument(
             fmt::format("there is no task \"{}\"; tasks: {}", task, fmt::join(starting_tasks(), ", ")));
-    }
     const bool cycles = is_of_cycles(*system, task);
-    if (is_periodic_task(task) && !system->inputs().empty()) {
+    if (is_periodic_task(task) && !system->inputs().empty())
         throw std::invalid_argument(
             fmt::format("{} is driven by measured inputs: it has no periodic orbits of its own", model));
-    }
-    if (cycles && system->kind() == models::Kind::autonomous) {
+    if (cycles && system->kind() == models::Kind::autonomous)
         throw std::invalid_argument(fmt::format("cycles of {}, which is not forced: not in this version", model));
-    }
-    if (task == "series" && system->kind() == models::Kind::map) {
+    if (task == "series" && system->kind() == models::Kind::map)
         throw std::invalid_argument(
             fmt::format("series of {}, which is a map: not in this version; estimate from its cycles", model));
-    }
-    if (task == "waveform" && (system->kind() == models::Kind::map || !system->inputs().empty())) {
+    if (task == "waveform" && (system->kind() == models::Kind::map || !system->inputs().empty()))
         throw std::invalid_argument(fmt::format("waveforms of {}, which {}: not in this version", model,
                                                 system->inputs().empty() ? "is a map" : "reads measured inputs"));
-    }
     std::string text = fmt::format(
         R"(// Check with `orbid check FILE`, run with `orbid run FILE`; {3}.
 // `orbid schema > orbid-job.schema.json` tells editors what else may stand here.

@@ -125,9 +125,8 @@ std::vector<Reading> readings_in_time(const orbits::SeriesResidual& residual, st
     const auto& segment = residual.series().segments[residual.segment(block)];
     std::vector<Reading> list;
     const auto& records = residual.records(block);
-    for (std::size_t i = 0; i < records.size(); ++i) {
+    for (std::size_t i = 0; i < records.size(); ++i)
         if (records[i].sample >= 0) list.push_back({segment.times[records[i].sample], static_cast<Eigen::Index>(i)});
-    }
     std::stable_sort(list.begin(), list.end(), [](const Reading& a, const Reading& b) { return a.at < b.at; });
     return list;
 }
@@ -289,14 +288,12 @@ void forecast_samples(const PredictionJob& job, const Experiment& record, Foreca
             squares.head(beginning.rms.size()) += beginning.rms.cwiseAbs2();
             count += 1.0;
         }
-        for (Eigen::Index g = 0; g < squares.size(); ++g) {
+        for (Eigen::Index g = 0; g < squares.size(); ++g)
             if (count > 0.0 && squares[g] > 0.0) scales.value[g] = std::sqrt(squares[g] / count);
-        }
     }
     std::vector<Eigen::VectorXd> latents;
-    for (std::size_t b = 0; b < blocks; ++b) {
+    for (std::size_t b = 0; b < blocks; ++b)
         latents.push_back(free_part(*residual, beginnings[b].ok ? beginnings[b].state : residual->guessed_state(b)));
-    }
     const auto values = residual->evaluate(theta, latents, true);
     for (std::size_t b = 0; b < blocks; ++b) {
         SegmentForecast one;

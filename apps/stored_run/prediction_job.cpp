@@ -84,15 +84,13 @@ Json experiment_entry(const StoredRun& run, const Json& like, const std::filesys
         entry.erase(key);
     const bool simulated = like.contains("simulate");
     if (simulated) entry["kind"] = like["simulate"].contains("samples") ? "samples" : "section";
-    if (entry.contains("inputs") && entry["inputs"].is_object() && entry["inputs"].contains("file")) {
+    if (entry.contains("inputs") && entry["inputs"].is_object() && entry["inputs"].contains("file"))
         entry["inputs"]["file"] =
             std::filesystem::absolute(run.folder / entry["inputs"]["file"].get<std::string>()).string();
-    }
     // Prior knowledge of the first record's beginning does not hold for this one; what was held at a value does.
     if (like.contains("initial_state")) {
-        for (const auto& [coordinate, rule] : like["initial_state"].items()) {
+        for (const auto& [coordinate, rule] : like["initial_state"].items())
             if (rule.is_object() && rule.contains("value")) entry["initial_state"][coordinate] = rule;
-        }
     }
     if (data.extension() == ".json") {
         const Json given = data_object(data);
@@ -116,9 +114,8 @@ Json experiment_entry(const StoredRun& run, const Json& like, const std::filesys
 const Json* series_residual(const StoredRun& run) {
     const auto pointer = Json::json_pointer("/estimate/residuals");
     if (!run.job.contains(pointer)) return nullptr;
-    for (const Json& residual : run.job.at(pointer)) {
+    for (const Json& residual : run.job.at(pointer))
         if (residual.value("type", std::string()) == "series") return &residual;
-    }
     return nullptr;
 }
 
@@ -194,9 +191,8 @@ PredictionJob prediction_job(const StoredRun& run, const std::filesystem::path& 
     document["title"] = fmt::format("{} predicted by {}", data.filename().string(),
                                     run.title().empty() ? run.folder.filename().string() : run.title());
     document["model"] = run.job.at("model");
-    for (const char* key : {"seed", "section"}) {
+    for (const char* key : {"seed", "section"})
         if (run.job.contains(key)) document[key] = run.job[key];
-    }
     Json entry = experiment_entry(run, like, data);
     Json& values = document["model"]["parameters"];
     Json free = Json::object();

@@ -50,10 +50,9 @@ Json segment_json(const SegmentForecast& one) {
 
 std::string rms_words(const std::vector<CoordinateForecast>& list) {
     std::string words;
-    for (const CoordinateForecast& one : list) {
+    for (const CoordinateForecast& one : list)
         words += fmt::format("{}{} {}{}", words.empty() ? "" : ", ", one.name, significant(one.rms, 4),
                              one.unit.empty() || one.unit == "1" ? "" : " " + one.unit);
-    }
     return words;
 }
 
@@ -130,11 +129,10 @@ std::string samples_remarks(const Forecast& forecast) {
             "  the record is chaotic: what is not known of its beginning grows until nothing is left of a forecast, "
             "also of a\n  true model; the horizon says how far that is, and \"course\" may fail for this reason "
             "alone\n";
-        if (early) {
+        if (early)
             out +=
                 "  but it ends within one Lyapunov time, before the beginning can be blamed: the model, its parameters "
                 "or the error\n  scale do not describe this record\n";
-        }
     } else if (count > 0) {
         const std::string said = judgement(std::sqrt(squares / static_cast<double>(count)));
         if (!said.empty()) out += "  " + said + "\n";

@@ -27,12 +27,10 @@ std::string time_unit(const ModelJob& model) {
         }
         return false;
     };
-    for (const auto& parameter : model.system->parameters()) {
+    for (const auto& parameter : model.system->parameters())
         if (has_seconds(parameter.unit)) return "s";
-    }
-    for (const auto& coordinate : model.system->coordinates()) {
+    for (const auto& coordinate : model.system->coordinates())
         if (has_seconds(coordinate.unit)) return "s";
-    }
     return {};
 }
 

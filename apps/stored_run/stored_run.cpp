@@ -41,11 +41,10 @@ std::optional<Json> read_file(const std::filesystem::path& file, std::string_vie
         throw orbits::DataError(fmt::format("{}:1:1: must be an object, is {}", file.string(), json.type_name()));
     if (format.empty()) return json;
     const auto found = json.find("format");
-    if (found == json.end() || !found->is_string() || found->get<std::string>() != format) {
+    if (found == json.end() || !found->is_string() || found->get<std::string>() != format)
         throw orbits::DataError(
             fmt::format("{}: /format: {}, this version reads \"{}\"", file.string(),
                         found == json.end() ? std::string("is missing") : fmt::format("is {}", found->dump()), format));
-    }
     return json;
 }
 
@@ -86,18 +85,16 @@ const Json* StoredRun::orbits_of_estimate() const {
 
 StoredRun read_stored_run(const std::filesystem::path& folder) {
     if (!std::filesystem::exists(folder)) throw StoredRunRefused(fmt::format("{}: no such folder", folder.string()));
-    if (!std::filesystem::is_directory(folder)) {
+    if (!std::filesystem::is_directory(folder))
         throw StoredRunRefused(
             fmt::format("{}: is a file; the folder with the results of a run is needed", folder.string()));
-    }
     StoredRun run;
     run.folder = folder;
     auto job = read_file(folder / "job.json", "orbid-job/1");
-    if (!job) {
+    if (!job)
         throw StoredRunRefused(fmt::format(
             "{}: holds no job.json, so it is no output folder of this program (orbid run JOB.json --out {})",
             folder.string(), folder.string()));
-    }
     run.job = std::move(*job);
     run.result = read_file(folder / "result.json", "orbid-result/1");
     run.cycles = read_file(folder / "cycles.json", "orbid-cycles/1");
@@ -122,11 +119,10 @@ std::vector<ResidualRow> stored_residuals(const StoredRun& run) {
     const std::size_t predicted = table.column("predicted");
     const std::size_t sd = table.column("sd");
     std::vector<std::string_view> cells;
-    while (table.next(cells)) {
+    while (table.next(cells))
         rows.push_back({std::string(cells[experiment]), std::string(cells[block]), std::string(cells[coordinate]),
                         number_or_nan(table, cells[at], at), number_or_nan(table, cells[observed], observed),
                         number_or_nan(table, cells[predicted], predicted), number_or_nan(table, cells[sd], sd)});
-    }
     return rows;
 }
 

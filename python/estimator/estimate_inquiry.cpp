@@ -14,6 +14,7 @@
 namespace orbid::python {
 
 namespace py = pybind11;
+using namespace pybind11::literals;
 
 namespace {
 
@@ -49,23 +50,16 @@ py::array_t<double> thetas(const std::vector<Point>& points) {
 }
 
 py::dict profile_dict(const estimator::Profile& profile) {
-    py::dict dict;
-    dict["unit"] = profile.unit;
-    dict["known"] = profile.known;
-    dict["message"] = profile.message;
-    dict["value"] = profile.value;
-    dict["interval"] = py::make_tuple(profile.lower, profile.upper);
-    dict["ends"] = py::make_tuple(std::string(name(profile.lower_end)), std::string(name(profile.upper_end)));
-    dict["threshold"] = profile.threshold;
-    dict["method"] = profile.method;
-    dict["values"] = column(profile.points, &estimator::ProfilePoint::value);
-    dict["objectives"] = column(profile.points, &estimator::ProfilePoint::objective);
-    dict["signed_roots"] = column(profile.points, &estimator::ProfilePoint::signed_root);
-    dict["theta"] = thetas(profile.points);
-    dict["failed"] = profile.failed;
-    dict["improvement"] = profile.improvement;
-    dict["evaluations"] = profile.evaluations;
-    return dict;
+    return py::dict(
+        "unit"_a = profile.unit, "known"_a = profile.known, "message"_a = profile.message, "value"_a = profile.value,
+        "interval"_a = py::make_tuple(profile.lower, profile.upper),
+        "ends"_a = py::make_tuple(std::string(name(profile.lower_end)), std::string(name(profile.upper_end))),
+        "threshold"_a = profile.threshold, "method"_a = profile.method,
+        "values"_a = column(profile.points, &estimator::ProfilePoint::value),
+        "objectives"_a = column(profile.points, &estimator::ProfilePoint::objective),
+        "signed_roots"_a = column(profile.points, &estimator::ProfilePoint::signed_root),
+        "theta"_a = thetas(profile.points), "failed"_a = profile.failed, "improvement"_a = profile.improvement,
+        "evaluations"_a = profile.evaluations);
 }
 
 py::dict profiles(const EstimateResult& result, const py::kwargs& keywords) {
@@ -91,22 +85,16 @@ py::dict profiles(const EstimateResult& result, const py::kwargs& keywords) {
 }
 
 py::dict marginal_dict(const estimator::Marginal& marginal) {
-    py::dict dict;
-    dict["unit"] = marginal.unit;
-    dict["known"] = marginal.known;
-    dict["message"] = marginal.message;
-    dict["mean"] = marginal.mean;
-    dict["sd"] = marginal.sd;
-    dict["median"] = marginal.median;
-    dict["interval95"] = py::make_tuple(marginal.lower95, marginal.upper95);
-    dict["ends"] = py::make_tuple(std::string(name(marginal.lower_end)), std::string(name(marginal.upper_end)));
-    dict["values"] = column(marginal.points, &estimator::MarginalPoint::value);
-    dict["coordinates"] = column(marginal.points, &estimator::MarginalPoint::u);
-    dict["log_densities"] = column(marginal.points, &estimator::MarginalPoint::log_density);
-    dict["theta"] = thetas(marginal.points);
-    dict["failed_points"] = marginal.failed_points;
-    dict["evaluations"] = marginal.evaluations;
-    return dict;
+    return py::dict(
+        "unit"_a = marginal.unit, "known"_a = marginal.known, "message"_a = marginal.message, "mean"_a = marginal.mean,
+        "sd"_a = marginal.sd, "median"_a = marginal.median,
+        "interval95"_a = py::make_tuple(marginal.lower95, marginal.upper95),
+        "ends"_a = py::make_tuple(std::string(name(marginal.lower_end)), std::string(name(marginal.upper_end))),
+        "values"_a = column(marginal.points, &estimator::MarginalPoint::value),
+        "coordinates"_a = column(marginal.points, &estimator::MarginalPoint::u),
+        "log_densities"_a = column(marginal.points, &estimator::MarginalPoint::log_density),
+        "theta"_a = thetas(marginal.points), "failed_points"_a = marginal.failed_points,
+        "evaluations"_a = marginal.evaluations);
 }
 
 py::dict marginals(const EstimateResult& result, const py::kwargs& keywords) {
@@ -133,26 +121,16 @@ py::dict marginals(const EstimateResult& result, const py::kwargs& keywords) {
 }
 
 py::dict quantity_dict(const estimator::SampledQuantity& quantity) {
-    py::dict dict;
-    dict["unit"] = quantity.unit;
-    dict["mean"] = quantity.mean;
-    dict["sd"] = quantity.sd;
-    dict["quantiles"] = quantity.quantiles;
-    dict["mean_error"] = quantity.mean_error;
-    dict["sd_error"] = quantity.sd_error;
-    dict["rhat"] = quantity.rhat;
-    dict["bulk_size"] = quantity.bulk_size;
-    dict["tail_size"] = quantity.tail_size;
-    return dict;
+    return py::dict("unit"_a = quantity.unit, "mean"_a = quantity.mean, "sd"_a = quantity.sd,
+                    "quantiles"_a = quantity.quantiles, "mean_error"_a = quantity.mean_error,
+                    "sd_error"_a = quantity.sd_error, "rhat"_a = quantity.rhat, "bulk_size"_a = quantity.bulk_size,
+                    "tail_size"_a = quantity.tail_size);
 }
 
 py::dict sample_dict(estimator::PosteriorSample&& sample) {
-    py::dict dict;
     constexpr const char* statuses[] = {"complete", "interrupted", "failed"};
-    dict["status"] = statuses[static_cast<std::size_t>(sample.status)];
-    dict["message"] = sample.message;
-    dict["trusted"] = sample.trusted;
-    dict["distrust"] = sample.distrust;
+    py::dict dict("status"_a = statuses[static_cast<std::size_t>(sample.status)], "message"_a = sample.message,
+                  "trusted"_a = sample.trusted, "distrust"_a = sample.distrust);
     for (const auto& [name, quantities] :
          {std::pair{"parameters", &sample.parameters}, {"derived", &sample.derived}, {"errors", &sample.errors}}) {
         py::dict named;
@@ -167,14 +145,9 @@ py::dict sample_dict(estimator::PosteriorSample&& sample) {
     dict["draws"] = draws;
     py::list chains;
     for (const estimator::SampledChain& chain : sample.chains) {
-        py::dict one;
-        one["step"] = chain.step;
-        one["acceptance"] = chain.acceptance;
-        one["divergences"] = chain.divergences;
-        one["saturated"] = chain.saturated;
-        one["energy_mixing"] = chain.energy_mixing;
-        one["evaluations"] = chain.evaluations;
-        chains.append(one);
+        chains.append(py::dict("step"_a = chain.step, "acceptance"_a = chain.acceptance,
+                               "divergences"_a = chain.divergences, "saturated"_a = chain.saturated,
+                               "energy_mixing"_a = chain.energy_mixing, "evaluations"_a = chain.evaluations));
     }
     dict["chains"] = chains;
     dict["worst_rhat"] = sample.worst_rhat;

@@ -14,6 +14,7 @@
 namespace orbid::python {
 
 namespace py = pybind11;
+using namespace pybind11::literals;
 
 namespace {
 
@@ -53,18 +54,10 @@ private:
 };
 
 py::dict run_dict(const estimator::StartedRun& run) {
-    py::dict dict;
-    dict["start"] = run.start;
-    dict["from"] = array(Eigen::VectorXd(run.from));
-    dict["theta"] = array(Eigen::VectorXd(run.theta));
-    dict["status"] = std::string(name(run.status));
-    dict["message"] = run.message;
-    dict["objective"] = run.objective;
-    dict["records"] = run.records;
-    dict["evaluations"] = run.evaluations;
-    dict["optimum"] = run.optimum;
-    dict["screened"] = run.screened;
-    return dict;
+    return py::dict("start"_a = run.start, "from"_a = array(Eigen::VectorXd(run.from)),
+                    "theta"_a = array(Eigen::VectorXd(run.theta)), "status"_a = std::string(name(run.status)),
+                    "message"_a = run.message, "objective"_a = run.objective, "records"_a = run.records,
+                    "evaluations"_a = run.evaluations, "optimum"_a = run.optimum, "screened"_a = run.screened);
 }
 
 py::dict multi_start(py::handle parameters, py::object residuals, py::handle derived, const py::kwargs& keywords) {
@@ -113,11 +106,8 @@ py::dict multi_start(py::handle parameters, py::object residuals, py::handle der
     dict["best_start"] = found.best_start;
     py::list optima;
     for (const estimator::Optimum& optimum : found.optima) {
-        py::dict one;
-        one["objective"] = optimum.objective;
-        one["theta"] = array(Eigen::VectorXd(optimum.theta));
-        one["starts"] = optimum.starts;
-        optima.append(one);
+        optima.append(py::dict("objective"_a = optimum.objective, "theta"_a = array(Eigen::VectorXd(optimum.theta)),
+                               "starts"_a = optimum.starts));
     }
     dict["optima"] = optima;
     py::list runs;

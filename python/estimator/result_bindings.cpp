@@ -7,6 +7,7 @@
 namespace orbid::python {
 
 namespace py = pybind11;
+using namespace pybind11::literals;
 
 namespace {
 
@@ -62,11 +63,8 @@ py::dict scales_by_group(const Estimate& estimate) {
 py::list covariances(const Estimate& estimate) {
     py::list list;
     for (const estimator::EstimatedCovariance& covariance : estimate.covariances) {
-        py::dict dict;
-        dict["groups"] = covariance.groups;
-        dict["value"] = matrix_array(covariance.value);
-        dict["sd"] = matrix_array(covariance.uncertainty);
-        list.append(dict);
+        list.append(py::dict("groups"_a = covariance.groups, "value"_a = matrix_array(covariance.value),
+                             "sd"_a = matrix_array(covariance.uncertainty)));
     }
     return list;
 }
@@ -74,13 +72,8 @@ py::list covariances(const Estimate& estimate) {
 py::list counts(const Estimate& estimate) {
     py::list list;
     for (const estimator::ResidualCount& count : estimate.counts) {
-        py::dict dict;
-        dict["type"] = count.type;
-        dict["used"] = count.used;
-        dict["lost"] = count.lost;
-        dict["rejected"] = count.rejected;
-        dict["added"] = count.added;
-        list.append(dict);
+        list.append(py::dict("type"_a = count.type, "used"_a = count.used, "lost"_a = count.lost,
+                             "rejected"_a = count.rejected, "added"_a = count.added));
     }
     return list;
 }
@@ -88,16 +81,9 @@ py::list counts(const Estimate& estimate) {
 py::list history(const Estimate& estimate) {
     py::list list;
     for (const estimator::StepRecord& step : estimate.history) {
-        py::dict dict;
-        dict["round"] = step.round;
-        dict["block"] = std::string(step.block);
-        dict["accepted"] = step.accepted;
-        dict["before"] = step.before;
-        dict["after"] = step.after;
-        dict["damping"] = step.damping;
-        dict["reason"] = std::string(step.reason);
-        dict["provisional"] = step.provisional;
-        list.append(dict);
+        list.append(py::dict("round"_a = step.round, "block"_a = std::string(step.block), "accepted"_a = step.accepted,
+                             "before"_a = step.before, "after"_a = step.after, "damping"_a = step.damping,
+                             "reason"_a = std::string(step.reason), "provisional"_a = step.provisional));
     }
     return list;
 }
@@ -121,33 +107,18 @@ py::list sloppy_directions(const Estimate& estimate) {
 }
 
 py::dict estimated_dict(const Estimated& value) {
-    py::dict dict;
-    dict["value"] = value.value;
-    dict["unit"] = value.unit;
-    dict["start"] = value.start;
-    dict["sd"] = value.sd;
-    dict["interval95"] = std::vector<double>{value.lower95, value.upper95};
-    dict["interval_method"] = value.interval_method;
-    dict["at_bound"] = value.at_bound;
-    dict["laplace_sd"] = value.laplace_sd;
-    dict["data_share"] = value.data_share;
-    return dict;
+    return py::dict("value"_a = value.value, "unit"_a = value.unit, "start"_a = value.start, "sd"_a = value.sd,
+                    "interval95"_a = std::vector<double>{value.lower95, value.upper95},
+                    "interval_method"_a = value.interval_method, "at_bound"_a = value.at_bound,
+                    "laplace_sd"_a = value.laplace_sd, "data_share"_a = value.data_share);
 }
 
 py::dict scale_dict(const EstimatedScale& scale) {
-    py::dict dict;
-    dict["value"] = scale.value;
-    dict["unit"] = scale.unit;
-    dict["factor"] = scale.factor;
-    dict["estimated"] = scale.estimated;
-    dict["sd"] = scale.uncertainty;
-    dict["interval95"] = std::vector<double>{scale.lower95, scale.upper95};
-    dict["interval_method"] = scale.interval_method;
-    dict["count"] = scale.count;
-    dict["rms"] = scale.rms;
-    dict["lag1"] = scale.lag1;
-    dict["effective_count"] = scale.effective_count;
-    dict["distribution"] = scale.distribution;
+    py::dict dict(
+        "value"_a = scale.value, "unit"_a = scale.unit, "factor"_a = scale.factor, "estimated"_a = scale.estimated,
+        "sd"_a = scale.uncertainty, "interval95"_a = std::vector<double>{scale.lower95, scale.upper95},
+        "interval_method"_a = scale.interval_method, "count"_a = scale.count, "rms"_a = scale.rms,
+        "lag1"_a = scale.lag1, "effective_count"_a = scale.effective_count, "distribution"_a = scale.distribution);
     py::dict shape;
     for (const Estimated& one : scale.shape)
         shape[py::str(one.name)] = estimated_dict(one);

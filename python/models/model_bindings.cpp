@@ -11,6 +11,7 @@
 namespace orbid::python {
 
 namespace py = pybind11;
+using namespace pybind11::literals;
 
 namespace {
 
@@ -99,10 +100,8 @@ void bind_description(SystemClass& system) {
 py::list listing() {
     py::list list;
     for (const models::ModelEntry& entry : models::registered_models()) {
-        py::dict row;
-        row["name"] = std::string(entry.name);
-        row["summary"] = std::string(entry.summary);
-        row["equations"] = std::string(entry.equations);
+        py::dict row("name"_a = std::string(entry.name), "summary"_a = std::string(entry.summary),
+                     "equations"_a = std::string(entry.equations));
         py::list variants;
         for (const std::string_view variant : entry.variants)
             variants.append(std::string(variant));

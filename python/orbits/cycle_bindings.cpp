@@ -15,6 +15,7 @@
 namespace orbid::python {
 
 namespace py = pybind11;
+using namespace pybind11::literals;
 
 namespace {
 
@@ -112,15 +113,9 @@ py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object
     orbits::ModelGuidedSearch found;
     compute_interruptibly(
         [&](const auto&) { found = orbits::model_guided_search(*series, *model, theta, known, options); });
-    py::dict dict;
-    dict["cycles"] = found.cycles;
-    dict["orbits"] = found.orbits;
-    dict["candidates"] = found.candidates;
-    dict["not_visited"] = found.not_visited;
-    dict["rejected"] = found.rejected;
-    dict["known"] = found.known;
-    dict["remarks"] = found.remarks;
-    return dict;
+    return py::dict("cycles"_a = found.cycles, "orbits"_a = found.orbits, "candidates"_a = found.candidates,
+                    "not_visited"_a = found.not_visited, "rejected"_a = found.rejected, "known"_a = found.known,
+                    "remarks"_a = found.remarks);
 }
 
 /// A cycle that was measured elsewhere.

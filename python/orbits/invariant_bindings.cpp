@@ -15,6 +15,7 @@
 namespace orbid::python {
 
 namespace py = pybind11;
+using namespace pybind11::literals;
 
 namespace {
 
@@ -31,22 +32,12 @@ py::dict lyapunov(const SharedSeries& series, const py::kwargs& keywords) {
     given.finish();
     orbits::LyapunovSpectrum found;
     compute_interruptibly([&](const auto&) { found = orbits::lyapunov_spectrum(*series, options); });
-    py::dict dict;
-    dict["exponents"] = array(std::move(found.exponents));
-    dict["sds"] = array(std::move(found.sds));
-    dict["dimension"] = found.dimension;
-    dict["timed"] = found.timed;
-    dict["mean_time"] = found.mean_time;
-    dict["divergence_rate"] = found.divergence_rate;
-    dict["divergence_sd"] = found.divergence_sd;
-    dict["order"] = found.order;
-    dict["neighbours"] = found.neighbours;
-    dict["steps"] = found.steps;
-    dict["lost"] = found.lost;
-    dict["prediction_error"] = found.prediction_error;
-    dict["attenuation"] = found.attenuation;
-    dict["remarks"] = found.remarks;
-    return dict;
+    return py::dict("exponents"_a = array(std::move(found.exponents)), "sds"_a = array(std::move(found.sds)),
+                    "dimension"_a = found.dimension, "timed"_a = found.timed, "mean_time"_a = found.mean_time,
+                    "divergence_rate"_a = found.divergence_rate, "divergence_sd"_a = found.divergence_sd,
+                    "order"_a = found.order, "neighbours"_a = found.neighbours, "steps"_a = found.steps,
+                    "lost"_a = found.lost, "prediction_error"_a = found.prediction_error,
+                    "attenuation"_a = found.attenuation, "remarks"_a = found.remarks);
 }
 
 py::dict correlation(const SharedSeries& series, const py::kwargs& keywords) {
@@ -58,31 +49,17 @@ py::dict correlation(const SharedSeries& series, const py::kwargs& keywords) {
     given.finish();
     orbits::CorrelationDimension found;
     compute_interruptibly([&](const auto&) { found = orbits::correlation_dimension(*series, options); });
-    py::dict dict;
-    dict["dimension"] = found.dimension;
-    dict["sd"] = found.sd;
-    dict["takens"] = found.takens;
-    dict["takens_sd"] = found.takens_sd;
-    dict["radii"] = py::make_tuple(found.smallest_radius, found.largest_radius);
-    dict["entropy"] = found.entropy;
-    dict["entropy_sd"] = found.entropy_sd;
-    dict["timed"] = found.timed;
-    dict["remarks"] = found.remarks;
-    return dict;
+    return py::dict(
+        "dimension"_a = found.dimension, "sd"_a = found.sd, "takens"_a = found.takens, "takens_sd"_a = found.takens_sd,
+        "radii"_a = py::make_tuple(found.smallest_radius, found.largest_radius), "entropy"_a = found.entropy,
+        "entropy_sd"_a = found.entropy_sd, "timed"_a = found.timed, "remarks"_a = found.remarks);
 }
 
 py::dict term_dict(const orbits::CycleExpansionTerm& term) {
-    py::dict dict;
-    dict["period"] = term.period;
-    dict["cycles"] = term.cycles;
-    dict["conservation"] = term.conservation;
-    dict["escape_rate"] = term.escape_rate;
-    dict["exponents"] = array(Eigen::VectorXd(term.exponents));
-    dict["metric_entropy"] = term.metric_entropy;
-    dict["topological_entropy"] = term.topological_entropy;
-    dict["mean_time"] = term.mean_time;
-    dict["dimension"] = term.dimension;
-    return dict;
+    return py::dict("period"_a = term.period, "cycles"_a = term.cycles, "conservation"_a = term.conservation,
+                    "escape_rate"_a = term.escape_rate, "exponents"_a = array(Eigen::VectorXd(term.exponents)),
+                    "metric_entropy"_a = term.metric_entropy, "topological_entropy"_a = term.topological_entropy,
+                    "mean_time"_a = term.mean_time, "dimension"_a = term.dimension);
 }
 
 py::dict expansion(const std::vector<orbits::Cycle>& cycles, py::handle complete_to, bool continuous) {
@@ -117,15 +94,11 @@ py::dict embedded(const SharedSeries& series, const py::kwargs& keywords) {
     given.finish();
     orbits::DelayEmbedding found;
     compute_interruptibly([&](const auto&) { found = orbits::embed(*series, options); });
-    py::dict dict;
-    dict["series"] = std::make_shared<orbits::Series>(std::move(found.series));
-    dict["delay"] = found.delay;
-    dict["dimension"] = found.dimension;
-    dict["mutual_information"] = array(std::move(found.mutual_information));
-    dict["false_neighbours"] = array(std::move(found.false_neighbours));
-    dict["minimum_found"] = found.minimum_found;
-    dict["unfolded"] = found.unfolded;
-    return dict;
+    return py::dict("series"_a = std::make_shared<orbits::Series>(std::move(found.series)), "delay"_a = found.delay,
+                    "dimension"_a = found.dimension,
+                    "mutual_information"_a = array(std::move(found.mutual_information)),
+                    "false_neighbours"_a = array(std::move(found.false_neighbours)),
+                    "minimum_found"_a = found.minimum_found, "unfolded"_a = found.unfolded);
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 namespace orbid::python {
 
 namespace py = pybind11;
+using namespace pybind11::literals;
 
 namespace {
 
@@ -135,11 +136,7 @@ py::list segments(const std::shared_ptr<Series>& series) {
 py::list coordinate_list(const Series& series) {
     py::list list;
     for (const orbits::SeriesCoordinate& coordinate : series.coordinates) {
-        py::dict dict;
-        dict["name"] = coordinate.name;
-        dict["unit"] = coordinate.unit;
-        dict["angle"] = coordinate.angle;
-        list.append(dict);
+        list.append(py::dict("name"_a = coordinate.name, "unit"_a = coordinate.unit, "angle"_a = coordinate.angle));
     }
     return list;
 }

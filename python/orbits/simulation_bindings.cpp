@@ -12,6 +12,7 @@
 namespace orbid::python {
 
 namespace py = pybind11;
+using namespace pybind11::literals;
 
 namespace {
 
@@ -66,13 +67,9 @@ orbits::VirtualExperimentOptions experiment(NamedArguments& given, const models:
 py::list event_list(const orbits::VirtualExperiment& experiment) {
     py::list list;
     for (const orbits::TrajectoryEvent& event : experiment.events) {
-        py::dict dict;
-        dict["kind"] = std::string(name(event.kind));
-        dict["trajectory"] = event.trajectory;
-        dict["section"] = event.section;
-        dict["period"] = event.period;
-        dict["state"] = array(Eigen::VectorXd(event.state));
-        list.append(dict);
+        list.append(py::dict("kind"_a = std::string(name(event.kind)), "trajectory"_a = event.trajectory,
+                             "section"_a = event.section, "period"_a = event.period,
+                             "state"_a = array(Eigen::VectorXd(event.state))));
     }
     return list;
 }

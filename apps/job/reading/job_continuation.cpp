@@ -55,9 +55,7 @@ void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index
     const auto range = object.find("range");
     const auto to = object.find("to");
     const auto direction = object.find("direction");
-    if (direction) {
-        options.direction = static_cast<int>(direction->number().value_or(0.0));
-    }
+    if (direction) options.direction = static_cast<int>(direction->number().value_or(0.0));
     if (!parameter) return;
     const double start = job.model.values[*parameter];
     const std::string name = parameter_names(job)[static_cast<std::size_t>(*parameter)];
@@ -78,9 +76,7 @@ void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index
     } else if (to) {
         const auto end = read_end(*to, *parameter, job);
         if (!end) return;
-        if (*end == start) {
-            to->report(fmt::format("is where the branch starts: the model's {} is {}", name, start));
-        }
+        if (*end == start) to->report(fmt::format("is where the branch starts: the model's {} is {}", name, start));
         options.lower = std::min(start, *end);
         options.upper = std::max(start, *end);
         options.direction = *end > start ? 1 : -1;

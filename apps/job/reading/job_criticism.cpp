@@ -8,9 +8,8 @@ namespace orbid::apps {
 namespace {
 
 std::vector<std::string> variants_of(const std::string& model) {
-    for (const models::ModelEntry& entry : models::registered_models()) {
+    for (const models::ModelEntry& entry : models::registered_models())
         if (entry.name == model) return {entry.variants.begin(), entry.variants.end()};
-    }
     return {};
 }
 
@@ -87,15 +86,12 @@ void read_criticism(ObjectReader& object, const Job& job, EstimateJob& estimate)
     ObjectReader inner(*value);
     if (const auto variants = inner.find("variants")) read_variants(*variants, job, criticism);
     if (const auto without = inner.find("without")) read_without(*without, job, estimate, criticism);
-    if (const auto held_out = inner.find("held_out")) {
-        criticism.held_out = held_out->number().value_or(0.0);
-    }
+    if (const auto held_out = inner.find("held_out")) criticism.held_out = held_out->number().value_or(0.0);
     inner.finish();
-    if (value->sound() && !criticism.any() && value->problem_count() == problems_before) {
+    if (value->sound() && !criticism.any() && value->problem_count() == problems_before)
         value->report(
             "names nothing to compare: \"variants\" of the model, parameters \"without\" which it is tried, or a share "
             "\"held_out\"");
-    }
     estimate.criticism = std::move(criticism);
 }
 

@@ -69,14 +69,12 @@ void read_free_initial_value(ObjectReader& object, InitialValueJob& initial) {
         if (items.size() == 2) {
             if (!items[0].is(JsonValue::Kind::null)) initial.lower = items[0].number().value_or(initial.lower);
             if (!items[1].is(JsonValue::Kind::null)) initial.upper = items[1].number().value_or(initial.upper);
-            if (!(initial.lower < initial.upper)) {
+            if (!(initial.lower < initial.upper))
                 bounds->report(
                     fmt::format("lower bound {} must be below the upper bound {}", initial.lower, initial.upper));
-            }
         }
-        if (initial.scale == estimator::Scale::log && initial.lower < 0.0) {
+        if (initial.scale == estimator::Scale::log && initial.lower < 0.0)
             bounds->report(fmt::format("lower bound {} must be >= 0 on a log scale", initial.lower));
-        }
     }
     if (!start || !initial.value) return;
     if (initial.scale == estimator::Scale::log && !(*initial.value > 0.0)) {
@@ -112,14 +110,12 @@ void read_initial_state(ObjectReader& object, const Job& job, DataJob& data) {
     data.initial_state.resize(coordinate_names(job).size());
     const auto value = object.find("initial_state");
     if (!value) return;
-    if (data.sampling() == Sampling::section) {
+    if (data.sampling() == Sampling::section)
         value->report("holds for samples; a section series has no free initial state in this version");
-    }
     for (const auto& [name, member] : value->members()) {
         const auto initial = read_initial_value(member);
-        if (const auto index = coordinate_named(name, member, job)) {
+        if (const auto index = coordinate_named(name, member, job))
             data.initial_state[static_cast<std::size_t>(*index)] = initial;
-        }
     }
 }
 
@@ -129,9 +125,8 @@ void read_observe(ObjectReader& object, const Job& job, DataJob& data) {
         for (const ColumnJob& column : data.file->columns)
             available.push_back(column.coordinate);
     } else {
-        for (std::size_t i = 0; i < coordinate_names(job).size(); ++i) {
+        for (std::size_t i = 0; i < coordinate_names(job).size(); ++i)
             available.push_back(static_cast<Eigen::Index>(i));
-        }
     }
     data.observe = available;
     const auto value = object.find("observe");
@@ -140,9 +135,8 @@ void read_observe(ObjectReader& object, const Job& job, DataJob& data) {
     for (const auto& [name, item] : read_names(*value)) {
         const auto index = coordinate_named(name, item, job);
         if (!index) continue;
-        if (std::find(available.begin(), available.end(), *index) == available.end()) {
+        if (std::find(available.begin(), available.end(), *index) == available.end())
             item.report(fmt::format("\"{}\" is observed, but \"columns\" names no column for it", name));
-        }
         data.observe.push_back(*index);
     }
     std::sort(data.observe.begin(), data.observe.end());
@@ -186,9 +180,8 @@ DataJob read_experiment(const ValueReader& value, const std::string& default_nam
     read_observe(object, job, data);
     if (const auto parameters = object.find("parameters")) data.parameters = read_parameter_values(*parameters, job);
     if (const auto free = object.find("free")) {
-        for (const auto& [name, item] : read_names(*free)) {
+        for (const auto& [name, item] : read_names(*free))
             if (const auto index = parameter_named(name, item, job)) data.free.push_back(*index);
-        }
         std::sort(data.free.begin(), data.free.end());
     }
     if (const auto segments = object.find("segments")) read_segments(*segments, data);

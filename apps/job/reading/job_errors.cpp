@@ -36,9 +36,7 @@ void read_number_or_estimate(const ValueReader& value, double unset, bool& estim
         (void)value.choice({"estimate"});
     } else if (value.is(JsonValue::Kind::object)) {
         ObjectReader object(value);
-        if (const auto inner = object.find("estimate")) {
-            read_estimated(*inner, target, prior);
-        }
+        if (const auto inner = object.find("estimate")) read_estimated(*inner, target, prior);
         object.finish();
     }
 }
@@ -57,16 +55,14 @@ void read_scale(const ValueReader& value, ErrorJob& error) {
     error.sd_column = column->text().value_or("");
     scale.estimate = false;
     scale.value = 1.0;
-    if (const auto factor = object.find("factor")) {
+    if (const auto factor = object.find("factor"))
         read_number_or_estimate(*factor, 0.0, scale.estimate, scale.value, scale.prior);
-    }
     object.finish();
 }
 
 void read_shape(ObjectReader& object, std::string_view key, double unset, estimator::ErrorParameter& parameter) {
-    if (const auto value = object.find(key)) {
+    if (const auto value = object.find(key))
         read_number_or_estimate(*value, unset, parameter.estimate, parameter.value, parameter.prior);
-    }
 }
 
 estimator::ErrorDistribution read_distribution(ObjectReader& object, std::size_t choice) {
@@ -98,17 +94,15 @@ estimator::ErrorDistribution read_distribution(ObjectReader& object, std::size_t
 void read_error(const ValueReader& value, ErrorJob& error) {
     ObjectReader object(value);
     std::size_t choice = 0;
-    if (const auto distribution = object.find("distribution")) {
+    if (const auto distribution = object.find("distribution"))
         choice = distribution->choice({"normal", "student_t", "laplace", "lognormal", "relative", "ar1"}).value_or(0);
-    }
     error.distribution = read_distribution(object, choice);
     if (const auto sd = object.find("sd")) read_scale(*sd, error);
     if (const auto floor = object.find("floor")) {
         error.floor = floor->number().value_or(0.0);
         if (!error.scale.estimate) floor->report("belongs to a sd that is estimated; this one is given");
-        if (error.scale.estimate && error.scale.value > 0.0 && error.scale.value < error.floor) {
+        if (error.scale.estimate && error.scale.value > 0.0 && error.scale.value < error.floor)
             floor->report(fmt::format("{} lies above the start {} of the sd", error.floor, error.scale.value));
-        }
     }
     object.finish();
 }
@@ -126,10 +120,9 @@ bool has_size(const ErrorJob& error) {
 void check_use(const ErrorEntry& entry, const ErrorUse& use, const Job& job) {
     const ErrorJob& error = *entry.error;
     const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(error.coordinate)];
-    if (has_size(error) && reads_angle(job, use.data, error.coordinate)) {
+    if (has_size(error) && reads_angle(job, use.data, error.coordinate))
         entry.at.report(
             fmt::format("{} is an angle: it has no size that such errors could be relative to", coordinate.name));
-    }
     if (has_size(error) && !error.sd_column.empty()) {
         entry.at.report("a column of sds goes with \"normal\", \"student_t\", \"laplace\" or \"ar1\"");
         return;
@@ -144,9 +137,8 @@ void check_use(const ErrorEntry& entry, const ErrorUse& use, const Job& job) {
         }
         return;
     }
-    if (!error.sd_column.empty()) {
+    if (!error.sd_column.empty())
         entry.at.report("cycles have no column of sds: their covariance comes from the analysis");
-    }
     if (std::holds_alternative<estimator::AutoregressiveErrors>(error.distribution)) {
         entry.at.report("the points of a cycle are no course in time: \"ar1\" belongs to a series");
     } else if (has_size(error) && !coordinate.angle) {
@@ -171,9 +163,8 @@ void read_wishart(const ValueReader& value, CovarianceJob& covariance) {
     if (const auto matrix = object.find("matrix")) {
         covariance.psi = read_matrix(*matrix, size).value_or(Eigen::MatrixXd::Identity(size, size));
         const Eigen::MatrixXd& psi = covariance.psi;
-        if (psi != psi.transpose() || !models::CholeskyFactor(psi).positive_definite()) {
+        if (psi != psi.transpose() || !models::CholeskyFactor(psi).positive_definite())
             matrix->report("must be symmetric and positive definite");
-        }
     }
     object.finish();
 }
@@ -213,9 +204,8 @@ void read_covariance(const ValueReader& value, const ErrorUse& use, const Job& j
         if (const auto prior = object.find("prior")) read_wishart(*prior, covariance);
         object.finish();
     }
-    if (use.records == ErrorUse::Records::cycles_with_covariance) {
+    if (use.records == ErrorUse::Records::cycles_with_covariance)
         value.report("with \"weights\": \"covariance\" the analysis' covariance stands in its place: use \"equal\"");
-    }
     for (const std::size_t index : use.data) {
         const DataJob& data = job.data[index];
         for (const Eigen::Index coordinate : covariance.coordinates) {
@@ -234,9 +224,7 @@ estimator::ErrorScale read_multiplier_error(const ValueReader& value) {
     ObjectReader object(value);
     // Other distributions would need other curvatures than those that the analysis' covariance gives.
     if (const auto distribution = object.find("distribution")) (void)distribution->choice({"normal"});
-    if (const auto sd = object.find("sd")) {
-        read_number_or_estimate(*sd, 0.0, scale.estimate, scale.value, scale.prior);
-    }
+    if (const auto sd = object.find("sd")) read_number_or_estimate(*sd, 0.0, scale.estimate, scale.value, scale.prior);
     object.finish();
     return scale;
 }

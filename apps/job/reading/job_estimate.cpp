@@ -103,9 +103,8 @@ FreeParameterJob read_free(const ValueReader& value, Eigen::Index index, const J
     if (start) free.start = start->number().value_or(free.start);
     set_default_bounds(entry, free);
     if (const auto bounds = object.find("bounds")) read_bounds(*bounds, entry, free);
-    if (scale && free.scale == estimator::Scale::logit && !(std::isfinite(free.lower) && std::isfinite(free.upper))) {
+    if (scale && free.scale == estimator::Scale::logit && !(std::isfinite(free.lower) && std::isfinite(free.upper)))
         scale->report(fmt::format("a logit scale needs finite \"bounds\"; they are [{}, {}]", free.lower, free.upper));
-    }
     if (const auto prior = object.find("prior")) free.prior = read_prior(*prior).value_or(estimator::Prior{});
     object.finish();
     // What is wrong already would only be reported a second time in other words.
@@ -118,9 +117,8 @@ void read_derived(const ValueReader& value, const Job& job, EstimateJob& estimat
     for (const auto& [name, member] : value.members()) {
         const auto text = member.text();
         if (!is_name(name, member) || !text) continue;
-        if (std::find(names.begin(), names.end(), name) != names.end()) {
+        if (std::find(names.begin(), names.end(), name) != names.end())
             member.report(fmt::format("\"{}\" is a parameter of the model already", name));
-        }
         if (!job.model.system) continue;
         try {
             estimate.derived.push_back({name, models::Expression::parse(*text, names)});
@@ -158,9 +156,8 @@ void check_experiments(const ValueReader& at, const Job& job, const EstimateJob&
 void read_estimate(ObjectReader& root, Job& job) {
     const auto value = root.find("estimate");
     if (!value) {
-        for (const DataJob& data : job.data) {
+        for (const DataJob& data : job.data)
             if (!data.free.empty()) root.self().report(fmt::format("\"free\" in \"{}\" needs \"estimate\"", data.name));
-        }
         return;
     }
     EstimateJob estimate;

@@ -31,10 +31,9 @@ void read_inputs(ObjectReader& object, const Job& job, DataJob& data) {
     const auto inputs = job.model.system ? job.model.system->inputs() : std::span<const models::Coordinate>{};
     if (!value) {
         if (interpolation) interpolation->report("belongs to \"inputs\", which are missing");
-        if (!inputs.empty() && object.valid()) {
+        if (!inputs.empty() && object.valid())
             object.self().report(fmt::format("the model {} reads measured inputs ({}): \"inputs\" is missing",
                                              job.model.name, names_of(inputs)));
-        }
         return;
     }
     if (job.model.system && inputs.empty()) {
@@ -42,9 +41,7 @@ void read_inputs(ObjectReader& object, const Job& job, DataJob& data) {
                                   job.model.variant.empty() ? "" : ", variant " + job.model.variant + ","));
         return;
     }
-    if (data.sampling() == Sampling::section) {
-        value->report_later("measured inputs of a section series");
-    }
+    if (data.sampling() == Sampling::section) value->report_later("measured inputs of a section series");
     InputJob input;
     ObjectReader columns(*value);
     const auto file = columns.find("file");

@@ -8,9 +8,8 @@ namespace orbid::apps {
 namespace {
 
 const models::ModelEntry* registered(const std::string& name) {
-    for (const models::ModelEntry& entry : models::registered_models()) {
+    for (const models::ModelEntry& entry : models::registered_models())
         if (entry.name == name) return &entry;
-    }
     return nullptr;
 }
 
@@ -31,9 +30,8 @@ void resolve(const ValueReader& name_value, const std::optional<ValueReader>& va
         const std::vector<std::string> known(entry->variants.begin(), entry->variants.end());
         if (known.empty()) {
             // job.json writes "" for a model without variants.
-            if (!variant_value->value().text.empty()) {
+            if (!variant_value->value().text.empty())
                 variant_value->report(fmt::format("the model {} has no variants", *name));
-            }
         } else if (!variant_value->value().text.empty()) {
             // "" is the default: a job.json written before the model had variants says so.
             const auto choice = variant_value->choice(known);
@@ -69,9 +67,8 @@ void read_model(ObjectReader& root, Job& job) {
     const auto size = model.find("size");
     if (name) resolve(*name, variant, size, job);
     if (const auto parameters = model.find("parameters")) {
-        for (const ParameterValue& entry : read_parameter_values(*parameters, job)) {
+        for (const ParameterValue& entry : read_parameter_values(*parameters, job))
             job.model.values[entry.parameter] = entry.value;
-        }
     }
     model.finish();
 }
@@ -85,9 +82,8 @@ void read_reference(ObjectReader& root, Job& job) {
             known.push_back(derived.name);
     }
     for (const DataJob& data : job.data) {
-        for (const Eigen::Index parameter : data.free) {
+        for (const Eigen::Index parameter : data.free)
             known.push_back(parameter_names(job)[static_cast<std::size_t>(parameter)] + "@" + data.name);
-        }
     }
     for (const auto& [name, member] : value->members()) {
         const auto number = member.number();

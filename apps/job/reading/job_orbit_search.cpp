@@ -22,9 +22,7 @@ void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& pe
     search.seed = job.seed;
     search.symmetry = job.model.system && job.model.system->symmetry().has_value();
     ObjectReader object(value);
-    if (const auto periods = object.find("periods")) {
-        search.periods = read_periods(*periods).value_or(search.periods);
-    }
+    if (const auto periods = object.find("periods")) search.periods = read_periods(*periods).value_or(search.periods);
     if (const auto points = object.find("points"))
         search.points = static_cast<std::size_t>(points->whole().value_or(search.points));
     if (const auto trajectories = object.find("trajectories"))
@@ -42,12 +40,11 @@ void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& pe
             symmetry->report(fmt::format("the model {} declares no symmetry; must be false", job.model.name));
     }
     object.finish();
-    if (job.model.system && job.model.system->kind() == models::Kind::autonomous && !job.section_plane) {
+    if (job.model.system && job.model.system->kind() == models::Kind::autonomous && !job.section_plane)
         value.report(
             fmt::format("the model {} is autonomous: needs a \"section\" in the job that its orbits cross: {{ "
                         "\"coordinate\": ..., \"value\": ..., \"direction\": ... }}",
                         job.model.name));
-    }
 }
 
 }  // namespace orbid::apps

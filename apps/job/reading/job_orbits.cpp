@@ -26,10 +26,9 @@ void read_symmetry(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     bool wanted = usable;
     if (value) wanted = value->boolean().value_or(usable);
     if (wanted && usable) orbits.search.symmetry_signs = symmetry->signs;
-    if (wanted && !usable && job.model.system) {
+    if (wanted && !usable && job.model.system)
         value->report(fmt::format("the model {} has no symmetry that maps the section onto itself; must be false",
                                   job.model.name));
-    }
 }
 
 /// { "coordinate": "x", "boundaries": [0], "symbols": "AB" }
@@ -112,15 +111,12 @@ void read_search(ObjectReader& object, const Job& job, bool data_sound, OrbitsJo
         }
     }
     if (const auto periods = object.find("periods")) search.periods = read_periods(*periods).value_or(search.periods);
-    if (const auto box = object.find("box")) {
-        search.box = box->number().value_or(search.box);
-    }
+    if (const auto box = object.find("box")) search.box = box->number().value_or(search.box);
     if (const auto order = object.find("local_map")) {
         const auto choice = order->choice(local_map_names);
         if (choice) search.order = static_cast<int>(*choice);
-        if (search.method == Method::closest_return && search.order > 1) {
+        if (search.method == Method::closest_return && search.order > 1)
             order->report("with \"method\": \"closest_return\" maps are linear: must be \"linear\" or left out");
-        }
     }
     if (const auto neighbours = object.find("neighbours")) {
         const std::size_t n = std::max<std::size_t>(coordinate_names(job).size(), 1);
@@ -130,9 +126,8 @@ void read_search(ObjectReader& object, const Job& job, bool data_sound, OrbitsJo
                                            fewest_neighbours(n, search.order)));
         search.neighbours = static_cast<int>(number.value_or(0));
     }
-    if (const auto recurrences = object.find("minimum_recurrences")) {
+    if (const auto recurrences = object.find("minimum_recurrences"))
         search.minimum_recurrences = static_cast<int>(recurrences->whole().value_or(search.minimum_recurrences));
-    }
     if (const auto partition = object.find("partition")) read_partition(*partition, job, orbits);
     if (const auto error = object.find("reading_error")) read_reading_error(*error, job, orbits);
     if (const auto invariants = object.find("invariants")) read_invariants(*invariants, orbits);
@@ -150,25 +145,22 @@ void read_search(ObjectReader& object, const Job& job, bool data_sound, OrbitsJo
         return;
     }
     orbits.data = static_cast<std::size_t>(series - job.data.begin());
-    if (samples && job.model.system && job.model.system->kind() == models::Kind::autonomous && !job.section_plane) {
+    if (samples && job.model.system && job.model.system->kind() == models::Kind::autonomous && !job.section_plane)
         object.self().report(
             fmt::format("samples of {} are cut by a plane: needs \"section\": {{ \"coordinate\": ..., "
                         "\"value\": ..., \"direction\": ... }}",
                         job.model.name));
-    }
     if (samples && orbits.reading_sd.size() > 0)
         object.self().report(
             "the errors of a section cut from samples follow from these: \"reading_error\" must be "
             "\"estimate\"");
-    if (series->sensor.type == models::Sensor::Type::function) {
+    if (series->sensor.type == models::Sensor::Type::function)
         object.self().report(fmt::format("cycles read by a sensor \"function\": {}", not_in_this_version));
-    }
     if (std::any_of(series + 1, job.data.end(), is(series->sampling())))
         object.self().report(fmt::format("cycles of several series: {}", not_in_this_version));
-    if (job.model.system && series->observe.size() < job.model.system->coordinates().size()) {
+    if (job.model.system && series->observe.size() < job.model.system->coordinates().size())
         object.self().report(fmt::format("needs every coordinate of the model, but \"{}\" observes {} of {}",
                                          series->name, series->observe.size(), job.model.system->coordinates().size()));
-    }
 }
 
 }  // namespace

@@ -29,9 +29,8 @@ std::vector<int> read_rotation(const ValueReader& value, const Job& job) {
     } else {
         return {};
     }
-    if (job.model.system && rotation.size() != angles) {
+    if (job.model.system && rotation.size() != angles)
         value.report(fmt::format("must hold one number per angle of the model: {}, not {}", angles, rotation.size()));
-    }
     return rotation;
 }
 
@@ -54,10 +53,9 @@ void require_smooth_flow(const ValueReader& method, const Job& job) {
     // Values outside their domain are reported where they stand.
     for (std::size_t i = 0; i < system.parameters().size(); ++i)
         if (!models::contains(system.parameters()[i].domain, job.model.values[static_cast<Eigen::Index>(i)])) return;
-    if (!system.smooth(job.model.values)) {
+    if (!system.smooth(job.model.values))
         method.report(fmt::format("the model {} is not smooth at these parameters: must be \"multiple_shooting\"",
                                   job.model.name));
-    }
 }
 
 void read_solver(ObjectReader& object, periodic::ShootingOptions& solver) {
@@ -129,10 +127,9 @@ StartKind read_period(ObjectReader& object, const Job& job, OrbitStart& start) {
         return StartKind::unknown;
     }
     if (free_mesh) start.time = time->number().value_or(1.0);
-    if (time && !free_mesh && job.model.system) {
+    if (time && !free_mesh && job.model.system)
         time->report(is_autonomous(job) ? "follows from the crossings of the section: must be left out"
                                         : "follows from \"period\": must be left out");
-    }
     if (period) {
         start.period = static_cast<int>(period->whole().value_or(1));
         if (free_mesh && start.period != 1) {
@@ -156,11 +153,10 @@ OrbitStart read_start(const ValueReader& value, const Job& job) {
     if (const auto points = object.find("points")) {
         const auto items = points->items();
         const auto period = static_cast<std::size_t>(start.period);
-        if (points->is(JsonValue::Kind::array) && items.size() != period && kind != StartKind::unknown) {
+        if (points->is(JsonValue::Kind::array) && items.size() != period && kind != StartKind::unknown)
             points->report(kind == StartKind::free_mesh
                                ? fmt::format("must hold one state where there is no section, not {}", items.size())
                                : fmt::format("must hold one state per period: {}, not {}", start.period, items.size()));
-        }
         start.points = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(coordinate_names(job).size()), start.period);
         for (std::size_t j = 0; j < items.size(); ++j) {
             const auto state = read_state(items[j], job);
@@ -178,9 +174,8 @@ OrbitStart read_start(const ValueReader& value, const Job& job) {
 std::vector<Eigen::Index> read_free_indices(ObjectReader& object, const Job& job) {
     std::vector<Eigen::Index> indices;
     if (const auto value = object.find("free")) {
-        for (const auto& [name, item] : read_names(*value)) {
+        for (const auto& [name, item] : read_names(*value))
             if (const auto index = parameter_named(name, item, job)) indices.push_back(*index);
-        }
         return indices;
     }
     indices.resize(parameter_names(job).size());
@@ -195,10 +190,9 @@ void read_periodic(ObjectReader& root, Job& job) {
     if (!value) return;
     PeriodicJob periodic;
     ObjectReader object(*value);
-    if (job.model.system && !job.model.system->inputs().empty()) {
+    if (job.model.system && !job.model.system->inputs().empty())
         value->report(fmt::format("the model {} is driven by measured inputs: it has no periodic orbits of its own",
                                   job.model.name));
-    }
     periodic.method = read_method(object, job);
     periodic.free = read_free_indices(object, job);
     if (const auto stability = object.find("stability")) {
@@ -215,13 +209,12 @@ void read_periodic(ObjectReader& root, Job& job) {
     if (search) read_orbit_search(*search, job, periodic);
     const auto continuation = object.find("continuation");
     if (continuation) read_continuation(*continuation, job, periodic);
-    if (object.valid() && !object.find("orbits") && !search) {
+    if (object.valid() && !object.find("orbits") && !search)
         object.self().report(
             continuation ? "a branch needs the orbit that it starts at: \"orbits\": [ { \"period\": ..., \"points\": "
                            "[[...], ...] } ], or \"search\": { \"periods\": [...] }"
                          : "needs \"orbits\", a list of starts { \"period\": ..., \"points\": [[...], ...] }, or "
                            "\"search\": { \"periods\": [...] }");
-    }
     object.finish();
     job.periodic = std::move(periodic);
 }

@@ -15,9 +15,8 @@ std::vector<std::string> estimated_names(const Job& job, const EstimateJob& esti
         const auto has_own = [&](const DataJob& data) {
             return std::find(data.free.begin(), data.free.end(), free.parameter) != data.free.end();
         };
-        for (const DataJob& data : job.data) {
+        for (const DataJob& data : job.data)
             if (has_own(data)) names.push_back(free.value.name + "@" + data.name);
-        }
         const bool shared = job.data.empty() || !std::all_of(job.data.begin(), job.data.end(), has_own);
         if (shared) names.push_back(free.value.name);
     }
@@ -47,12 +46,10 @@ void add_error_names(const Job& job, const std::string& prefix, const std::vecto
             if (parameter.estimate) names.push_back(fmt::format("{}.{}", group, name));
         };
         if (const auto* student = std::get_if<estimator::StudentErrors>(&error.distribution)) add(student->dof, "dof");
-        if (const auto* relative = std::get_if<estimator::RelativeErrors>(&error.distribution)) {
+        if (const auto* relative = std::get_if<estimator::RelativeErrors>(&error.distribution))
             add(relative->relative, "relative");
-        }
-        if (const auto* chain = std::get_if<estimator::AutoregressiveErrors>(&error.distribution)) {
+        if (const auto* chain = std::get_if<estimator::AutoregressiveErrors>(&error.distribution))
             add(chain->correlation, "correlation");
-        }
     }
 }
 
@@ -63,16 +60,14 @@ std::vector<std::string> error_names(const Job& job, const EstimateJob& estimate
         if (estimate.cycles->multipliers && estimate.cycles->multiplier_error.estimate)
             names.emplace_back("cycles.ln_multiplier.scale");
     }
-    if (estimate.waveform) {
+    if (estimate.waveform)
         add_error_names(job, "waveform", estimate.waveform->errors, estimate.waveform->covariances, names);
-    }
     if (!estimate.series) return names;
     for (const std::size_t index : estimate.series->data) {
         const DataJob& data = job.data[index];
         std::vector<ErrorJob> own;
-        for (const ErrorJob& error : estimate.series->errors) {
+        for (const ErrorJob& error : estimate.series->errors)
             if (std::count(data.observe.begin(), data.observe.end(), error.coordinate) > 0) own.push_back(error);
-        }
         const bool single = estimate.series->data.size() == 1;
         add_error_names(job, single ? "series" : "series." + data.name, own, estimate.series->covariances, names);
     }
@@ -107,9 +102,7 @@ void read_sample(const ValueReader& value, SampleJob& sample) {
         return;
     }
     ObjectReader object(value);
-    if (const auto draws = object.find("draws")) {
-        sample.draws = draws->whole().value_or(0);
-    }
+    if (const auto draws = object.find("draws")) sample.draws = draws->whole().value_or(0);
     if (const auto chains = object.find("chains")) sample.chains = chains->whole().value_or(2);
     if (const auto warm_up = object.find("warm_up")) sample.warm_up = warm_up->whole().value_or(1);
     object.finish();
@@ -132,9 +125,7 @@ void read_posterior(ObjectReader& object, const Job& job, EstimateJob& estimate)
             if (estimate.multi_start.starts > 1 && estimate.strategy.size() > 1)
                 starts->report("several starts go with one stage; the stages of a strategy find their own");
         }
-        if (const auto seed = inner.find("seed")) {
-            estimate.multi_start.seed = seed->whole().value_or(job.seed);
-        }
+        if (const auto seed = inner.find("seed")) estimate.multi_start.seed = seed->whole().value_or(job.seed);
         inner.finish();
     }
     if (const auto value = object.find("posterior")) {

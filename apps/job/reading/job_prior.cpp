@@ -36,9 +36,8 @@ std::optional<estimator::Prior> read_density(const std::string& form, const Valu
     } else if (form == "uniform") {
         const double lower = density.number("lower");
         const double upper = density.number("upper");
-        if (value.sound() && !(lower < upper)) {
+        if (value.sound() && !(lower < upper))
             value.report(fmt::format("lower {} must be below upper {}", lower, upper));
-        }
         prior = estimator::UniformPrior{lower, upper};
     } else if (form == "half_normal") {
         prior = estimator::HalfNormalPrior{density.number("scale")};
@@ -90,9 +89,8 @@ std::optional<estimator::JointNormalPrior> read_joint_normal(const ValueReader& 
     }
     const auto count = static_cast<Eigen::Index>(prior.names.size());
     const auto means = mean->items();
-    if (mean->is(JsonValue::Kind::array) && means.size() != prior.names.size()) {
+    if (mean->is(JsonValue::Kind::array) && means.size() != prior.names.size())
         mean->report(fmt::format("must hold one number per name: {}, not {}", count, means.size()));
-    }
     prior.mean.resize(static_cast<Eigen::Index>(means.size()));
     for (std::size_t i = 0; i < means.size(); ++i)
         prior.mean[static_cast<Eigen::Index>(i)] = means[i].number().value_or(0.0);
@@ -117,9 +115,8 @@ std::optional<estimator::Prior> read_prior(const ValueReader& value) {
     }
     ObjectReader object(value);
     std::optional<estimator::Prior> prior;
-    for (const char* form : {"normal", "lognormal", "uniform", "half_normal", "half_cauchy", "gamma", "student_t"}) {
+    for (const char* form : {"normal", "lognormal", "uniform", "half_normal", "half_cauchy", "gamma", "student_t"})
         if (const auto density = object.find(form)) prior = read_density(form, *density);
-    }
     object.finish();
     return prior;
 }
@@ -138,9 +135,8 @@ std::vector<std::string> estimated_parameter_names(const Job& job, const Estimat
         const auto has_own = [&](const DataJob& data) {
             return std::find(data.free.begin(), data.free.end(), free.parameter) != data.free.end();
         };
-        for (const DataJob& data : job.data) {
+        for (const DataJob& data : job.data)
             if (has_own(data)) names.push_back(free.value.name + "@" + data.name);
-        }
         const bool shared = job.data.empty() || !std::all_of(job.data.begin(), job.data.end(), has_own);
         if (shared) names.push_back(free.value.name);
     }
@@ -152,9 +148,8 @@ void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& es
     for (const ValueReader& item : value.items()) {
         ObjectReader object(item);
         if (const auto normal = object.find("normal")) {
-            if (auto prior = read_joint_normal(*normal, job, estimate, taken)) {
+            if (auto prior = read_joint_normal(*normal, job, estimate, taken))
                 estimate.joint_priors.push_back(std::move(*prior));
-            }
         }
         object.finish();
     }

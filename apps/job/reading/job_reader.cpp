@@ -50,10 +50,9 @@ void read_root(const ValueReader& value, Job& job) {
     const bool simulates =
         std::any_of(job.data.begin(), job.data.end(), [](const DataJob& data) { return data.simulation.has_value(); });
     const bool named = root.find("orbits") || root.find("periodic") || root.find("estimate");
-    if (value.sound() && !named && !simulates) {
+    if (value.sound() && !named && !simulates)
         root.self().report(
             "names nothing to do: add \"data\" with \"simulate\", \"orbits\", \"periodic\" or \"estimate\"");
-    }
 }
 
 JobReading read_job_with(std::string_view text, const std::filesystem::path& source,

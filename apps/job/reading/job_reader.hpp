@@ -22,8 +22,8 @@ struct JobReading {
 
 /// Reads and checks a job: syntax, keys, types, ranges, names against the model, existence of data files.
 ///
-/// All problems of the file are reported at once (after a syntax error: that one). Names and values reserved for future
-/// methods are refused with "not in this version".
+/// All problems of the file are reported at once (after a syntax error: that one). What no method is built for yet is
+/// refused with "not in this version".
 /// @param text    JSON with comments.
 /// @param source  path of the job file: relative paths in the job start at its folder.
 [[nodiscard]] JobReading read_job(std::string_view text, const std::filesystem::path& source);

@@ -20,10 +20,9 @@ void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
         cycles.periods = read_periods(*periods).value_or(cycles.periods);
         for (const int period : cycles.periods) {
             const auto& found = job.orbits ? job.orbits->search.periods : cycles.periods;
-            if (searched && std::find(found.begin(), found.end(), period) == found.end()) {
+            if (searched && std::find(found.begin(), found.end(), period) == found.end())
                 periods->report(
                     fmt::format("period {} is not searched for: it does not stand in /orbits/periods", period));
-            }
         }
     }
     if (const auto weights = object.find("weights")) cycles.covariance = weights->choice({"covariance", "equal"}) != 1;
@@ -77,9 +76,8 @@ void read_series(ObjectReader& object, const Job& job, EstimateJob& estimate) {
         // Samples where there are some: sections beside them are usually there to be searched for cycles.
         for (const Sampling sampling : {Sampling::samples, Sampling::section}) {
             if (!series.data.empty()) break;
-            for (std::size_t i = 0; i < job.data.size(); ++i) {
+            for (std::size_t i = 0; i < job.data.size(); ++i)
                 if (job.data[i].sampling() == sampling) series.data.push_back(i);
-            }
         }
         if (series.data.empty()) object.self().report("needs an entry of \"data\"");
     }

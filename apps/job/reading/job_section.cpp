@@ -13,16 +13,12 @@ void read_plane(ObjectReader& section, Job& job) {
         const auto index = name ? coordinate_named(*name, *coordinate, job) : std::nullopt;
         plane.coordinate = index.value_or(0);
         // The flow does not wrap an angle: it would cross a value once, and not at every turn.
-        if (index && job.model.system->coordinates()[static_cast<std::size_t>(*index)].angle) {
+        if (index && job.model.system->coordinates()[static_cast<std::size_t>(*index)].angle)
             coordinate->report_later("a section at an angle");
-        }
     }
-    if (const auto value = section.require("value", "the value it is crossed at")) {
+    if (const auto value = section.require("value", "the value it is crossed at"))
         plane.value = value->number().value_or(0.0);
-    }
-    if (const auto direction = section.find("direction")) {
-        plane.direction = direction->number() == -1.0 ? -1 : 1;
-    }
+    if (const auto direction = section.find("direction")) plane.direction = direction->number() == -1.0 ? -1 : 1;
     job.section_plane = plane;
 }
 

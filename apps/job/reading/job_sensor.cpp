@@ -29,9 +29,8 @@ std::optional<std::size_t> read_encoder(ObjectReader& object, const Job& job, mo
     if (const auto rounding = object.find("rounding")) {
         using Rounding = models::Sensor::Rounding;
         if (rounding->choice({"none", "nearest"}) == 1) sensor.rounding = Rounding::nearest;
-        if (sensor.rounding == Rounding::nearest && !(sensor.step > 0)) {
+        if (sensor.rounding == Rounding::nearest && !(sensor.step > 0))
             rounding->report("rounding needs the encoder's \"step\" > 0");
-        }
     }
     return angle;
 }
@@ -50,9 +49,7 @@ void read_difference(ObjectReader& object, const Job& job, models::Sensor& senso
     const auto rate = read_coordinate(object, "rate", job);
     if (rate) sensor.rate = *rate;
     if (angle && rate && *angle == *rate) object.report("rate", "must be another coordinate than the angle");
-    if (const auto delay = object.find("delay")) {
-        sensor.delay = delay->number().value_or(1.0);
-    }
+    if (const auto delay = object.find("delay")) sensor.delay = delay->number().value_or(1.0);
 }
 
 void read_functions(ObjectReader& object, const Job& job, models::Sensor& sensor) {

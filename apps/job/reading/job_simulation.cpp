@@ -15,12 +15,8 @@ bool has_kind(const Job& job, models::Kind kind) {
 void read_samples(const ValueReader& value, SimulationJob& simulation) {
     simulation.sampling = Sampling::samples;
     ObjectReader samples(value);
-    if (const auto step = samples.find("step")) {
-        simulation.step = step->number().value_or(1.0);
-    }
-    if (const auto count = samples.find("count")) {
-        simulation.count = count->whole().value_or(2);
-    }
+    if (const auto step = samples.find("step")) simulation.step = step->number().value_or(1.0);
+    if (const auto count = samples.find("count")) simulation.count = count->whole().value_or(2);
     samples.finish();
 }
 
@@ -30,9 +26,8 @@ void read_initial_states(const ValueReader& value, const Job& job, bool trajecto
         return;
     }
     if (value.refused()) return;
-    for (const ValueReader& item : value.items()) {
+    for (const ValueReader& item : value.items())
         if (const auto state = read_state(item, job)) simulation.initial.push_back(*state);
-    }
     const std::size_t states = value.value().items.size();
     if (!trajectories_given) {
         simulation.trajectories = states;
@@ -81,18 +76,16 @@ SimulationJob read_simulation(const ValueReader& value, const Job& job) {
     const auto trajectories = object.find("trajectories");
     if (trajectories) simulation.trajectories = trajectories->whole().value_or(1);
     if (samples) {
-        if (has_kind(job, models::Kind::map)) {
+        if (has_kind(job, models::Kind::map))
             samples->report(
                 fmt::format("the model {} is a map: it has no samples in time; use \"sections\"", job.model.name));
-        }
         read_samples(*samples, simulation);
     } else if (sections) {
-        if (has_kind(job, models::Kind::autonomous) && !job.section_plane) {
+        if (has_kind(job, models::Kind::autonomous) && !job.section_plane)
             sections->report(
                 fmt::format("the model {} is not forced: name the section beside \"data\", \"section\": "
                             "{{ \"coordinate\": ..., \"value\": ..., \"direction\": 1 }}",
                             job.model.name));
-        }
         const auto number =
             sections->number([&](double x) { return x >= static_cast<double>(simulation.trajectories); },
                              fmt::format("at least one per trajectory: {}", simulation.trajectories));
@@ -105,9 +98,8 @@ SimulationJob read_simulation(const ValueReader& value, const Job& job) {
     } else if (simulation.initial.empty() && simulation.sampling == Sampling::section) {
         simulation.transient = SimulationJob::transient_of_random_sections;
     }
-    if (const auto restart = object.find("restart")) {
+    if (const auto restart = object.find("restart"))
         simulation.restart = restart->choice({"when_captured_or_at_rest", "never"}) != 1;
-    }
     read_noise(object, job, simulation);
     object.finish();
     return simulation;

@@ -56,10 +56,9 @@ void read_stages(const ValueReader& value, const Job& job, EstimateJob& estimate
     for (const ValueReader& item : value.items()) {
         StageJob stage;
         if (item.is(JsonValue::Kind::array)) {
-            for (const ValueReader& inner : item.items()) {
+            for (const ValueReader& inner : item.items())
                 if (const auto choice = inner.choice(residual_type_names))
                     add_type(inner, *choice, present, used, stage);
-            }
             std::sort(stage.residuals.begin(), stage.residuals.end());
             estimate.strategy.push_back(std::move(stage));
             continue;

@@ -21,9 +21,7 @@ void read_tie(const ValueReader& tie, FreeParameterJob& free) {
     }
     ObjectReader inner(tie);
     if (const auto to = inner.find("to")) value.tied_to = to->text().value_or("");
-    if (const auto factor = inner.find("factor")) {
-        value.tie_factor = factor->number().value_or(1.0);
-    }
+    if (const auto factor = inner.find("factor")) value.tie_factor = factor->number().value_or(1.0);
     inner.finish();
 }
 
@@ -38,9 +36,8 @@ void resolve_tie(const ValueReader& at, const Job& job, const EstimateJob& estim
     }
     if (leader == all.end()) {
         std::vector<std::string> names;
-        for (const FreeParameterJob& other : all) {
+        for (const FreeParameterJob& other : all)
             if (other.value.name != value.name) names.push_back(other.value.name);
-        }
         at.report(fmt::format("\"{}\" is no estimated parameter{}", value.tied_to, suggestion(value.tied_to, names)));
         return;
     }
@@ -56,10 +53,9 @@ void resolve_tie(const ValueReader& at, const Job& job, const EstimateJob& estim
     }
     value.start = value.tie_factor * leader->value.start;
     const models::Parameter& entry = job.model.system->parameters()[static_cast<std::size_t>(free.parameter)];
-    if (!models::contains(entry.domain, value.start)) {
+    if (!models::contains(entry.domain, value.start))
         at.report(fmt::format("start {} of {} ({}), {} times that of {}: must be {}", value.start, value.name,
                               entry.description, value.tie_factor, leader->value.name, models::rule(entry.domain)));
-    }
     // Zero is no value of a positive parameter, and no bound that the followed one reaches on a log scale.
     value.scale = leader->value.scale;
     value.lower = entry.domain == models::Domain::real ? -std::numeric_limits<double>::infinity() : 0.0;

@@ -40,9 +40,8 @@ Json model_document(const Job& job) {
     Json model{{"name", job.model.name}, {"variant", job.model.variant}};
     if (job.model.size) model["size"] = *job.model.size;
     model["parameters"] = Json::object();
-    for (Eigen::Index i = 0; i < job.model.values.size(); ++i) {
+    for (Eigen::Index i = 0; i < job.model.values.size(); ++i)
         model["parameters"][detail::parameter_name(job, i)] = job.model.values[i];
-    }
     return model;
 }
 
@@ -123,11 +122,10 @@ Json job_document(const Job& job, const std::filesystem::path& folder, const Ver
     document["model"] = model_document(job);
     document["seed"] = job.seed;
     if (job.model.system->kind() == models::Kind::forced) document["section"]["phase"] = job.section_phase;
-    if (job.section_plane) {
+    if (job.section_plane)
         document["section"] = {{"coordinate", detail::coordinate_name(job, job.section_plane->coordinate)},
                                {"value", job.section_plane->value},
                                {"direction", job.section_plane->direction}};
-    }
     for (const DataJob& data : job.data)
         document["data"].push_back(detail::data_document(job, data, folder));
     if (job.orbits) document["orbits"] = orbits_document(job, folder);

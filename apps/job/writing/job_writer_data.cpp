@@ -46,9 +46,8 @@ void add_file(const Job& job, const FileJob& file, const std::filesystem::path& 
         Json columns = Json::object();
         if (!file.segment_column.empty()) columns["segment"] = file.segment_column;
         if (!file.time_column.empty()) columns["time"] = {{"column", file.time_column}, {"unit", file.time_unit}};
-        for (const ColumnJob& column : file.columns) {
+        for (const ColumnJob& column : file.columns)
             columns[coordinate_name(job, column.coordinate)] = column_document(column);
-        }
         object["columns"] = std::move(columns);
     }
     object["missing"] = file.nan_is_missing ? "nan" : "empty";
@@ -75,10 +74,9 @@ Json sensor_document(const Job& job, const models::Sensor& sensor) {
     Json object{{"type", sensor.type == Type::state      ? "state"
                          : sensor.type == Type::function ? "function"
                                                          : "angle_difference"}};
-    for (const models::FunctionReading& reading : sensor.functions) {
+    for (const models::FunctionReading& reading : sensor.functions)
         object["readings"][coordinate_name(job, static_cast<Eigen::Index>(reading.coordinate))] =
             reading.expression.text();
-    }
     const bool difference = sensor.type == Type::angle_difference;
     if (!difference && sensor.step == 0.0) return object;
     object["angle"] = coordinate_name(job, static_cast<Eigen::Index>(sensor.angle));
@@ -114,19 +112,17 @@ Json data_document(const Job& job, const DataJob& data, const std::filesystem::p
     for (const Eigen::Index i : data.observe)
         object["observe"].push_back(coordinate_name(job, i));
     object["parameters"] = Json::object();
-    for (const ParameterValue& entry : data.parameters) {
+    for (const ParameterValue& entry : data.parameters)
         object["parameters"][parameter_name(job, entry.parameter)] = entry.value;
-    }
     object["free"] = Json::array();
     for (const Eigen::Index i : data.free)
         object["free"].push_back(parameter_name(job, i));
     object["segments"]["fit"] = data.fit ? Json(*data.fit) : Json("all");
     object["segments"]["predict"] = data.predict;
     if (data.sampling() == Sampling::samples) {
-        for (std::size_t i = 0; i < data.initial_state.size(); ++i) {
+        for (std::size_t i = 0; i < data.initial_state.size(); ++i)
             object["initial_state"][coordinate_name(job, static_cast<Eigen::Index>(i))] =
                 initial_value_document(data.initial_state[i]);
-        }
     }
     return object;
 }

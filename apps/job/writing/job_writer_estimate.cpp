@@ -145,9 +145,8 @@ Json bounds_document(double lower, double upper) {
 Json estimate_document(const Job& job) {
     const EstimateJob& estimate = *job.estimate;
     Json object{{"parameters", Json::object()}, {"derived", Json::object()}};
-    for (const FreeParameterJob& free : estimate.parameters) {
+    for (const FreeParameterJob& free : estimate.parameters)
         object["parameters"][free.value.name] = free_document(free.value);
-    }
     object["joint_priors"] = joint_priors_document(estimate.joint_priors);
     for (const DerivedJob& derived : estimate.derived)
         object["derived"][derived.name] = derived.expression.text();

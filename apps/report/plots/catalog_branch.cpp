@@ -5,6 +5,7 @@
 #include "apps/drawing/branch_plot.hpp"
 #include "apps/report/plots/catalog_plots.hpp"
 #include "apps/results/branch_file.hpp"
+#include "apps/stored_run/stored_record.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps::catalog {
@@ -37,15 +38,10 @@ std::string branch(const StoredRun& run, const PlotStyle& style) {
     picture.shown = shown_coordinate(run);
     picture.heading = run.title();
     picture.title = "Branches of periodic orbits";
-    if (picture.shown) {
-        const auto index = static_cast<std::size_t>(*picture.shown);
-        picture.coordinate.name = run.branch->at("coordinates")[index].get<std::string>();
-        picture.coordinate.unit = run.branch->at("units")[index].get<std::string>();
-        const ModelJob model = stored_model(run);
-        const Eigen::Index of_model = model.system->coordinate_index(picture.coordinate.name);
-        picture.coordinate.angle =
-            of_model >= 0 && model.system->coordinates()[static_cast<std::size_t>(of_model)].angle;
-    }
+    if (picture.shown)
+        picture.coordinate =
+            coordinate_of(stored_model(run),
+                          run.branch->at("coordinates")[static_cast<std::size_t>(*picture.shown)].get<std::string>());
     return branches_svg(stored->followed.branches, picture, style);
 }
 

@@ -9,6 +9,7 @@
 #include "apps/drawing/section_plot.hpp"
 #include "apps/report/plots/catalog_plots.hpp"
 #include "apps/results/cycle_reader.hpp"
+#include "apps/stored_run/stored_record.hpp"
 #include "apps/stored_run/stored_section.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -27,12 +28,8 @@ const Json* cycle_list(const StoredRun& run) {
 std::vector<orbits::SeriesCoordinate> coordinates_of(const StoredRun& run, const Json& list) {
     const ModelJob model = stored_model(run);
     std::vector<orbits::SeriesCoordinate> coordinates;
-    for (std::size_t i = 0; i < list.at("coordinates").size(); ++i) {
-        const auto name = list.at("coordinates")[i].get<std::string>();
-        const Eigen::Index index = model.system->coordinate_index(name);
-        coordinates.push_back({name, list.at("units")[i].get<std::string>(),
-                               index >= 0 && model.system->coordinates()[static_cast<std::size_t>(index)].angle});
-    }
+    for (const Json& name : list.at("coordinates"))
+        coordinates.push_back(coordinate_of(model, name.get<std::string>()));
     return coordinates;
 }
 
@@ -130,10 +127,9 @@ std::vector<Growth> growths(const StoredRun& run) {
             list.push_back(one);
         }
     } else if (computed != nullptr) {
-        for (const Json& cycle : computed->at("cycles")) {
+        for (const Json& cycle : computed->at("cycles"))
             if (cycle.value("status", std::string()) == "converged")
                 list.push_back({cycle.at("period").get<int>(), unknown, unknown, growth(cycle)});
-        }
     }
     std::erase_if(list, [](const Growth& one) { return !std::isfinite(one.order()); });
     std::stable_sort(list.begin(), list.end(), [](const Growth& a, const Growth& b) {
@@ -245,10 +241,9 @@ bool has_section(const StoredRun& run) {
 
 std::string section(const StoredRun& run, const PlotStyle& style) {
     auto points = section_points(run);
-    if (!points) {
+    if (!points)
         throw orbits::DataError(
             fmt::format("{}: the record has no section of two coordinates to plot", run.folder.string()));
-    }
     std::map<int, PeriodPoints> periods;
     if (run.cycles && run.cycles->at("coordinates").size() >= 2) periods = points_by_period(*run.cycles);
     return section_svg({std::move(*points), std::move(periods), run.title(), "Section", ""}, style);

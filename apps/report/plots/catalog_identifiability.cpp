@@ -178,9 +178,8 @@ std::string singular_values(const StoredRun& run, const PlotStyle& style) {
     Panel panel(figure, figure.row(0.55 * figure.width()), counting_axis("direction", x.size(), 1),
                 logarithmic_axis("singular value", "", ends[0], ends[1]));
     panel.open();
-    for (std::size_t k = 0; k < x.size(); ++k) {
+    for (std::size_t k = 0; k < x.size(); ++k)
         if (y[k] > 0.0) figure.line(panel.x(x[k]), panel.box().bottom, panel.x(x[k]), panel.y(y[k]), {"#b4bcc8", 1.0});
-    }
     panel.markers(x, y, series_marker(1, 0.3 * figure.font()));
     panel.frame();
     std::string description = fmt::format("singular values from {:.3g} to {:.3g}", highest, lowest);

@@ -36,9 +36,8 @@ std::vector<PageBox> tiles(Figure& figure, std::size_t count, double shape) {
 
 /// The entry of an estimated parameter or derived quantity; null when there is none.
 const Json* quantity(const Json& result, const std::string& name) {
-    for (const char* block : {"parameters", "derived"}) {
+    for (const char* block : {"parameters", "derived"})
         if (result.contains(block) && result[block].contains(name)) return &result[block][name];
-    }
     return nullptr;
 }
 
@@ -46,10 +45,9 @@ const Json* quantity(const Json& result, const std::string& name) {
 std::vector<std::pair<std::string, const Json*>> known_entries(const StoredRun& run, const char* block) {
     std::vector<std::pair<std::string, const Json*>> list;
     if (!run.result || !run.result->contains(block) || !(*run.result)[block].is_object()) return list;
-    for (const auto& [name, entry] : (*run.result)[block].items()) {
+    for (const auto& [name, entry] : (*run.result)[block].items())
         if (entry.is_object() && entry.value("known", false) && entry.contains("points") && entry["points"].size() > 2)
             list.emplace_back(name, &entry);
-    }
     return list;
 }
 
@@ -62,9 +60,8 @@ std::vector<double> values_of(const Json& points, const char* key) {
 
 std::array<double, 2> range_of(const std::vector<double>& values) {
     std::array<double, 2> range{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
-    for (const double value : values) {
+    for (const double value : values)
         if (std::isfinite(value)) range = {std::min(range[0], value), std::max(range[1], value)};
-    }
     return range;
 }
 
@@ -122,11 +119,10 @@ Histogram histogram(std::vector<double> draws) {
 }
 
 void draw_bars(Panel& panel, const Histogram& bars) {
-    for (std::size_t b = 0; b < bars.heights.size(); ++b) {
+    for (std::size_t b = 0; b < bars.heights.size(); ++b)
         panel.figure().rectangle(
             {panel.x(bars.ends[b]), panel.y(bars.heights[b]), panel.x(bars.ends[b + 1]), panel.y(0.0)}, "#cdd9e5",
             {"#ffffff", 0.25});
-    }
 }
 
 /// Density axis without numbers: its unit says nothing to the eye.
@@ -244,9 +240,8 @@ std::string posterior(const StoredRun& run, const PlotStyle& style) {
     // Pairs of the parameters; error scales and what does not fit on a page are left out.
     constexpr std::size_t most = 6;
     std::vector<std::size_t> shown;
-    for (std::size_t c = 0; c < draws->names.size() && shown.size() < most; ++c) {
+    for (std::size_t c = 0; c < draws->names.size() && shown.size() < most; ++c)
         if (quantity(*run.result, draws->names[c]) != nullptr) shown.push_back(c);
-    }
     if (shown.empty()) shown.push_back(0);
     Figure figure(style);
     figure.title(run.title());
@@ -293,10 +288,9 @@ std::string posterior(const StoredRun& run, const PlotStyle& style) {
                 "{2:.2f} {3:.2f}\" overflow=\"hidden\">\n",
                 cell.left, cell.top, cell.width(), cell.height());
             if (i == j) {
-                for (std::size_t b = 0; b < bars[i].heights.size(); ++b) {
+                for (std::size_t b = 0; b < bars[i].heights.size(); ++b)
                     figure.rectangle({px(bars[i].ends[b]), py(bars[i].heights[b]), px(bars[i].ends[b + 1]), py(0.0)},
                                      "#9fb9d3", {"#ffffff", 0.2});
-                }
             } else {
                 std::string path;
                 for (std::size_t k = 0; k < draws->chain.size(); k += every)

@@ -155,9 +155,8 @@ std::string normal_quantiles(const StoredRun& run, const PlotStyle& style) {
     double reach = 3.0;
     for (const Group& group : groups) {
         std::vector<double> values;
-        for (const ResidualRow* row : group.rows) {
+        for (const ResidualRow* row : group.rows)
             if (const double z = normalised(*row); std::isfinite(z)) values.push_back(z);
-        }
         std::sort(values.begin(), values.end());
         if (!values.empty()) reach = std::max({reach, -values.front(), values.back()});
         legend.push_back({group_name(group, both),

@@ -58,9 +58,8 @@ int run_converter(const std::vector<std::string>& arguments, const std::filesyst
     // A fixed date instead of the clock's: cairo writes it into PDF files.
     std::vector<char*> environment;
     std::string epoch = "SOURCE_DATE_EPOCH=0";
-    for (char** entry = environ; *entry != nullptr; ++entry) {
+    for (char** entry = environ; *entry != nullptr; ++entry)
         if (std::string_view(*entry).substr(0, 18) != "SOURCE_DATE_EPOCH=") environment.push_back(*entry);
-    }
     environment.push_back(epoch.data());
     environment.push_back(nullptr);
 
@@ -100,12 +99,11 @@ std::string picture_file(std::string_view svg, PictureFormat format, double dots
     arguments.push_back(source.string());
     const int code = run_converter(arguments, messages);
     constexpr int not_started = 127;
-    if (code == not_started) {
+    if (code == not_started)
         throw PictureRefused(
             fmt::format("{} files are made by {}, which was not found; install it (Debian: apt install librsvg2-bin), "
                         "or take --format svg",
                         type == "pdf" ? "PDF" : "PNG", converter));
-    }
     if (code != 0 || !std::filesystem::exists(target)) {
         std::string said = std::filesystem::exists(messages) ? read_whole_file(messages) : std::string();
         while (!said.empty() && said.back() == '\n')

@@ -61,10 +61,9 @@ constexpr std::array entries{
 
 std::vector<AvailablePlot> available_plots(const StoredRun& run) {
     std::vector<AvailablePlot> list;
-    for (const Entry& entry : entries) {
+    for (const Entry& entry : entries)
         if (entry.available(run))
             list.push_back({std::string(entry.name), std::string(entry.title), std::string(entry.description)});
-    }
     return list;
 }
 

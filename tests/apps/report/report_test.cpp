@@ -195,16 +195,16 @@ TEST_CASE("axes hold their data with room, also where these are one value or non
     ChartRange range;
     CHECK(range.empty());
     CHECK(range.axis("x", "").upper > range.axis("x", "").lower);
-    range.add(undefined);
+    range.include(undefined);
     CHECK(range.empty());
-    range.add(3.0);
+    range.include(3.0);
     CHECK(range.axis("x", "").lower < 3.0);
     CHECK(range.axis("x", "").upper > 3.0);
-    range.add(3e5);
+    range.include(3e5);
     CHECK(range.spans(4.9));
     CHECK_FALSE(range.spans(5.1));
     CHECK(range.axis("x", "", true).log);
-    range.add(0.0);
+    range.include(0.0);
     CHECK_FALSE(range.axis("x", "", true).log);
 }
 
