@@ -126,7 +126,8 @@ Eigen::VectorXd random_start(const std::vector<FreeParameter>& parameters,
         for (Eigen::Index k = 0; k < z.size(); ++k)
             z[k] = boost::math::quantile(
                 normal, outer_share + (1.0 - 2.0 * outer_share) * share[member[static_cast<std::size_t>(k)]]);
-        const Eigen::VectorXd x = prior.mean + root.lower_times(z);
+        Eigen::VectorXd x = prior.mean;
+        root.add_lower_times(z, x);
         for (Eigen::Index k = 0; k < z.size(); ++k)
             theta[member[static_cast<std::size_t>(k)]] = x[k];
     }

@@ -15,8 +15,8 @@ CholeskyFactor::CholeskyFactor(const MatrixXd& a) {
     positive_definite_ = factor.info() == Eigen::Success;
 }
 
-VectorXd CholeskyFactor::lower_times(const VectorXd& x) const {
-    return lower_.triangularView<Eigen::Lower>() * x;
+void CholeskyFactor::add_lower_times(const VectorXd& x, VectorXd& y) const {
+    y.noalias() += lower_.triangularView<Eigen::Lower>() * x;
 }
 
 MatrixXd CholeskyFactor::solve(const MatrixXd& b) const {

@@ -15,8 +15,8 @@ public:
     [[nodiscard]] bool positive_definite() const { return positive_definite_; }
     [[nodiscard]] const Eigen::MatrixXd& lower() const { return lower_; }  ///< L, zeros above the diagonal
 
-    /// L x.
-    [[nodiscard]] Eigen::VectorXd lower_times(const Eigen::VectorXd& x) const;
+    /// y becomes y + L x.
+    void add_lower_times(const Eigen::VectorXd& x, Eigen::VectorXd& y) const;
     /// A^-1 b.
     [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& b) const;
     /// b becomes L^-1 b.

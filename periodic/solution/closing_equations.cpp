@@ -36,6 +36,7 @@ SparseMatrix<double> scaled_jacobian(const ClosingError& closing, const VectorXd
 }  // namespace
 
 struct ClosingEquations::Factor {
+    double weight = 1.0;
     SparseMatrix<double> jacobian;
     Eigen::SimplicialLDLT<SparseMatrix<double>> ldlt;
 };
@@ -43,6 +44,7 @@ struct ClosingEquations::Factor {
 ClosingEquations::ClosingEquations(const ClosingError& closing, const VectorXd& scale, double weight,
                                    const VectorXd& own_weights)
     : factor_(std::make_unique<Factor>()) {
+    factor_->weight = weight;
     factor_->jacobian = scaled_jacobian(closing, scale);
     const SparseMatrix<double>& jacobian = factor_->jacobian;
     SparseMatrix<double> normal = weight * SparseMatrix<double>(jacobian.transpose() * jacobian);
@@ -65,6 +67,10 @@ VectorXd ClosingEquations::pulled(const VectorXd& r) const {
 
 MatrixXd ClosingEquations::pulled(const MatrixXd& r) const {
     return factor_->jacobian.transpose() * r;
+}
+
+VectorXd ClosingEquations::weighted_pull(const VectorXd& r) const {
+    return factor_->weight * (factor_->jacobian.transpose() * r);
 }
 
 VectorXd ClosingEquations::solve(const VectorXd& b) const {

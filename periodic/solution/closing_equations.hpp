@@ -27,6 +27,8 @@ public:
     /// J^T r.
     [[nodiscard]] Eigen::VectorXd pulled(const Eigen::VectorXd& r) const;
     [[nodiscard]] Eigen::MatrixXd pulled(const Eigen::MatrixXd& r) const;
+    /// weight J^T r.
+    [[nodiscard]] Eigen::VectorXd weighted_pull(const Eigen::VectorXd& r) const;
     /// A^-1 b; only where regular.
     [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& b) const;
     [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& b) const;

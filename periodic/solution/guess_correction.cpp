@@ -67,7 +67,7 @@ public:
     [[nodiscard]] VectorXd step(const Place& place, double weight) const {
         const ClosingEquations equations(place.closing, scale_, weight, weights_);
         if (!equations.regular()) return VectorXd::Zero(place.z.size());
-        const VectorXd pull = weights_.cwiseProduct(place.z) + weight * equations.pulled(place.error);
+        const VectorXd pull = weights_.cwiseProduct(place.z) + equations.weighted_pull(place.error);
         return -equations.solve(pull);
     }
     /// One damped step; false when none makes the cost smaller.
@@ -101,7 +101,7 @@ private:
 double shortest_correction(const ClosingError& closing, const VectorXd& scale, double weight) {
     const ClosingEquations equations(closing, scale, weight);
     const VectorXd error = (closing.error.array().colwise() / scale.array()).matrix().reshaped();
-    const VectorXd pull = weight * equations.pulled(error);
+    const VectorXd pull = equations.weighted_pull(error);
     const VectorXd move = -equations.solve(pull);
     return std::sqrt(std::max(weight * error.squaredNorm() + pull.dot(move), 0.0));
 }
