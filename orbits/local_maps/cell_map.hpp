@@ -14,12 +14,12 @@
 
 namespace orbid::orbits {
 
-/// The map of the section onto itself in small cells, one cheap polynomial each: what a search evaluates millions of
-/// times before it looks closer.
+/// The map of the section onto itself in small cells, with one cheap polynomial each. A search evaluates it millions of
+/// times before it uses better fits.
 ///
-/// A cell's polynomial is fitted to the nearest neighbours of the cell's centre when it is first asked for, and is the
-/// same whoever asks first. Order and number of neighbours are those of the smallest median error (value_sd) at points
-/// of the series; the cells are as large as half the neighbourhoods are wide. Thread-safe; keeps references.
+/// A cell's polynomial is fitted to the nearest neighbours of the cell's centre on first use, with the same result from
+/// any thread. Order and number of neighbours are those of the smallest median error (value_sd) at points of the
+/// series. Cells are half as wide as the neighbourhoods. Thread-safe; keeps references.
 class CellMap {
 public:
     struct Cell {

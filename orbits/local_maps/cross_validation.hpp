@@ -9,7 +9,7 @@
 
 namespace orbid::orbits {
 
-/// How well the images of a point's neighbours predict its own image.
+/// Prediction of a point's image from those of its neighbours.
 struct CrossValidation {
     Eigen::VectorXd residual;    ///< y_{t+1} - g(y_t), shape (n), scaled units
     Eigen::MatrixXd gradient;    ///< of g at y_t, shape (n, n)
@@ -17,9 +17,9 @@ struct CrossValidation {
     bool usable = false;         ///< false: too few neighbours, or their images tear apart on a circle
 };
 
-/// Fits a polynomial g to the images of the k nearest neighbours of point t, which is left out itself, and so is its
-/// mirror image. Weights (1 - (d / radius)^2)^2 as in fit_local_map, normal equations (the digits of clean data below
-/// 1e-5 of the neighbourhood's radius squared are lost).
+/// Fits a polynomial g to the images of the k nearest neighbours of point t, without t and its mirror image. Weights (1
+/// - (d / radius)^2)^2 as in fit_local_map, normal equations (the digits of clean data below 1e-5 of the
+/// neighbourhood's radius squared are lost).
 ///
 /// @param t      has_image(t).
 /// @param order  1 to 3.

@@ -14,7 +14,7 @@ struct CycleMultipliers {
 };
 
 /// Multipliers without forming the product where they are real: orthogonal iteration around the cycle, so that small
-/// ones keep their digits. Complex pairs and equal moduli, for which it does not settle, come from the product.
+/// ones keep their digits. It does not converge for complex pairs and equal moduli, which come from the product.
 ///
 /// @param jacobians  p >= 1 square matrices, shape (n, n), in the order of the points.
 [[nodiscard]] CycleMultipliers cycle_multipliers(const std::vector<Eigen::MatrixXd>& jacobians);

@@ -18,25 +18,25 @@ struct FitSize {
     std::size_t neighbours = 32;
 };
 
-/// The fits of one place and what they rest on.
+/// The fits of one place and their data.
 struct PlacedFits {
     Neighbourhood neighbours;    ///< of the widest fit; the others use the nearest of them
-    std::vector<LocalMap> fits;  ///< in the order of the sizes asked for; not all need be usable
+    std::vector<LocalMap> fits;  ///< in the order of the requested sizes; some may be unusable
 };
 
-/// Which order and how many neighbours suit a place: the fit with the smallest predicted error of the value
+/// Chooses order and number of neighbours for a place: the fit with the smallest predicted error of the value
 /// (LocalMap::value_sd).
 ///
-/// For every order the neighbourhood grows from about twice the number of coefficients for as long as that helps:
-/// truncation ends it on clean data early, on noisy data late.
+/// For every order the neighbourhood grows from about twice the number of coefficients while that helps: truncation
+/// stops it early on clean data, late on noisy data.
 class FitChoice {
 public:
-    /// @param order       1 to 6, 0: tried are all.
-    /// @param neighbours  0: tried are several.
+    /// @param order       1 to 6, 0: all are tried.
+    /// @param neighbours  0: several are tried.
     FitChoice(const SectionPoints& section, const NeighbourIndex& grid, int order, std::size_t neighbours);
 
     /// The best size, then the best of another order, then the best of the same order with another number of
-    /// neighbours; the last two only as far as there are any. Empty: no fit is usable.
+    /// neighbours; the last two only if they exist. Empty: no fit is usable.
     [[nodiscard]] std::vector<FitSize> best(const Eigen::VectorXd& place) const;
 
     [[nodiscard]] PlacedFits fitted(const Eigen::VectorXd& place, const std::vector<FitSize>& sizes) const;

@@ -2,22 +2,22 @@
 
 namespace orbid::orbits {
 
-/// Images this far (in turns) from the image of the nearest neighbour, or of the reference, have no unique
-/// representative any more.
+/// Images this far (in turns) from the image of the nearest neighbour, or of the reference, no longer have a unique
+/// representative.
 inline constexpr double torn_turns = 0.25;
 
-/// The weight function vanishes at the radius: this much beyond the farthest neighbour, so that it still counts.
+/// The weight function vanishes at the radius, this much beyond the farthest neighbour, so that it still has weight.
 inline constexpr double radius_margin = 1.05;
 
-/// Errors never fall below the rounding of scaled coordinates of order one, with room for the few digits that
+/// Errors never fall below the rounding of scaled coordinates of order one, with a margin for the few digits that
 /// simulation and reading lose.
 inline constexpr double scaled_rounding = 1e-14;
 
 /// Variance of rounding in scaled units: keeps every covariance positive definite.
 inline constexpr double rounding_variance = 1e-28;
 
-/// Errors are correlated, but the correlation of a few effective residuals is not believed fully, or a combination
-/// would look too good.
+/// Errors are correlated, but the correlation of a few effective residuals is not fully trusted: otherwise a
+/// combination would look too good.
 inline constexpr double believed_correlation = 0.9;
 
 }  // namespace orbid::orbits

@@ -13,7 +13,7 @@
 
 namespace orbid::orbits {
 
-/// Neighbours of a place and their images, as differences that no longer know of circles.
+/// Neighbours of a place and their images, as differences without wrapping.
 struct Neighbourhood {
     Eigen::VectorXd centre;     ///< shape (n), scaled units
     Eigen::VectorXd reference;  ///< shape (n): image of the nearest neighbour; images are unwrapped relative to it
@@ -42,10 +42,9 @@ struct LocalMap {
     std::shared_ptr<const Monomials> monomials;
     double radius = 0.0;    ///< of the neighbourhood
     double residual = 0.0;  ///< weighted rms of the residuals over all coordinates, scaled units
-    double left_out = 0.0;  ///< the same of predictions of every neighbour from all others
-    /// Predicted error of the value, rms over the coordinates: independent errors and truncation as
-    /// PolynomialFit::part_residuals tells them apart; without tables of two orders more, `left_out` as independent
-    /// errors alone.
+    double left_out = 0.0;  ///< the same for predictions of every neighbour from all others
+    /// Predicted error of the value, rms over the coordinates: independent errors and truncation, as separated by
+    /// PolynomialFit::part_residuals. Without tables of two more orders, `left_out` as independent errors only.
     double value_sd = 0.0;
     double image_spread = 0.0;  ///< weighted rms of the images about their mean, scaled units
     bool usable = false;        ///< false: too few neighbours or a neighbourhood without n dimensions
@@ -63,7 +62,7 @@ struct LocalMap {
 /// @return usable = false with fewer neighbours than coefficients + 2, or rank lost to rounding.
 [[nodiscard]] LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbourhood, int order);
 
-/// The same to the nearest k neighbours only, with memory and tables that are kept between fits.
+/// The same for the nearest k neighbours only, with memory and tables kept between fits.
 [[nodiscard]] LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbourhood, int order,
                                      std::size_t k, const std::shared_ptr<const Monomials>& monomials,
                                      PolynomialFit& workspace);
@@ -74,11 +73,11 @@ struct LocalMap {
 /// Covariance of the errors of (value, jacobian) of a fit, shape (n (1 + n), n (1 + n)), order: value (n), then the
 /// columns of the jacobian.
 ///
-/// Two models of what the fit leaves over, both scaled so that they explain its residuals, are added: independent
-/// errors (reading noise, rounding), and a smooth remainder, random coefficients of the next two orders (truncation:
-/// it does not average out and is largest where the neighbours lie to one side). Reading errors also sit in the
-/// neighbours' places: the curvature turns their variance into a shift of the value and their spread attenuates the
-/// jacobian; both shifts are added squared.
+/// Two models of the residuals, each scaled to explain them, are added. One is independent errors (reading noise,
+/// rounding). The other is a smooth remainder, random coefficients of the next two orders (truncation: it does not
+/// average out and is largest where the neighbours lie to one side). The neighbours' places have reading errors too.
+/// Through the curvature their variance shifts the value, and their spread attenuates the jacobian; both shifts are
+/// added squared.
 [[nodiscard]] Eigen::MatrixXd local_map_covariance(const Neighbourhood& neighbourhood, const LocalMap& map);
 
 }  // namespace orbid::orbits

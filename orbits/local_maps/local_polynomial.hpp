@@ -4,11 +4,11 @@
 
 namespace orbid::orbits {
 
-/// A polynomial through values given at points near a place, there.
+/// The value at a place of a polynomial through values at points near it.
 struct LocalPolynomial {
     Eigen::VectorXd value;           ///< at the place, shape (m)
     Eigen::MatrixXd slope;           ///< shape (m, n), per unit of the offsets
-    Eigen::MatrixXd residual;        ///< covariance of what the polynomial leaves over of the values, shape (m, m)
+    Eigen::MatrixXd residual;        ///< covariance of the values' residuals, shape (m, m)
     double leverage = 0.0;           ///< variance of `value` for unit variance of independent errors of the values
     Eigen::VectorXd slope_leverage;  ///< the same of the columns of `slope`, shape (n)
     bool usable = false;             ///< false: fewer points than coefficients + 2, or points without n dimensions
@@ -17,8 +17,8 @@ struct LocalPolynomial {
 /// Weighted least squares, weights (1 - (d / radius)^2)^2 on the squares, orthogonal factorisation in units of the
 /// radius, values about their mean.
 ///
-/// With normal errors of the places the fit tells the values averaged over them, F smeared = F + (b / 2) laplace F +
-/// ... for errors of variance b in every direction; `blur` = b takes that term away, from the value and the slope:
+/// With normal errors of the places the fit gives values averaged over them, F smeared = F + (b / 2) laplace F + ...
+/// for errors of variance b in every direction. `blur` = b removes that term from the value and the slope:
 ///
 ///     F(0) = c_0 - b sum_a c_aa,   dF/dt_a = c_a - b (3 c_aaa + sum_b c_abb),
 ///

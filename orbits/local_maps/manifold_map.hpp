@@ -13,9 +13,9 @@ namespace orbid::orbits {
 /// The map near a place of a section whose points lie on a sheet of fewer dimensions within their errors.
 ///
 /// In units of the reading errors, z = L^-1 (x - centre), the neighbours of the place spread along the k principal
-/// directions U and are noise across them; t = U' z. Images and return times are polynomials of t, freed
-/// of the smearing by the errors of t to second order (fit_local_polynomial). What lies across
-/// has no influence: it is read as noise, and the projection takes the noise of that direction away.
+/// directions U and are noise across them; t = U' z. Images and return times are polynomials of t, corrected to second
+/// order for smearing by the errors of t (fit_local_polynomial). Deviations across the sheet are noise without
+/// influence; the projection removes them.
 struct ManifoldMap {
     Eigen::VectorXd centre;      ///< shape (n), scaled units
     Eigen::VectorXd value;       ///< F(centre), shape (n), wrapped
@@ -29,11 +29,11 @@ struct ManifoldMap {
     /// unit variance of an image's coordinate.
     Eigen::MatrixXd covariance;
     Eigen::VectorXd slope_leverage;    ///< shape (k)
-    Eigen::MatrixXd image_covariance;  ///< of what the fit leaves over of (image, time), shape (n + 1, n + 1)
-    double unexplained = 1.0;          ///< rms of what is left over of the images over their spread
+    Eigen::MatrixXd image_covariance;  ///< of the residuals of (image, time), shape (n + 1, n + 1)
+    double unexplained = 1.0;          ///< residual rms of the images over their spread
     double thickness = 0.0;            ///< mean square across the sheet in units of the reading errors: 1 = noise only
     double significance = 0.0;         ///< explained over unexplained mean squares of the images (an F statistic)
-    double beside = 0.0;               ///< least share of the neighbours on one side of the place along the sheet
+    double beside = 0.0;               ///< smallest share of the neighbours on one side of the place along the sheet
     int order = 0;
     std::size_t neighbours = 0;
     bool usable = false;
@@ -59,8 +59,8 @@ public:
 
     [[nodiscard]] const SectionPoints& points() const { return *points_; }
 
-    /// Dimension of the sheet that the points lie on within their errors: at 85 % of the places the neighbours spread
-    /// along so many directions and what is left across is noise. The points' own dimension when there is no sheet.
+    /// Dimension of the sheet on which the points lie within their errors: at 85 % of the places the neighbours spread
+    /// along this many directions, with only noise across. Without a sheet the dimension of the points.
     [[nodiscard]] Eigen::Index sheet_dimension() const;
 
 private:

@@ -12,7 +12,7 @@ namespace orbid::orbits {
 
 /// The monomials 1, t_a, t_a t_b (a <= b), ... of n variables, by order, within an order the last factor fastest.
 ///
-/// Those of a lower order are the first ones: a table of order 6 serves all fits.
+/// Those of lower order come first: a table of order 6 serves all fits.
 class Monomials {
 public:
     /// @param n  >= 1, order >= 0.

@@ -9,14 +9,15 @@
 
 namespace orbid::orbits {
 
-/// Errors of the readings of a section series, told from the series itself.
+/// Errors of the readings of a section series, estimated from the series itself.
 struct NoiseLevel {
     /// Of the error of one reading, shape (n, n), in the coordinates' units; positive definite. When not resolved it is
-    /// an upper bound: all that the local fits leave over, taken for reading errors.
+    /// an upper bound: all residuals of the local fits, taken as reading errors.
     Eigen::MatrixXd covariance;
     Eigen::VectorXd relative_error;  ///< standard error of each variance over the variance, shape (n); nan: a bound
-    bool resolved = false;           ///< reading errors explain most of what the local fits leave over
-    /// Share of the images' variance that the local fits leave over, coordinates averaged: 1 means no map at all.
+    bool resolved = false;           ///< reading errors explain most of the local fits' residuals
+    /// Share of the images' variance that the local fits do not explain, averaged over coordinates: 1 means no map at
+    /// all.
     double unexplained = 1.0;
     int order = 0;               ///< of the local fits used
     std::size_t neighbours = 0;  ///< of the local fits used
@@ -30,17 +31,16 @@ struct NoiseLevel {
 ///
 ///     E r_{t+1} r_t' = -A_{t+1} S,
 ///
-/// for normal errors exactly so and for any g (Stein's identity; g smoothed or flattened by the errors included), and
-/// truncation errors of g, which are no errors of readings, enter only by their correlation from one point to the
-/// next. S is the least-squares solution over up to 2^14 places, every r divided by the root of its local covariance.
-/// Order and number of the neighbours are those with the smallest median residual. The standard error comes from 16
-/// blocks of places.
+/// exactly so for normal errors and any g (Stein's identity), even if the errors smooth or flatten g. Truncation errors
+/// of g, which are not reading errors, enter only by their correlation from one point to the next. S is the
+/// least-squares solution over up to 2^14 places, every r divided by the root of its local covariance. Order and number
+/// of the neighbours are those with the smallest median residual. The standard error comes from 16 blocks of places.
 ///
 /// On clean data S is not resolved; the bound is then the S for which S + A S A' has the size of the residuals.
-/// Systematic errors as large as the distance over which the map bends are out of reach.
+/// Systematic errors as large as the distance over which the map bends cannot be detected.
 ///
-/// @throws std::invalid_argument for fewer than 64 points with an image.
-/// Cost: 2^14 local fits, whatever the length of the series. The same with any number of threads.
+/// @throws std::invalid_argument for fewer than 64 points with an image. Cost: 2^14 local fits for any length of the
+/// series. Results are the same for any number of threads.
 [[nodiscard]] NoiseLevel noise_level(const SectionPoints& points, const NeighbourIndex& grid);
 
 }  // namespace orbid::orbits

@@ -4,10 +4,10 @@
 
 namespace orbid::orbits {
 
-/// Takes the shares of `count` orthonormal columns out of another one, one after the other (modified Gram-Schmidt), and
-/// adds them to `shares`.
+/// Removes the shares of `count` orthonormal columns from another column, one by one (modified Gram-Schmidt), and adds
+/// them to `shares`.
 ///
-/// @param basis   columns of k numbers, one after the other.
+/// @param basis   columns of k numbers, stored in order.
 /// @param column  k numbers.
 /// @param shares  `count` numbers.
 void take_out(const double* basis, std::size_t count, std::size_t k, double* column, double* shares);

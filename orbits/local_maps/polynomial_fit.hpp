@@ -8,12 +8,12 @@
 
 namespace orbid::orbits {
 
-/// Weighted least squares of polynomials through the origin's neighbourhood, with what the data say of its error.
+/// Weighted least squares of polynomials in the origin's neighbourhood, with error estimates from the data.
 ///
 ///     y_i = sum_m c_m (t_i)^m + error,   t_i = offset_i / radius,   weight (1 - |t_i|^2)^2
 ///
-/// Modified Gram-Schmidt on the weighted design (backward stable for least squares, and the rows of Q, which
-/// leave-one-out needs, come for free). Keeps its memory from one fit to the next: one object per thread.
+/// Modified Gram-Schmidt on the weighted design (backward stable for least squares; it also gives the rows of Q that
+/// leave-one-out needs). Memory is reused from fit to fit: one object per thread.
 class PolynomialFit {
 public:
     /// Fits the first `k` rows.
@@ -24,10 +24,10 @@ public:
     bool fit(const Monomials& monomials, int order, const Eigen::MatrixXd& offsets, const Eigen::MatrixXd& values,
              Eigen::Index k, double radius);
 
-    /// Parts what the last fit left over into independent errors of the rows and a smooth remainder, random
-    /// coefficients of the next two orders (the second of them half as large): where rows suffice, by fitting these
-    /// orders too and taking off what independent errors would explain; otherwise either is credited with all that is
-    /// left.
+    /// Splits the residuals of the last fit into independent errors of the rows and a smooth remainder: random
+    /// coefficients of the next two orders, the second half as large. With enough rows these orders are fitted too, and
+    /// the part that independent errors would explain is subtracted. Otherwise each of the two is given all of the
+    /// residuals.
     void part_residuals(const Monomials& monomials);
 
     [[nodiscard]] const Eigen::MatrixXd& coefficients() const { return coefficients_; }  ///< shape (count, r)
@@ -45,8 +45,7 @@ public:
     [[nodiscard]] const Eigen::MatrixXd& independent() const { return independent_; }
     /// Products of the remainder's coefficients (of the first of its two orders), shape (r, r). After part_residuals.
     [[nodiscard]] const Eigen::MatrixXd& remainder() const { return remainder_; }
-    /// What the fit makes of the remainder's columns, R^-1 Q^T W M, shape (count, remainder's columns). After
-    /// part_residuals.
+    /// The fit of the remainder's columns, R^-1 Q^T W M, shape (count, remainder's columns). After part_residuals.
     [[nodiscard]] const Eigen::MatrixXd& remainder_response() const { return remainder_response_; }
     /// Predicted variance of the value at the origin, mean over the columns. After part_residuals.
     [[nodiscard]] double value_variance() const;
