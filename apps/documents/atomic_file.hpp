@@ -9,22 +9,21 @@ namespace orbid::apps {
 
 /// Writes a file whole or not at all: temporary in the same folder, write, fsync, rename, fsync of the folder.
 ///
-/// A reader sees the old file or the new one, never a part, also after a power cut. On failure the temporary is
-/// removed and an existing file stays as it was.
+/// A reader sees the old file or the new one, never a part, even after a power cut. On failure the temporary is removed
+/// and an existing file is unchanged.
 /// @throws std::runtime_error naming path and reason.
 void write_atomically(const std::filesystem::path& path, std::string_view bytes);
 
 /// The same for writers that need a path (HDF5): `writer` creates the file it is given and closes it. The temporary
-/// ends in the final file name, so that a format chosen by extension stays right.
+/// ends in the final file name, so that its extension still gives the format.
 ///
-/// What `writer` throws is passed on after the temporary is removed.
+/// Exceptions of `writer` pass on after the temporary is removed.
 /// @throws std::runtime_error naming path and reason when the file cannot be synced or renamed.
 void write_atomically(const std::filesystem::path& path,
                       const std::function<void(const std::filesystem::path& temporary)>& writer);
 
-/// Removes temporaries that a killed program left in a folder: those of processes that are no more, and any untouched
-/// for more than a day (a process of that number may be another one by then). A folder that cannot be read is left
-/// alone: this is tidying, not a duty.
+/// Removes temporaries that a killed program left in a folder: those of ended processes, and any untouched for more
+/// than a day (another process may have that number by then). A folder that cannot be read is ignored.
 void remove_leftover_temporaries(const std::filesystem::path& folder);
 
 /// The whole file as bytes.

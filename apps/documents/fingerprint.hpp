@@ -16,19 +16,19 @@ namespace orbid::apps {
 /// @throws std::runtime_error naming path and reason.
 [[nodiscard]] std::string sha256_of_file(const std::filesystem::path& path);
 
-/// What the file of a stage depends on: the job keys (as JSON Pointers) and data, each with its value as text, and the
-/// hash over all of them.
+/// What the file of a stage depends on: job keys (as JSON Pointers) and data, each with its value as text, and the hash
+/// over all.
 struct Fingerprint {
     std::string sha256;
     std::vector<std::pair<std::string, std::string>> keys;
 };
 
-/// Fingerprint of (key, value text) pairs, in the order given. Lengths are hashed too, so that no two different lists
-/// of pairs yield the same text.
+/// Fingerprint of (key, value text) pairs, in the order given. Lengths are hashed too, so that different lists of pairs
+/// never give the same text.
 /// @throws std::invalid_argument on a duplicate key: compare() could not name it.
 [[nodiscard]] Fingerprint fingerprint(std::vector<std::pair<std::string, std::string>> keys);
 
-/// A key on which two fingerprints disagree; nothing where a side lacks the key.
+/// A key in which two fingerprints differ; nothing where a side lacks the key.
 struct FingerprintDifference {
     std::string key;
     std::optional<std::string> first;
@@ -47,7 +47,7 @@ struct FingerprintDifference {
 [[nodiscard]] std::string to_text(const Fingerprint& value);
 
 /// Inverse of to_text.
-/// @return nothing when the text is not a fingerprint or its hash does not belong to its keys: such a file is stale.
+/// @return nothing when the text is not a fingerprint or its hash does not fit its keys: such a file is stale.
 [[nodiscard]] std::optional<Fingerprint> fingerprint_from_text(std::string_view text);
 
 }  // namespace orbid::apps

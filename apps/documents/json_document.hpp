@@ -16,17 +16,17 @@ struct Place {
 
 struct JsonMember;
 
-/// A JSON value that remembers where it stood.
+/// A JSON value with its place in the file.
 struct JsonValue {
     enum class Kind { null, boolean, number, string, array, object };
-    /// What check_described() has reported already.
+    /// Problems that check_described() has already reported.
     enum class Flaw { none, within, itself };
 
     Kind kind = Kind::null;
     bool boolean = false;
     double number = 0.0;  ///< finite
     std::string text;
-    bool escaped = false;  ///< a text written with escapes: its characters do not stand where those of `text` do
+    bool escaped = false;  ///< a text written with escapes: its characters are not at the places of those of `text`
     std::vector<JsonValue> items;     ///< array
     std::vector<JsonMember> members;  ///< object, in the order of the file, keys unique
     Place place;
@@ -39,10 +39,10 @@ struct JsonMember {
     JsonValue value;
 };
 
-/// "a number", "a list", ...: what a value is, for messages.
+/// "a number", "a list", ...: the kind of a value, for messages.
 [[nodiscard]] std::string_view description(JsonValue::Kind kind);
 
-/// Something wrong with a job, where, and what would be right.
+/// A problem of a job: where, and what would be right.
 struct Problem {
     enum class Kind { job, data };  ///< data: a data file that cannot be read (exit code 3 instead of 2)
 
@@ -63,7 +63,7 @@ struct JsonDocument {
     std::vector<Problem> problems;  ///< the syntax error, or every duplicate key
 };
 
-/// Reads JSON with // and /* */ comments. Never throws for a bad text.
+/// Reads JSON with // and /* */ comments. Never throws for invalid text.
 ///
 /// Refused: syntax errors (with what was expected), duplicate keys (with both lines; the first one is kept), numbers
 /// beyond the range of double, text that is not UTF-8, an empty file, more than 64 levels of nesting.

@@ -20,16 +20,16 @@ namespace orbid::apps {
 /// What a job says where a method is not built.
 inline constexpr std::string_view not_in_this_version = "not in this version";
 
-/// A value as a message shows it, cut so that the message stays one line.
+/// A value for a message, shortened so that the message stays one line.
 [[nodiscard]] std::string shown_value(const JsonValue& value);
 
 class ObjectReader;
 
-/// A value of the document, its pointer, and the list that everything wrong with it goes to.
-/// Every reading function returns nothing after it has reported why.
+/// A value of the document, its pointer, and the list of its problems.
+/// Every reading function that fails reports why and returns nothing.
 ///
-/// A value with a description has been compared with it before (check_described): what it refused reads as nothing and
-/// is not reported again. Reading what the description does not know is our own bug, and throws std::logic_error.
+/// A value with a description has already been checked against it (check_described): refused values read as nothing and
+/// are not reported again. Reading what the description lacks is our own bug and throws std::logic_error.
 class ValueReader {
 public:
     ValueReader(const JsonValue& value, std::string pointer, std::vector<Problem>& problems,
@@ -39,13 +39,13 @@ public:
     [[nodiscard]] const JsonValue& value() const { return *value_; }
     [[nodiscard]] const std::string& pointer() const { return pointer_; }
     [[nodiscard]] bool is(JsonValue::Kind kind) const { return value_->kind == kind && !refused(); }
-    /// The description has refused it.
+    /// Whether the description has refused it.
     [[nodiscard]] bool refused() const { return value_->flaw == JsonValue::Flaw::itself; }
-    /// Neither it nor anything within it has been refused by the description.
+    /// Whether the description has refused neither it nor anything in it.
     [[nodiscard]] bool sound() const { return value_->flaw == JsonValue::Flaw::none; }
 
     [[nodiscard]] std::optional<double> number() const;
-    /// A number for which `accept` holds; `rule` says in words what it must be ("> 0").
+    /// A number for which `accept` holds; `rule` is the requirement in words ("> 0").
     template <class Accept>
     [[nodiscard]] std::optional<double> number(Accept accept, std::string_view rule) const {
         const auto read = number();
@@ -57,19 +57,19 @@ public:
     [[nodiscard]] std::optional<double> nonnegative() const;
     /// A whole number in [lowest, highest], highest at most 2^53 (what a JSON number holds exactly).
     [[nodiscard]] std::optional<std::uint64_t> whole(std::uint64_t lowest, std::uint64_t highest) const;
-    /// The same of a described value, whose range is that of its description.
+    /// The same for a described value, with the range of its description.
     [[nodiscard]] std::optional<std::uint64_t> whole() const;
     [[nodiscard]] std::optional<bool> boolean() const;
     [[nodiscard]] std::optional<std::string> text() const;
-    /// A text that is one of these; the index of it. A described value has the same choices in its description.
+    /// The index of a text among these choices. A described value has the same choices in its description.
     [[nodiscard]] std::optional<std::size_t> choice(const std::vector<std::string>& now) const;
     /// The items of a list; empty after another kind has been reported.
     [[nodiscard]] std::vector<ValueReader> items() const;
     /// The members of an object whose keys are names; empty after another kind has been reported.
     [[nodiscard]] std::vector<std::pair<std::string, ValueReader>> members() const;
 
-    /// Another value read in the place of this one (what a short form stands for), by the description of what it stands
-    /// for; it must live as long as the reader.
+    /// Another value read in place of this one (the meaning of a short form), by the description of that meaning. It
+    /// must live as long as the reader.
     [[nodiscard]] ValueReader standing_for(const JsonValue& value, const ValueSchema* description) const {
         return {value, pointer_, *problems_, description};
     }
@@ -77,9 +77,9 @@ public:
     /// Problems found so far in the whole document.
     [[nodiscard]] std::size_t problem_count() const { return problems_->size(); }
 
-    /// Reports what is wrong with this value, unless it has been refused already.
+    /// Reports a problem of this value, unless it has been refused already.
     void report(std::string rule) const;
-    /// The same of one character of this text, counted from 0.
+    /// The same for one character of this text, counted from 0.
     void report_character(std::size_t position, std::string rule) const;
     /// Reports that the data this value names cannot be read.
     void report_data(std::string rule) const;
@@ -98,12 +98,13 @@ private:
 
 /// An object with known keys. Notes each key asked for; `finish` refuses the rest.
 ///
-/// With a description unknown and missing keys have been reported before. There `find` of a key that is not described,
-/// and `finish` of a sound document with a described key that nobody asked for, throw std::logic_error: a key must
-/// neither be read in secret nor be accepted and ignored.
+/// With a description, unknown and missing keys have been reported before. Then `find` of an undescribed key throws
+/// std::logic_error, and so does `finish` of a valid document with a described key that was never read. A key must
+/// neither be read without description nor be accepted and ignored.
 class ObjectReader {
 public:
-    /// A value that is no object is reported; all keys then count as absent, and required ones are not reported again.
+    /// A value that is not an object is reported; all keys then count as absent, and required ones are not reported
+    /// again.
     explicit ObjectReader(const ValueReader& value);
 
     [[nodiscard]] bool valid() const { return valid_; }
@@ -111,11 +112,11 @@ public:
 
     /// The value of a key; nothing when absent.
     [[nodiscard]] std::optional<ValueReader> find(std::string_view key);
-    /// The same; an absent key is reported, with what it should hold.
+    /// The same; an absent key is reported with its expected content.
     [[nodiscard]] std::optional<ValueReader> require(std::string_view key, std::string_view meaning);
-    /// What the description says of a key's value; null without one.
+    /// The description of a key's value; null without one.
     [[nodiscard]] const ValueSchema* description_of(std::string_view key) const;
-    /// Reports every key never asked for.
+    /// Reports every key never read.
     void finish() const;
 
     /// Reports a problem at a key (its name, not its value).

@@ -6,11 +6,11 @@
 
 namespace orbid::apps {
 
-/// The JSON Schema (draft 2020-12) of a description: a document is valid by it exactly when check_described() finds
-/// nothing wrong with it. Titles, defaults and units are annotations for editors.
+/// The JSON Schema (draft 2020-12) of a description: a document is valid exactly when check_described() finds no
+/// problem. Titles, defaults and units are annotations for editors.
 ///
-/// What several keys share stands in "$defs" under its name. Keys that go with values of others become "if" and "else",
-/// keys that exclude others "dependentSchemas".
+/// Parts shared by several keys are in "$defs" under their names. Keys that depend on values of others become "if" and
+/// "else", keys that exclude others "dependentSchemas".
 [[nodiscard]] nlohmann::ordered_json json_schema(const ValueSchema& description);
 
 }  // namespace orbid::apps

@@ -7,8 +7,8 @@
 
 namespace orbid::apps {
 
-/// JSON text for people and programs: a value that fits on one line stands on one line, longer objects and arrays are
-/// broken one level at a time, a list of plain values is never broken. Ends in a newline.
+/// JSON text for people and programs. A value that fits on one line takes one line. Longer objects and arrays are
+/// broken one level at a time, but never a list of plain values. Ends in a newline.
 ///
 /// Numbers are the shortest decimals that read back as the same double; nan and infinities become null.
 /// Text that is not UTF-8 is written with replacement characters.

@@ -14,7 +14,7 @@
 
 namespace orbid::apps {
 
-/// What a JSON document may hold, as plain data. Checking a document (description_check.hpp), writing a JSON Schema
+/// What a JSON document may contain, as plain data. Checking a document (description_check.hpp), writing a JSON Schema
 /// (description_schema.hpp) and writing a page of reference (description_page.hpp) all follow these.
 
 struct ObjectSchema;
@@ -33,7 +33,7 @@ struct NumberSchema {
 struct TextSchema {
     std::vector<std::string> choices;             ///< empty: any text
     bool (*accepts)(std::string_view) = nullptr;  ///< null: any text
-    std::string pattern;                          ///< regular expression that says the same, for the schema
+    std::string pattern;                          ///< equivalent regular expression, for the schema
     std::string rule = "a text";                  ///< in words
 };
 
@@ -45,10 +45,10 @@ struct ListSchema {
     std::string rule;  ///< what the whole list must be, in words; empty: from the counts
 };
 
-/// The forms one value may have, at most one of each kind of JSON.
+/// The forms of a value, at most one of each kind of JSON.
 struct ValueSchema {
-    std::string name;  ///< of what several keys share; empty: described where it stands
-    /// The same of the object alone, which may be one of several forms (an experiment, or a list of them).
+    std::string name;  ///< if several keys share it; empty: described in place
+    /// The same for the object only, which may be one of several forms (an experiment, or a list of them).
     std::string object_name;
     bool anything = false;
     bool null = false;
@@ -58,30 +58,30 @@ struct ValueSchema {
     std::optional<ListSchema> list;
     std::shared_ptr<const ObjectSchema> object;
 
-    /// A form of this kind is among them.
+    /// Whether a form is of this kind.
     [[nodiscard]] bool allows(JsonValue::Kind kind) const;
-    /// Its object is described under a name of its own, elsewhere than the value.
+    /// Whether its object is described under its own name, separately from the value.
     [[nodiscard]] bool shares_object() const { return !object_name.empty() && name != object_name; }
-    /// That object alone, under its name.
+    /// Only that object, under its name.
     [[nodiscard]] ValueSchema shared_object() const;
 };
 
-/// Another key of the same object is there, or holds one of these texts.
+/// Another key of the same object exists, or has one of these texts.
 struct Condition {
     std::string key;
-    std::vector<std::string> values;  ///< empty: the key is there
+    std::vector<std::string> values;  ///< empty: the key exists
 };
 
 struct KeySchema {
     std::string key;
     ValueSchema value;
-    std::string text;                        ///< one sentence
-    std::string default_value;               ///< the default as JSON; empty: none, or the text says what it depends on
-    std::string unit;                        ///< empty: none, or that of what the key is about
-    bool required = false;                   ///< where `only_with` holds
-    std::optional<Condition> only_with;      ///< refused otherwise
-    std::optional<Condition> required_with;  ///< required there, allowed elsewhere
-    std::optional<std::string> required_unless;  ///< required where this key is not there
+    std::string text;                            ///< one sentence
+    std::string default_value;                   ///< the default as JSON; empty: none, or explained in the text
+    std::string unit;                            ///< empty: none, or that of the key's quantity
+    bool required = false;                       ///< where `only_with` holds
+    std::optional<Condition> only_with;          ///< refused otherwise
+    std::optional<Condition> required_with;      ///< required there, allowed elsewhere
+    std::optional<std::string> required_unless;  ///< required without this key
     std::optional<std::string> never_beside;     ///< a key that this one excludes
     std::string refused;                         ///< why the key is refused; empty: it is not
 
@@ -145,14 +145,14 @@ struct ObjectSchema {
     [[nodiscard]] const ValueSchema* value_of(std::string_view key) const;
 };
 
-/// "a number, \"estimate\" or { \"estimate\": ... }": what a value may be, for messages.
+/// "a number, \"estimate\" or { \"estimate\": ... }": allowed values, for messages.
 [[nodiscard]] std::string in_words(const ValueSchema& value);
-/// "> 0 and < 0.5", "a whole number from 1 to 64": what a number must be; empty when any will do.
+/// "> 0 and < 0.5", "a whole number from 1 to 64": allowed numbers; empty when any is.
 [[nodiscard]] std::string rule(const NumberSchema& number);
 /// "\"a\", \"b\""
 [[nodiscard]] std::string quoted_list(const std::vector<std::string>& names);
 
-/// Schemas are put together from these.
+/// The parts of schemas.
 namespace describe {
 
 [[nodiscard]] ValueSchema anything();
@@ -171,7 +171,7 @@ namespace describe {
 [[nodiscard]] ValueSchema other_than(double number);
 [[nodiscard]] ValueSchema whole(double lowest, double highest);
 [[nodiscard]] ValueSchema text(std::string rule = "a text");
-/// A text that `accepts` takes; the regular expression says the same. (A library of these would not survive a hostile
+/// A text that `accepts` accepts; the regular expression is equivalent. (A library of these would not survive a hostile
 /// text: its recursion is as deep as the text is long.)
 [[nodiscard]] ValueSchema text_like(bool (*accepts)(std::string_view), std::string pattern, std::string rule);
 [[nodiscard]] ValueSchema choice(std::vector<std::string> choices);
@@ -180,7 +180,7 @@ namespace describe {
 /// Items are different from each other.
 [[nodiscard]] ValueSchema set(ValueSchema item, std::size_t fewest = 0);
 [[nodiscard]] ValueSchema object(std::vector<KeySchema> keys, std::vector<std::string> exactly_one = {});
-/// Members under names; `keys` are the names with a meaning of their own among them.
+/// Members under names; `keys` are names with a special meaning among them.
 [[nodiscard]] ValueSchema entries(ValueSchema value, std::string names, std::vector<KeySchema> keys = {},
                                   std::size_t fewest = 0);
 [[nodiscard]] ValueSchema named(std::string name, ValueSchema value);
@@ -188,7 +188,7 @@ namespace describe {
 
 }  // namespace describe
 
-/// Either of two descriptions, which must not have a kind of JSON in common.
+/// Either of two descriptions, without a common kind of JSON.
 [[nodiscard]] ValueSchema operator|(ValueSchema one, const ValueSchema& other);
 
 }  // namespace orbid::apps

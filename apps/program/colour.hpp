@@ -10,15 +10,14 @@ namespace orbid::apps {
 /// Values of --color.
 [[nodiscard]] std::vector<std::string> colour_choices();
 
-/// Whether text for a stream is coloured: "always", "never", or "auto": on a terminal that knows colours (TERM is not
-/// "dumb", nullptr is none) unless the environment has a NO_COLOR that is not empty.
+/// Whether text for a stream is coloured: "always", "never", or "auto": on a terminal with colours (TERM is not "dumb",
+/// nullptr is none) unless the environment has a nonempty NO_COLOR.
 [[nodiscard]] bool is_coloured(std::string_view choice, std::FILE* stream);
 
 /// A message with its first part, up to ": " (a place, the program), in red; the same text where `coloured` is false.
 [[nodiscard]] std::string error_text(const std::string& message, bool coloured);
 
-/// A summary with the statuses at the beginnings of its lines ("converged: ...") in green, others than converged in
-/// red.
+/// A summary with the statuses at the beginning of lines ("converged: ...") in green, or in red if not converged.
 [[nodiscard]] std::string with_status_colours(const std::string& summary, bool coloured);
 
 }  // namespace orbid::apps

@@ -10,12 +10,12 @@
 
 namespace orbid::apps {
 
-/// The command line cannot be understood; the message says why and names the word. Exit code 2.
+/// An invalid command line; the message gives the reason and the word. Exit code 2.
 class CommandLineError : public std::invalid_argument {
     using std::invalid_argument::invalid_argument;
 };
 
-/// What a word of the command line names: shell completion offers what fits.
+/// What a word of the command line names, for shell completion.
 enum class WordKind { text, number, job_file, file, folder, choice };
 
 /// A positional word of a command, as its usage shows it: "JOB.json", "[TASK]".
@@ -35,7 +35,7 @@ struct CommandOption {
     std::vector<std::string> (*choices)() = nullptr;  ///< WordKind::choice: what it may be
 };
 
-/// The words and options that stand on the command line, checked against the command's table row.
+/// The words and options of the command line, checked against the command's table row.
 struct CommandCall {
     Console console;
     std::string command = {};
@@ -43,23 +43,23 @@ struct CommandCall {
     std::map<std::string, std::string> options = {};  ///< given ones by name; switches hold ""
 
     [[nodiscard]] bool has(const std::string& option) const { return options.count(option) > 0; }
-    /// The value of an option, or what holds without it.
+    /// The value of an option, or the default without it.
     [[nodiscard]] std::string value(const std::string& option, std::string_view without) const {
         const auto found = options.find(option);
         return found == options.end() ? std::string(without) : found->second;
     }
     /// The value of an option as an integer.
-    /// @throws CommandLineError when it is none, or below `lowest`.
+    /// @throws CommandLineError when it is not an integer, or below `lowest`.
     [[nodiscard]] int whole_number(const std::string& option, int without, int lowest) const;
 };
 
-/// One line of a command's help, of its man page, of its tests.
+/// An example of a command in its help, man page and tests.
 struct CommandExample {
     std::string line;     ///< "orbid run job.json --out out"
     std::string meaning;  ///< what it does; may be empty
 };
 
-/// One command of the program: everything that help, completion, man page and parser know of it.
+/// One command of the program: all data for help, completion, man page and parser.
 struct Command {
     std::string name;
     std::string summary;  ///< one line

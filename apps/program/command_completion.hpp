@@ -7,11 +7,11 @@
 
 namespace orbid::apps {
 
-/// Shells that completion is written for: bash, zsh.
+/// Shells with completion: bash, zsh.
 [[nodiscard]] std::vector<std::string> completion_shells();
 
-/// A script that teaches a shell the commands of the table: their options with the choices of each, names of models,
-/// jobs (*.json) and folders.
+/// A script with a shell's completion of all commands: their options with choices, names of models, jobs (*.json) and
+/// folders.
 /// @throws std::invalid_argument for another shell.
 [[nodiscard]] std::string completion_script(const std::string& shell);
 

@@ -7,7 +7,7 @@
 
 namespace orbid::apps {
 
-/// The words of a command as its usage shows them: "MODEL [TASK]".
+/// The words of a command as in its usage: "MODEL [TASK]".
 [[nodiscard]] std::string usage_words(const Command& command);
 
 /// All commands, exit codes; what `orbid --help` prints.
@@ -23,14 +23,14 @@ struct ExitCode {
 };
 [[nodiscard]] const std::vector<ExitCode>& exit_codes();
 
-/// A variable of the environment that the program reads.
+/// An environment variable of the program.
 struct EnvironmentVariable {
     std::string name;
     std::string meaning;
 };
 [[nodiscard]] const std::vector<EnvironmentVariable>& environment_variables();
 
-/// What Ctrl-C does, and how a run goes on.
+/// What Ctrl-C does, and how a run is continued.
 [[nodiscard]] std::string signals_text();
 
 /// orbid help [COMMAND]: the overview, or the help of a command, on standard output.

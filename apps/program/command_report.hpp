@@ -11,8 +11,8 @@ namespace orbid::apps {
 /// @return 0; 2 when DIR is no output folder; 3 when a file in it cannot be read.
 [[nodiscard]] int write_report(const CommandCall& call);
 
-/// Stores report.html of a finished run beside its results. What cannot be reported is told as `complaints`: the
-/// results themselves are stored, and stay valid.
+/// Stores report.html of a finished run beside its results. `complaints` tells what cannot be reported; the stored
+/// results stay valid.
 void store_report(OutputFolder& folder, std::ostream& complaints);
 
 }  // namespace orbid::apps

@@ -12,7 +12,7 @@ namespace orbid::apps {
 [[nodiscard]] int run_periodic(const CommandCall& call);
 [[nodiscard]] int run_estimation(const CommandCall& call);
 
-/// orbid check JOB.json: every problem of the job on standard error, what it would run on standard output.
+/// orbid check JOB.json: all problems of the job on standard error, what it would run on standard output.
 [[nodiscard]] int check_job(const CommandCall& call);
 
 }  // namespace orbid::apps

@@ -8,21 +8,22 @@
 
 namespace orbid::apps {
 
-/// `orbid plot DIR [NAME]`: the plots there are, or one of them as a file.
-/// @return 0; 2 for a wrong folder or name, or a converter that is missing; 3 when a stored file cannot be read.
+/// `orbid plot DIR [NAME]`: lists the plots, or writes one as a file.
+/// @return 0; 2 for a wrong folder or name, or a missing converter; 3 when a stored file cannot be read.
 [[nodiscard]] int plot_run(const CommandCall& call);
 
-/// `orbid predict DIR DATA`: how well the estimate of a run predicts a further record; stored in DIR/predict_NAME or
-/// --out, tables on standard output. Exit codes as plot_run.
+/// `orbid predict DIR DATA`: predicts a further record with the estimate of a run. Results go to DIR/predict_NAME or
+/// --out, tables to standard output. Exit codes as plot_run.
 [[nodiscard]] int predict_run(const CommandCall& call);
 
-/// `orbid compare DIR DIR`: two results beside each other. Exit codes as plot_run; 2 also for what is not comparable.
+/// `orbid compare DIR DIR`: two results side by side. Exit codes as plot_run; 2 also for results that cannot be
+/// compared.
 [[nodiscard]] int compare_runs(const CommandCall& call);
 
-/// Runs a command on stored files; says on standard error what is wrong with them, and returns 2 or 3 then.
+/// Runs a command on stored files; reports their problems on standard error and then returns 2 or 3.
 [[nodiscard]] int with_stored_files(const CommandCall& call, const std::function<int()>& command);
 
-/// Formats that plots are written in.
+/// Formats of plots.
 [[nodiscard]] std::vector<std::string> plot_formats();
 
 }  // namespace orbid::apps

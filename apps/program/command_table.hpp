@@ -6,11 +6,10 @@
 
 namespace orbid::apps {
 
-/// All commands, in the order in which help shows them. One row each: parser, help, completion and man page are made
-/// from it.
+/// All commands, one row each, in the order of the help. Parser, help, completion and man page are made from them.
 [[nodiscard]] const std::vector<Command>& command_table();
 
-/// Options that every command has.
+/// Options of every command.
 [[nodiscard]] const std::vector<CommandOption>& common_options();
 
 }  // namespace orbid::apps

@@ -2,7 +2,7 @@
 
 namespace orbid::apps {
 
-// What the program returns to the shell, see interfaces.md.
+// Exit codes of the program, see interfaces.md.
 inline constexpr int success = 0;
 inline constexpr int no_valid_answer = 1;
 inline constexpr int wrong_call = 2;

@@ -6,7 +6,7 @@
 
 namespace orbid::apps {
 
-/// The manual page orbid(1), as source of troff's man macros: made from the table of commands.
+/// The manual page orbid(1), in troff's man macros, made from the table of commands.
 [[nodiscard]] std::string manual_page();
 
 /// orbid man: the page on standard output.

@@ -10,15 +10,15 @@
 
 namespace orbid::apps {
 
-/// The estimate for people, on standard output: status, parameters with intervals and how they were made, deviations
-/// from known values, error scales, what the data do not determine, counts of residuals, predictions. 100 columns, no
-/// colour, digits as the standard deviations support.
+/// Readable text of the estimate, for standard output: status, parameters with intervals and their method, deviations
+/// from known values, error scales, undetermined parameters, counts of residuals, predictions. 100 columns, no colour,
+/// digits by the standard deviations.
 ///
 /// @param title  of the job; may be empty.
 [[nodiscard]] std::string estimate_summary(const estimator::Estimate& estimate, const ResultContext& context,
                                            std::string_view title);
 
-/// Cycles found, by period: how many, of how many points, from how many recurrences, how accurate; what is missing.
+/// Cycles found, by period: number, points, recurrences, accuracy; missing periods.
 [[nodiscard]] std::string cycles_summary(const orbits::CycleSearch& search);
 
 }  // namespace orbid::apps

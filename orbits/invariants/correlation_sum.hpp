@@ -9,8 +9,8 @@
 
 namespace orbid::orbits {
 
-/// Pairs of one octave of distances, and those of them with an end in either of the stretches that the series is
-/// divided into, so that errors can be told by leaving stretches out.
+/// Pairs of one octave of distances, in all and by the stretches of the series that hold an end of them. Leaving
+/// stretches out gives the errors.
 struct OctaveCount {
     static constexpr std::size_t stretches = 16;
     static constexpr int followed = 16;  ///< steps
@@ -25,7 +25,7 @@ struct OctaveCount {
     std::array<Pairs, stretches> touching;  ///< with one end or both in the stretch
     double candidates = 0.0;                ///< all pairs of the points, near or not
 
-    /// The pairs with no end in a stretch.
+    /// The pairs without an end in a stretch.
     [[nodiscard]] Pairs without(std::size_t stretch) const;
 };
 

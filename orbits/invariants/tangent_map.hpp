@@ -13,13 +13,13 @@
 namespace orbid::orbits {
 
 /// The derivative of the section map at a point of the series, fitted to the images of its neighbours for products of
-/// many derivatives: directions that the neighbours do not span come out as zero instead of as noise.
+/// many derivatives: directions that the neighbours do not span give zero instead of noise.
 struct TangentMap {
     Eigen::MatrixXd jacobian;       ///< shape (n, n), scaled units
-    double prediction_error = 0.0;  ///< |predicted - true image of the point itself|, which took no part in the fit
+    double prediction_error = 0.0;  ///< |predicted - true image of the point|, which is not in the fit
     double residual = 0.0;          ///< weighted rms of the residuals per coordinate
-    double attenuation = 0.0;  ///< share by which reading errors of that size in the neighbours' places lower the slope
-    double image_spread = 0.0;  ///< weighted rms of the images about their mean, per coordinate
+    double attenuation = 0.0;       ///< share by which such reading errors in the neighbours' places lower the slope
+    double image_spread = 0.0;      ///< weighted rms of the images about their mean, per coordinate
     bool usable = false;
 };
 
@@ -28,7 +28,7 @@ struct TangentMap {
 /// Weighted least squares of a polynomial with intercept, weights (1 - (d / radius)^2)^2, by orthogonal factorisation.
 /// Directions in the space of coefficients along which the neighbours spread no more than the fit errs are left out
 /// (complete orthogonal decomposition, solution of smallest norm). Attractors of strongly contracting systems are
-/// curves or sheets, thinner than that error, and without this the slope across them would be arbitrary.
+/// curves or sheets thinner than that error: the slope across them would otherwise be arbitrary.
 ///
 /// Neighbours whose images lie beyond a tear of the section are left out: a gap wider than half the range of the
 /// images along their longest direction.

@@ -9,8 +9,8 @@
 
 namespace orbid::orbits {
 
-/// Whether matching tells something against an estimate: defects beyond what it allows, and estimates that move when it
-/// is looser.
+/// Evidence against an estimate from its matching: larger defects than allowed, and estimates that move when it is
+/// looser.
 struct ContinuityReport {
     Eigen::VectorXd sd;               ///< matching sds at the end, shape (n)
     ShootingResidual::Defect defect;  ///< against them
@@ -22,17 +22,17 @@ struct ContinuityReport {
     /// the difference of an efficient and a less efficient estimate is the difference of their variances). Normal with
     /// sd 1 when model and intervals are right.
     Eigen::VectorXd shift;
-    std::vector<std::string> warnings;  ///< whole sentences; empty when nothing speaks against the intervals
+    std::vector<std::string> warnings;  ///< complete sentences; empty without evidence against the intervals
 };
 
-/// How much looser the second estimate matches: far enough that it weighs the readings differently.
+/// How much looser the second estimate matches: enough to weight the readings differently.
 inline constexpr double looser_matching = 10.0;
 
 /// Continuity for the second estimate: `looser_matching` times the sds at which the residual has ended, fixed, with the
 /// same distribution; begin it from the estimate's latent states, see ShootingResidual::with().
 [[nodiscard]] Continuity looser(const ShootingResidual& residual);
 
-/// Defects at an estimate, and what they say.
+/// Defects at an estimate, with warnings.
 [[nodiscard]] ContinuityReport matching_report(const ShootingResidual& residual, const Eigen::VectorXd& theta,
                                                const std::vector<Eigen::VectorXd>& latents);
 
