@@ -10,17 +10,17 @@
 
 namespace orbid::apps {
 
-/// What a run has finished within its estimate, in `checkpoint.bin` of the folder: a run that was killed or interrupted
-/// takes it from there, and ends with the same bytes as one that was not. It disappears when the estimate is complete.
+/// What a run has finished within its estimate, in `checkpoint.bin` of the folder: a killed or interrupted run
+/// continues from it and ends with the same bytes as an undisturbed one. It is removed when the estimate is complete.
 ///
-/// A file with another fingerprint, of another program or one that cannot be read counts as absent.
+/// A file with another fingerprint, of another program, or unreadable counts as absent.
 class Checkpoint {
 public:
     /// @param fingerprint  of what the estimate depends on.
     Checkpoint(OutputFolder& folder, const Fingerprint& fingerprint);
 
-    /// Reads what was kept under a name into `value`.
-    /// @return whether there was something.
+    /// Reads the value stored under a name.
+    /// @return whether it exists.
     template <class T>
     [[nodiscard]] bool recall(const std::string& name, T& value) const {
         const std::string* bytes = find(name);
@@ -30,13 +30,13 @@ public:
             archive(value);
             if (archive.at_end()) return true;
         } catch (const DamagedCheckpoint&) {
-            // Kept by a build whose values look otherwise: computed anew.
+            // Stored by a build with other layouts of values: computed again.
         }
         value = T{};
         return false;
     }
 
-    /// Keeps a value under a name, which stands in the folder when this returns, whole.
+    /// Stores a value under a name; it is complete in the folder when this returns.
     template <class T>
     void keep(const std::string& name, T& value) {
         std::string bytes;
@@ -45,7 +45,7 @@ public:
         keep_bytes(name, std::move(bytes));
     }
 
-    /// All is done: the file is removed.
+    /// Removes the file at the end.
     void remove();
 
 private:

@@ -17,15 +17,15 @@
 
 namespace orbid::apps {
 
-/// Stored bytes end early or hold sizes that cannot be: they were not written by this program.
+/// Stored bytes end early or hold impossible sizes: they were not written by this program.
 class DamagedCheckpoint : public std::runtime_error {
     using std::runtime_error::runtime_error;
 };
 
-/// Values to bytes and back, bit by bit, in one function per type: what is written in an order is read in it.
+/// Values to bytes and back, bit by bit. One function per type gives the same order for writing and reading.
 ///
-/// Numbers stand as this machine holds them: a checkpoint goes on where it was made. Structs are known by a function
-/// `fields(archive, value)` that hands all members to the archive.
+/// Numbers are in the format of this machine: a checkpoint is continued where it was made. A function `fields(archive,
+/// value)` passes all members of a struct to the archive.
 class Archive {
 public:
     /// Appends to `bytes`.
@@ -34,7 +34,7 @@ public:
     explicit Archive(std::string_view bytes) : left_(bytes) {}
 
     [[nodiscard]] bool reading() const { return written_ == nullptr; }
-    /// Nothing is left to be read.
+    /// Whether nothing is left to read.
     [[nodiscard]] bool at_end() const { return left_.empty(); }
 
     /// @throws DamagedCheckpoint when reading finds too few bytes.
@@ -55,7 +55,7 @@ private:
         left_.remove_prefix(size);
     }
 
-    /// The number of elements; each takes at least `smallest` bytes, so that no wild number allocates the memory.
+    /// The number of elements; each takes at least `smallest` bytes, so that no wrong number exhausts the memory.
     std::size_t count(std::size_t size, std::size_t smallest) {
         std::uint64_t stored = size;
         bytes(&stored, sizeof(stored));

@@ -33,8 +33,8 @@ struct FolderState {
 /// @param job  what job.json will say. `/versions` is not compared: the same job under a newer program is the same job.
 [[nodiscard]] FolderState examine_output_folder(const std::filesystem::path& folder, const nlohmann::json& job);
 
-/// Makes the folder ready for a job: creates it with its parents, or accepts it when it holds nothing or the same job,
-/// or anything when `force` is set. Existing results stay where they are; each is replaced when its stage is done.
+/// Prepares the folder for a job: creates it with its parents, or accepts it when it holds nothing or the same job, or
+/// anything if `force` is set. Existing results stay; each is replaced when its stage is done.
 ///
 /// @throws FolderRefused naming folder and first difference, or why nothing can be stored there; the folder is
 /// unchanged
@@ -42,7 +42,7 @@ struct FolderState {
 void prepare_output_folder(const std::filesystem::path& folder, const nlohmann::json& job, bool force);
 
 /// The folder of one run. job.json is stored with the first result: a run that ends before (unreadable data, a stale
-/// file) leaves the folder as it was, and one that it created disappears again.
+/// file) leaves the folder unchanged, and removes one that it created.
 class OutputFolder {
 public:
     /// Prepares the folder as above.
@@ -54,9 +54,9 @@ public:
     OutputFolder& operator=(const OutputFolder&) = delete;
 
     [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder_ / name; }
-    /// Stores a file of the run, whole or not at all. Thread-safe. The first one is preceded by job.json; where the
-    /// folder held another job (`force`), its results are removed then, but for series and cycles: those say in their
-    /// fingerprint whether they fit.
+    /// Stores a file of the run, whole or not at all. Thread-safe. The first one is preceded by job.json. If the folder
+    /// held another job (`force`), its results are then removed, except series and cycles: their fingerprints show
+    /// whether they fit.
     void store(const std::string& name, std::string_view bytes);
     /// The same for writers that need a path.
     void store(const std::string& name, const std::function<void(const std::filesystem::path& temporary)>& writer);

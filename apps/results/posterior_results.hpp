@@ -17,7 +17,7 @@
 
 namespace orbid::apps {
 
-/// A record that stands out, by its place.
+/// A conspicuous record, by its place.
 struct OutlierRecord {
     std::string block;    ///< as the residual labels it
     Eigen::Index record;  ///< of the group within the block, from 0
@@ -25,7 +25,7 @@ struct OutlierRecord {
     double p;
 };
 
-/// What the residuals of one group say about its errors.
+/// What the residuals of one group show about its errors.
 struct GroupDiagnostic {
     std::string group;
     estimator::ResidualDiagnostic diagnostic;
@@ -41,7 +41,7 @@ struct LogEvidence {
 /// {"value", "reason"}; null for what there is not.
 [[nodiscard]] nlohmann::ordered_json evidence_json(const LogEvidence& evidence);
 
-/// What a job asks for beyond the estimate, as far as it was asked for and done.
+/// Requested results beyond the estimate, as far as computed.
 struct PosteriorResults {
     std::vector<std::string> parameters;  ///< names, in the order of theta
     std::vector<estimator::Optimum> optima;
@@ -56,14 +56,14 @@ struct PosteriorResults {
 /// "complete", "interrupted", "failed".
 [[nodiscard]] std::string_view name(estimator::SampleStatus status);
 
-/// Blocks of result.json: "posterior", "profile", "marginals", "optima", "diagnostics"; null where not asked for.
+/// Blocks of result.json: "posterior", "profile", "marginals", "optima", "diagnostics"; null if not requested.
 void add_posterior(const PosteriorResults& results, nlohmann::ordered_json& result);
 
 /// Content of posterior.csv: chain, draw, one column per sampled quantity, minus_log_density of the sampled
 /// coordinates; numbers read back to the bit. Chains and draws count from 1.
 [[nodiscard]] std::string draws_text(const estimator::PosteriorSample& sample);
 
-/// Tables for standard output; empty when nothing was asked for.
+/// Tables for standard output; empty when nothing was requested.
 [[nodiscard]] std::string posterior_summary(const PosteriorResults& results);
 
 }  // namespace orbid::apps

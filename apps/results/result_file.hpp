@@ -28,7 +28,7 @@ struct InitialState {
     std::vector<Value> values;
 };
 
-/// A measured periodic steady state at the estimate: how its record lies against the computed solution.
+/// A measured periodic steady state at the estimate: its record compared with the computed solution.
 struct SteadyState {
     std::string experiment;
     std::string segment;
@@ -38,7 +38,7 @@ struct SteadyState {
     periodic::PeriodicOrbit orbit;
 };
 
-/// How well a segment is predicted that took no part in the fit (or did: see `fitted`).
+/// Prediction of a segment that was not in the fit (or was: see `fitted`).
 struct Prediction {
     std::string experiment;
     std::string segment;
@@ -47,7 +47,7 @@ struct Prediction {
     bool fitted = false;
 };
 
-/// A simulated trajectory that left the chaos.
+/// A simulated trajectory that ceased to be chaotic.
 struct Capture {
     std::string experiment;
     int trajectory = 0;
@@ -55,7 +55,7 @@ struct Capture {
     std::string what;         ///< "at rest", "captured by a stable orbit of period 10"
 };
 
-/// What result.json says beside the estimate.
+/// The contents of result.json beside the estimate.
 struct ResultContext {
     std::string evaluated;  ///< equations of the job: "compiled" or "interpreted"; empty: a model of the registry
     std::map<std::string, double> reference;  ///< known values, by name of a parameter or derived quantity

@@ -15,7 +15,7 @@
 
 namespace orbid::apps {
 
-/// One stage of a strategy, as far as the result tells of it.
+/// One stage of a strategy, as in the result.
 struct StageResult {
     std::string stage;   ///< StageJob::name
     std::string status;  ///< as of an estimate, or "skipped"
@@ -29,7 +29,7 @@ struct StageResult {
     bool chosen = false;  ///< its estimate is the result
 };
 
-/// How well the nodes of a series meet, and what looser matching changes.
+/// Defects at the nodes of a series, and the effect of looser matching.
 struct MatchingResult {
     std::string experiment;
     std::size_t interval = 1;   ///< samples or sections from node to node
@@ -58,10 +58,10 @@ struct AlternativeResult {
     std::vector<estimator::Estimated> parameters;
     LogEvidence ln_bayes_factor;               ///< ln p(y | the job's model) - ln p(y | this one)
     double ln_bayes_factor_uncertainty = 0.0;  ///< by minimisations that ended just before their minimum
-    /// Objective of this model less that of the job's: what ln B would be but for the volumes of their posteriors,
-    /// known also where one has not converged.
+    /// Objective of this model minus that of the job's: ln B without the volumes of their posteriors, known even if one
+    /// has not converged.
     double objective_difference = std::numeric_limits<double>::quiet_NaN();
-    LogEvidence score;  ///< held-out ln density of the job's model less that of this one
+    LogEvidence score;  ///< held-out ln density of the job's model minus that of this one
     double score_error = std::numeric_limits<double>::quiet_NaN();  ///< sd of it, from the scatter of the folds
     std::optional<std::size_t> large_defects;                       ///< of a series with nodes
     std::size_t used = 0;  ///< blocks (cycles, segments, intervals) that both models are compared on
@@ -82,7 +82,7 @@ struct CriticismResult {
 /// 3 and 5 separate "hardly", "positively", "strongly" and "very strongly".
 [[nodiscard]] std::string in_words(double ln_bayes_factor);
 
-/// What a strategy, its matching and its criticism add to a result.
+/// The additions of a strategy, its matching and its criticism to a result.
 struct StrategyResults {
     std::vector<StageResult> stages;  ///< of a strategy of several
     std::vector<MatchingResult> matching;
@@ -94,7 +94,7 @@ struct StrategyResults {
                                                     const std::map<std::string, double>& references);
 [[nodiscard]] nlohmann::ordered_json counts_json(const std::vector<estimator::ResidualCount>& counts);
 
-/// Blocks of result.json: "stages", "matching", "criticism"; left out where there is nothing to tell.
+/// Blocks of result.json: "stages", "matching", "criticism"; left out when empty.
 void add_strategy(const StrategyResults& results, const std::map<std::string, double>& references,
                   nlohmann::ordered_json& result);
 
