@@ -19,6 +19,7 @@
 
 #include "bench/odeint_loop.hpp"
 #include "models/catalogue/registry.hpp"
+#include "models/trajectories/odeint/odeint_kernel.hpp"
 
 namespace {
 
@@ -193,6 +194,35 @@ void few(const Case& c) {
     std::printf("\n");
 }
 
+/// What a job pays that has its flows computed by Boost.Odeint: one period with all first derivatives.
+void by_both_steppers(const Case& c) {
+    if (!c.system->smooth(c.theta)) return;
+    const auto other = models::odeint_system(*c.system);
+    const Eigen::MatrixXd starts = attractor(c).leftCols(100);
+    const std::array<double, 1> period{2.0 * std::numbers::pi};
+    std::vector<Eigen::Index> free;
+    for (Eigen::Index i = 0; i < c.theta.size(); ++i) {
+        // The derivative by a dry friction jumps, also where there is none.
+        Eigen::VectorXd moved = c.theta;
+        moved[i] += c.system->parameters()[static_cast<std::size_t>(i)].typical_size;
+        if (c.system->smooth(moved)) free.push_back(i);
+    }
+    std::printf("%s, flow_with_sensitivities, us per period (verner, odeint, ratio):", c.title);
+    for (const double tolerance : {1e-8, 1e-10, 1e-12}) {
+        const auto cost = [&](const models::System& system) {
+            const double seconds = processor_seconds_of([&] {
+                for (Eigen::Index i = 0; i < starts.cols(); ++i)
+                    static_cast<void>(system.flow_with_sensitivities(starts.col(i), 0.0, period, c.theta, free,
+                                                                     models::Clock::phase, {tolerance, tolerance}));
+            });
+            return seconds / static_cast<double>(starts.cols()) * 1e6;
+        };
+        const double own = cost(*c.system), peers = cost(*other);
+        std::printf(" %.0e: %.0f %.0f %.1f", tolerance, own, peers, peers / own);
+    }
+    std::printf("\n");
+}
+
 /// How much faster all cores are than one, at work that is cut into pieces.
 double gain_of_cores(const auto& work) {
     const double all = wall_seconds_of(work);
@@ -238,6 +268,8 @@ int main() {
         compare(c);
     for (const Case& c : cases)
         few(c);
+    for (const Case& c : cases)
+        by_both_steppers(c);
     for (const Case& c : cases)
         on_all_cores(c);
 }

@@ -139,6 +139,7 @@ std::string job_summary(const Job& job) {
                                    job.model.name, job.model.variant.empty() ? "" : ", variant ", job.model.variant);
     if (job.model.equations) text += fmt::format("  equations  {}\n", planned_evaluation(job));
     if (job.section_plane) text += section_line(job);
+    if (job.stepper == FlowStepper::odeint) text += "  flows      by Boost.Odeint\n";
     for (const DataJob& data : job.data) {
         text += data_line(job, data);
         if (data.inputs) text += input_line(job, data);

@@ -14,8 +14,8 @@
 
 namespace orbid::apps {
 
-/// What a JSON document may contain, as plain data. Checking a document (description_check.hpp), writing a JSON Schema
-/// (description_schema.hpp) and writing a page of reference (description_page.hpp) all follow these.
+/// What a JSON document may contain, as plain data. Checking a document (schema_check.hpp), writing a JSON Schema
+/// (json_schema.hpp) and writing a page of reference (schema_page.hpp) all follow these.
 
 struct ObjectSchema;
 struct ValueSchema;

@@ -44,7 +44,7 @@ void describe_data(const Workspace& work, const std::vector<Experiment>& data, c
     count_cycles(search, context);
     context.orbits_missing = search.missing;
     context.fingerprint =
-        stage_fingerprint(work.document, {"/model", "/seed", "/section", "/data", "/orbits", "/estimate"});
+        stage_fingerprint(work.document, {"/model", "/seed", "/section", "/flow", "/data", "/orbits", "/estimate"});
 }
 
 /// Stores the orbits that belong to the measured cycles at the estimate.

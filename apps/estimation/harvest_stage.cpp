@@ -29,10 +29,10 @@ std::optional<Eigen::MatrixXd> known_covariance(const estimator::Estimate& estim
 void store_harvest(const StageInput& input) {
     input.work.folder.store(
         "harvested_cycles.json",
-        cycles_text(
-            {cycle_file_head(input.work.job, stage_fingerprint(input.work.document, {"/model", "/seed", "/section",
-                                                                                     "/data", "/orbits", "/estimate"})),
-             input.search}));
+        cycles_text({cycle_file_head(input.work.job,
+                                     stage_fingerprint(input.work.document, {"/model", "/seed", "/section", "/flow",
+                                                                             "/data", "/orbits", "/estimate"})),
+                     input.search}));
 }
 
 std::string harvest_cycles(StageInput& input, const StageRun& before) {

@@ -11,6 +11,7 @@
 #include "apps/estimation/checkpoint_fields.hpp"
 #include "apps/estimation/matching_check.hpp"
 #include "apps/estimation/model_fit.hpp"
+#include "apps/job/flow_stepper.hpp"
 #include "estimator/exploration/evidence.hpp"
 #include "estimator/exploration/predictive_score.hpp"
 #include "models/catalogue/registry.hpp"
@@ -56,7 +57,7 @@ Job plain(const StageInput& input, const StageRun& run) {
 }
 
 Job with_variant(Job job, const std::string& variant) {
-    job.model.system = models::make_system(job.model.name, variant, job.model.size);
+    job.model.system = with_stepper(models::make_system(job.model.name, variant, job.model.size), job.stepper);
     job.model.variant = variant;
     return job;
 }

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/flow_stepper.hpp"
 #include "apps/job/model_plugin.hpp"
 #include "models/equations/interpreted_kernel.hpp"
 #include "models/system/kernel_system.hpp"
@@ -92,7 +93,7 @@ std::string settle_evaluation(Job& job) {
     const CompiledModel model = compiled_model(job.model.equations);
     if (!model.kernel) return fmt::format("equations interpreted: {}", model.why);
     job.model.compiled = true;
-    job.model.system = std::make_shared<models::KernelSystem>(model.kernel);
+    job.model.system = with_stepper(std::make_shared<models::KernelSystem>(model.kernel), job.stepper);
     return model.cached ? "equations compiled, found in the cache" : "equations compiled";
 }
 

@@ -348,6 +348,12 @@ struct ReferenceJob {
 
 enum class SeriesOutput { h5, csv, none };
 
+/// What takes the steps of all flows: the library's own steppers (Verner's pair for smooth motion), or Boost.Odeint.
+enum class FlowStepper { verner, odeint };
+
+/// As jobs write them, in the order of FlowStepper.
+inline const std::vector<std::string> flow_stepper_names{"verner", "odeint"};
+
 struct Job {
     std::filesystem::path source;  ///< absolute path of the job file
     std::string title;
@@ -361,6 +367,7 @@ struct Job {
     std::optional<EstimateJob> estimate;
     std::vector<ReferenceJob> reference;
     SeriesOutput series_output = SeriesOutput::h5;
+    FlowStepper stepper = FlowStepper::verner;  ///< model.system takes its steps
 };
 
 }  // namespace orbid::apps

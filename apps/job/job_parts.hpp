@@ -23,6 +23,8 @@ void read_orbits(ObjectReader& root, Job& job);
 void read_periodic(ObjectReader& root, Job& job);
 void read_estimate(ObjectReader& root, Job& job);
 void read_reference(ObjectReader& root, Job& job);
+/// "flow", after all that moves parameters; model.system becomes one with that stepper.
+void read_flow(ObjectReader& root, Job& job);
 
 /// Parts of data.
 /// The noise has an entry per coordinate even if the job is invalid.

@@ -3,9 +3,13 @@
 #include <algorithm>
 #include <filesystem>
 #include <ostream>
+#include <stdexcept>
 #include <thread>
 
+#include <fmt/format.h>
+
 #include "apps/check/data_check.hpp"
+#include "apps/check/flow_check.hpp"
 #include "apps/check/job_summary.hpp"
 #include "apps/check/work_estimate.hpp"
 #include "apps/job/reading/job_reader.hpp"
@@ -79,6 +83,14 @@ int check_job(const CommandCall& call) {
     const int asked = call.whole_number("threads", 0, 0);
     const int threads = asked > 0 ? asked : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
     call.console.out << work_table(estimated_work(job, data, threads), threads);
+    if (!call.has("flow")) return 0;
+    try {
+        call.console.out << '\n' << flow_table(job, check_flows(job));
+    } catch (const std::invalid_argument& error) {
+        call.console.error << error_text(fmt::format("--flow: there is nothing to compare: {}", error.what()), coloured)
+                           << '\n';
+        return wrong_call;
+    }
     return 0;
 }
 

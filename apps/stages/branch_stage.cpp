@@ -76,7 +76,7 @@ FollowedBranches followed_from(const Workspace& work, const ComputedOrbits& orbi
 FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits& orbits) {
     const Job& job = work.job;
     const ContinuationJob& continuation = *job.periodic->continuation;
-    const Fingerprint wanted = stage_fingerprint(work.document, {"/model", "/section", "/periodic"});
+    const Fingerprint wanted = stage_fingerprint(work.document, {"/model", "/section", "/flow", "/periodic"});
     if (auto stored = branches_from_folder(work, wanted)) {
         work.progress.reused("branches", fmt::format("{} branches from branch.json", stored->branches.size()));
         return std::move(*stored);

@@ -150,9 +150,9 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     const bool stored = job.series_output != SeriesOutput::none;
     const auto file = work.file(series_file_name(job, index));
     const std::string place = work.document["data"].is_array() ? fmt::format("/data/{}", index) : "/data";
-    const Fingerprint wanted =
-        stage_fingerprint(work.document, {"/model", "/seed", "/section", place + "/simulate", place + "/inputs",
-                                          place + "/interpolation", place + "/sensor", place + "/parameters"});
+    const Fingerprint wanted = stage_fingerprint(
+        work.document, {"/model", "/seed", "/section", "/flow", place + "/simulate", place + "/inputs",
+                        place + "/interpolation", place + "/sensor", place + "/parameters"});
 
     const Inputs inputs = load_inputs(job, data);
     if (stored && std::filesystem::exists(file)) {

@@ -18,9 +18,9 @@ Fingerprint cycles_fingerprint(const Workspace& work) {
     const std::string data = work.document.contains("data") && work.document["data"].is_array()
                                  ? fmt::format("/data/{}", orbits.data)
                                  : "/data";
-    return stage_fingerprint(work.document,
-                             {"/model", "/seed", "/section", data + "/simulate", data + "/file", data + "/sha256",
-                              data + "/columns", data + "/missing", data + "/sensor", data + "/parameters", "/orbits"});
+    return stage_fingerprint(
+        work.document, {"/model", "/seed", "/section", "/flow", data + "/simulate", data + "/file", data + "/sha256",
+                        data + "/columns", data + "/missing", data + "/sensor", data + "/parameters", "/orbits"});
 }
 
 void say_missing(const Workspace& work, const orbits::CycleSearch& search) {

@@ -147,7 +147,7 @@ void compute_starts(const Workspace& work, ComputedOrbits& orbits) {
 }
 
 Fingerprint orbits_fingerprint(const Workspace& work) {
-    std::vector<std::string_view> places{"/model", "/section"};
+    std::vector<std::string_view> places{"/model", "/section", "/flow"};
     // All of the block but the branches, which begin where this ends.
     std::vector<std::string> keys;
     for (const auto& [key, value] : work.document.at("periodic").items())

@@ -24,7 +24,8 @@ enum class FlowStatus {
     grazing,      ///< a switching surface was touched without crossing it: derivatives do not exist there
     no_crossing,  ///< the section was not reached within the longest return time allowed
     no_input,     ///< a measured input does not reach that far
-    held_twice    ///< two switching surfaces hold the solution at once
+    held_twice,   ///< two switching surfaces hold the solution at once
+    not_smooth    ///< the equations jump at these parameters, and the stepper takes smooth ones only
 };
 
 [[nodiscard]] std::string_view description(FlowStatus status);

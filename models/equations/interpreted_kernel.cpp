@@ -68,6 +68,16 @@ public:
                                 placed(free), all.data());
         pick(all, 1, free.size(), derivatives);
     }
+    void rhs_second_derivatives(double phase, const double* state, const double* theta, const double* input,
+                                std::span<const std::ptrdiff_t> free, double* second, double* by_phase) const override {
+        const Use use(*this);
+        const std::size_t d = size_ + free.size();
+        std::vector<double> all(size_ * d * d), all_by_phase(size_);
+        shape_->rhs_second_derivatives(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(),
+                                       placed(free), all.data(), all_by_phase.data());
+        pick_second(all, 1, free.size(), second);
+        std::copy_n(all_by_phase.begin(), n_, by_phase);
+    }
 
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                  const FlowOutput& output) const override {
@@ -181,6 +191,17 @@ private:
             }
     }
 
+    /// The same of blocks for second derivatives.
+    void pick_second(const std::vector<double>& all, std::size_t blocks, std::size_t free, double* to) const {
+        const auto inner = [&](std::size_t j) { return j < n_ ? j : j - n_ + size_; };
+        const std::size_t d = n_ + free, padded_d = size_ + free;
+        for (std::size_t k = 0; k < blocks; ++k)
+            for (std::size_t i = 0; i < d; ++i)
+                for (std::size_t j = 0; j < d; ++j)
+                    std::copy_n(all.data() + ((k * padded_d + inner(i)) * padded_d + inner(j)) * size_, n_,
+                                to + ((k * d + i) * d + j) * n_);
+    }
+
     struct Start {
         std::vector<double> state, theta;
         FlowStart start;
@@ -219,17 +240,12 @@ private:
                 std::copy_n(states.data() + k * size, n, to.states + k * n);
             std::copy_n(stopped.begin(), n, to.stopped_state);
             if (to.sensitivities != nullptr) kernel.pick(sensitivities, count, free, to.sensitivities);
-            const auto inner = [&](std::size_t j) { return j < n ? j : j - n + size; };
+            if (to.second_derivatives != nullptr) kernel.pick_second(second, count, free, to.second_derivatives);
+            if (to.time_sensitivities == nullptr) return;
             for (std::size_t k = 0; k < count; ++k)
-                for (std::size_t i = 0; i < n + free; ++i) {
-                    if (to.time_sensitivities != nullptr)
-                        to.time_sensitivities[k * (n + free) + i] = time_sensitivities[k * (size + free) + inner(i)];
-                    if (to.second_derivatives == nullptr) continue;
-                    for (std::size_t j = 0; j < n + free; ++j)
-                        std::copy_n(
-                            second.data() + (((k * (size + free) + inner(i)) * (size + free)) + inner(j)) * size, n,
-                            to.second_derivatives + ((k * (n + free) + i) * (n + free) + j) * n);
-                }
+                for (std::size_t i = 0; i < n + free; ++i)
+                    to.time_sensitivities[k * (n + free) + i] =
+                        time_sensitivities[k * (size + free) + (i < n ? i : i - n + size)];
         }
     };
 

@@ -39,6 +39,10 @@ public:
                          std::span<const std::ptrdiff_t> free, double* derivatives) const override {
         computing_->rhs_derivatives(phase, state, theta, input, free, derivatives);
     }
+    void rhs_second_derivatives(double phase, const double* state, const double* theta, const double* input,
+                                std::span<const std::ptrdiff_t> free, double* second, double* by_phase) const override {
+        computing_->rhs_second_derivatives(phase, state, theta, input, free, second, by_phase);
+    }
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                  const FlowOutput& output) const override {
         return computing_->flow(start, durations, free, output);

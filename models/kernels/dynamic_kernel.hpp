@@ -73,6 +73,32 @@ public:
         }
     }
 
+    void rhs_second_derivatives(double /*phase*/, const double* state, const double* theta, const double* /*input*/,
+                                std::span<const std::ptrdiff_t> free, double* second, double* by_phase) const override {
+        using T = Scalar<chunk, 2>;
+        const std::size_t n = coordinates_.size(), directions = n + free.size();
+        std::vector<T> x(n), f(n);
+        for (std::size_t outer = 0; outer < directions; ++outer) {
+            for (std::size_t first = 0; first < directions; first += chunk) {
+                std::copy(state, state + n, x.begin());
+                Values<T, q> p;
+                std::copy(theta, theta + q, p.begin());
+                const auto seeded = [&](std::size_t direction) -> T& {
+                    return direction < n ? x[direction] : p[static_cast<std::size_t>(free[direction - n])];
+                };
+                const std::size_t count = std::min(chunk, directions - first);
+                for (std::size_t j = 0; j < count; ++j)
+                    first_order(seeded(first + j)).partial[j] = 1.0;
+                seeded(outer).partial[0].value = 1.0;
+                M::rhs(T(0.0), std::span<const T>(x), p, std::span<T>(f));
+                for (std::size_t j = 0; j < count; ++j)
+                    for (std::size_t i = 0; i < n; ++i)
+                        second[(outer * directions + first + j) * n + i] = f[i].partial[0].partial[j];
+            }
+        }
+        std::fill(by_phase, by_phase + n, 0.0);
+    }
+
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                  const FlowOutput& output) const override {
         // The values are computed first, and alone if nothing else is asked for; every pass reproduces them.

@@ -83,6 +83,10 @@ public:
                          std::span<const std::ptrdiff_t> free, double* derivatives) const override {
         store_field_derivatives<M>(phase, state, theta, input, free, derivatives);
     }
+    void rhs_second_derivatives(double phase, const double* state, const double* theta, const double* input,
+                                std::span<const std::ptrdiff_t> free, double* second, double* by_phase) const override {
+        store_second_field_derivatives<M>(phase, state, theta, input, free, second, by_phase);
+    }
 
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                  const FlowOutput& output) const override {

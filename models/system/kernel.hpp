@@ -103,6 +103,12 @@ public:
     virtual void rhs_derivatives(double phase, const double* state, const double* theta, const double* input,
                                  std::span<const std::ptrdiff_t> free, double* derivatives) const = 0;
 
+    /// d2 f / d(x, free parameters)2 there, n x (d d): column i d + j = d2 f / d direction i d direction j; and
+    /// d f / d phase, n.
+    virtual void rhs_second_derivatives(double phase, const double* state, const double* theta, const double* input,
+                                        std::span<const std::ptrdiff_t> free, double* second,
+                                        double* by_phase) const = 0;
+
     /// States after each of the m durations; value and derivatives from the same steps.
     [[nodiscard]] virtual FlowEnd flow(const FlowStart& start, std::span<const double> durations,
                                        std::span<const std::ptrdiff_t> free, const FlowOutput& output) const = 0;

@@ -15,6 +15,9 @@ public:
     /// @param signal  the measured inputs of a model that has some; nullptr: none given yet
     explicit KernelSystem(std::shared_ptr<const Kernel> kernel, std::shared_ptr<const InputSignal> signal = nullptr);
 
+    /// What computes.
+    [[nodiscard]] const std::shared_ptr<const Kernel>& kernel() const { return kernel_; }
+
     std::string_view name() const override;
     std::string_view variant() const override;
     Kind kind() const override;

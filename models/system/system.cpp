@@ -25,6 +25,8 @@ std::string_view description(FlowStatus status) {
             return "the measured input does not reach that far";
         case FlowStatus::held_twice:
             return "two switching surfaces hold the solution at once";
+        case FlowStatus::not_smooth:
+            return "the equations jump at these parameters, and the stepper takes smooth ones only";
     }
     return "";
 }

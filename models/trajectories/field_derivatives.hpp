@@ -51,4 +51,44 @@ void store_field_derivatives(double phase, const double* state, const double* th
     });
 }
 
+/// Second derivatives there, n x (d d), column i d + j for the directions i and j; and d f / d phase. The phase takes
+/// its turn as one more direction of the dual numbers.
+template <Model M>
+void store_second_field_derivatives(double phase, const double* state, const double* theta,
+                                    [[maybe_unused]] const double* input, std::span<const std::ptrdiff_t> free,
+                                    double* second, double* by_phase) {
+    constexpr std::size_t n = dimension_of<M>, q = parameter_count_of<M>;
+    constexpr std::size_t N = wide_chunk<M>;
+    using T = Scalar<N, 2>;
+    const std::size_t directions = n + free.size();
+    const auto values = array_from<double, n>(state);
+    const auto side = side_of<M>(phase, values, constants_from<M, double>(array_from<double, q>(theta)));
+    for (std::size_t direction = 0; direction <= directions; ++direction) {
+        for (std::size_t first = 0; first == 0 || first < free.size(); first += N - n) {
+            auto x = array_from<T, n>(state);
+            auto p = array_from<T, q>(theta);
+            T tau(phase);
+            seed<N, n, q>(x, p, free, first);
+            if (direction < directions)
+                seed_second<N, n, q>(x, p, free, direction);
+            else
+                tau.partial[0].value = 1.0;
+            const auto c = constants_from<M, T>(p);
+            State<T, n> f;
+            if constexpr (MapModel<M>) {
+                f = M::map(x, c);
+            } else {
+                std::array<T, input_count_of<M>> u{};
+                if constexpr (InputModel<M>) std::copy(input, input + u.size(), u.begin());
+                f = rhs_of<M, T>(tau, x, c, side, u);
+            }
+            if (direction < directions)
+                store_second<N, n>(f, first, directions, second + direction * directions * n);
+            else
+                for (std::size_t i = 0; i < n; ++i)
+                    by_phase[i] = f[i].partial[0].value;
+        }
+    }
+}
+
 }  // namespace orbid::models

@@ -45,6 +45,7 @@ void read_root(const ValueReader& value, Job& job) {
     read_periodic(root, job);
     read_estimate(root, job);
     read_reference(root, job);
+    read_flow(root, job);
     read_output(root, job);
     root.finish();
     const bool simulates =

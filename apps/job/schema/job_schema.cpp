@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "apps/job/job.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 #include "orbits/invariants/cycle_expansion.hpp"
 
@@ -37,6 +38,13 @@ bool is_not_empty(std::string_view word) {
 ValueSchema output_block() {
     return object(
         {key("series", choice({"h5", "csv", "none"}), "How the series of the job are stored.").by_default("h5")});
+}
+
+ValueSchema flow_block() {
+    return object({key("stepper", choice(flow_stepper_names),
+                       "What takes the steps of flows: the library's own stepper, or Boost.Odeint's, for smooth models "
+                       "that are not stiff; an independent way to the same numbers.")
+                       .by_default("verner")});
 }
 
 ValueSchema partition() {
@@ -156,6 +164,7 @@ const ValueSchema& job_description() {
          key("model", model_block(), "The equations and the values of their parameters.").required_always(),
          key("seed", seed(), "Of all random numbers.").by_default(1),
          key("section", section_block(), "Where orbits are cut: a phase of the forcing, or a plane."),
+         key("flow", flow_block(), "How flows are computed; `orbid check --flow` compares the ways."),
          key("data", data_block() | list(data_block(), 1), "An experiment, or a list of them."),
          key("orbits", orbits_block(), "Search for unstable periodic orbits in the section series, or a file of them."),
          key("periodic", periodic_block(), "Periodic orbits of the model itself."),

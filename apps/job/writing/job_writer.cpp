@@ -126,6 +126,9 @@ Json job_document(const Job& job, const std::filesystem::path& folder, const Ver
         document["section"] = {{"coordinate", detail::coordinate_name(job, job.section_plane->coordinate)},
                                {"value", job.section_plane->value},
                                {"direction", job.section_plane->direction}};
+    // The default is not written: fingerprints and bytes of stored runs are older than this key.
+    if (job.stepper != FlowStepper::verner)
+        document["flow"]["stepper"] = flow_stepper_names[static_cast<std::size_t>(job.stepper)];
     for (const DataJob& data : job.data)
         document["data"].push_back(detail::data_document(job, data, folder));
     if (job.orbits) document["orbits"] = orbits_document(job, folder);

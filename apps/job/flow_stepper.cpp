@@ -1,0 +1,85 @@
+#include "apps/job/flow_stepper.hpp"
+
+#include <fmt/format.h>
+
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "models/trajectories/odeint/odeint_kernel.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+/// Parameters that would have to be 0 for smooth equations, no more than needed; empty where that does not help.
+std::vector<std::string_view> causes(const models::System& system, const Eigen::VectorXd& theta) {
+    const auto table = system.parameters();
+    Eigen::VectorXd calm = theta;
+    std::vector<Eigen::Index> removed;
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
+        if (theta[i] != 0.0 && models::contains(table[static_cast<std::size_t>(i)].domain, 0.0)) {
+            calm[i] = 0.0;
+            removed.push_back(i);
+        }
+    if (!system.smooth(calm)) return {};
+    std::vector<std::string_view> names;
+    for (const Eigen::Index i : removed) {
+        calm[i] = theta[i];
+        if (system.smooth(calm)) continue;
+        calm[i] = 0.0;
+        names.push_back(table[static_cast<std::size_t>(i)].name);
+    }
+    return names;
+}
+
+std::string jump(const models::System& system, const Eigen::VectorXd& theta, std::string_view where) {
+    if (system.smooth(theta)) return {};
+    std::string text = fmt::format("the equations jump at the parameters of {}", where);
+    if (const auto names = causes(system, theta); !names.empty())
+        text += fmt::format(" (they would be smooth with {} = 0)", fmt::join(names, " = "));
+    return text;
+}
+
+}  // namespace
+
+std::shared_ptr<const models::System> with_stepper(std::shared_ptr<const models::System> system, FlowStepper stepper) {
+    return stepper == FlowStepper::verner ? std::move(system) : models::odeint_system(*system);
+}
+
+Eigen::VectorXd starting_parameters(const Job& job) {
+    Eigen::VectorXd theta = job.model.values;
+    if (job.estimate)
+        for (const FreeParameterJob& free : job.estimate->parameters)
+            theta[free.parameter] = free.value.start;
+    return theta;
+}
+
+std::string odeint_refusal(const Job& job) {
+    const models::System& system = *job.model.system;
+    if (std::string why = models::odeint_refusal(system); !why.empty()) return why;
+    if (std::string why = jump(system, job.model.values, "the model"); !why.empty()) return why;
+    const Eigen::VectorXd start = starting_parameters(job);
+    if (std::string why = jump(system, start, "the estimate's start"); !why.empty()) return why;
+    for (const DataJob& data : job.data) {
+        Eigen::VectorXd theta = start;
+        for (const ParameterValue& own : data.parameters)
+            theta[own.parameter] = own.value;
+        if (std::string why = jump(system, theta, data.name); !why.empty()) return why;
+    }
+    std::vector<Eigen::Index> moved;
+    if (job.estimate)
+        for (const FreeParameterJob& free : job.estimate->parameters)
+            moved.push_back(free.parameter);
+    if (job.periodic) moved.insert(moved.end(), job.periodic->free.begin(), job.periodic->free.end());
+    if (job.periodic && job.periodic->continuation) moved.push_back(job.periodic->continuation->options.parameter);
+    for (const Eigen::Index i : moved) {
+        const models::Parameter& entry = system.parameters()[static_cast<std::size_t>(i)];
+        Eigen::VectorXd theta = start;
+        theta[i] += entry.typical_size;
+        if (!system.smooth(theta)) return fmt::format("the equations jump as soon as {} leaves its start", entry.name);
+    }
+    return {};
+}
+
+}  // namespace orbid::apps
