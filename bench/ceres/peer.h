@@ -1,9 +1,9 @@
 #pragma once
 
 /// The peer of identification_bench and estimator_bench: Ceres, and Boost.Odeint as its users use it, in a shared
-/// library of their own. Only numbers pass. Both sides include Eigen with settings of their own: were they in one
-/// program, the linker could take one copy of a function for both, and one side would free what the other allocated.
-/// Nothing of Eigen may therefore be seen from outside, neither of this library nor of the programs that use it.
+/// library of their own. Only numbers pass. Both sides include Eigen with settings of their own. Linked into one
+/// program, they shared one copy of Eigen's functions, and matrices were freed in another way than they had been
+/// allocated. Nothing of Eigen may therefore be seen from outside, neither of this library nor of its users.
 #ifdef __cplusplus
 extern "C" {
 #endif
