@@ -71,14 +71,21 @@ std::string odeint_refusal(const Job& job) {
     if (job.estimate)
         for (const FreeParameterJob& free : job.estimate->parameters)
             moved.push_back(free.parameter);
-    if (job.periodic) moved.insert(moved.end(), job.periodic->free.begin(), job.periodic->free.end());
     if (job.periodic && job.periodic->continuation) moved.push_back(job.periodic->continuation->options.parameter);
-    for (const Eigen::Index i : moved) {
-        const models::Parameter& entry = system.parameters()[static_cast<std::size_t>(i)];
+    const auto jumps = [&](Eigen::Index i) {
         Eigen::VectorXd theta = start;
-        theta[i] += entry.typical_size;
-        if (!system.smooth(theta)) return fmt::format("the equations jump as soon as {} leaves its start", entry.name);
-    }
+        theta[i] += system.parameters()[static_cast<std::size_t>(i)].typical_size;
+        return !system.smooth(theta);
+    };
+    for (const Eigen::Index i : moved)
+        if (jumps(i))
+            return fmt::format("the equations jump as soon as {} leaves its start",
+                               system.parameters()[static_cast<std::size_t>(i)].name);
+    for (std::size_t k = 0; job.periodic && k < job.periodic->free.size(); ++k)
+        if (jumps(job.periodic->free[k]))
+            return fmt::format(
+                "derivatives by {} jump although it is 0; /periodic/free can name the parameters without it",
+                system.parameters()[static_cast<std::size_t>(job.periodic->free[k])].name);
     return {};
 }
 

@@ -34,7 +34,7 @@ TEST_CASE("flows of a job agree by both steppers", "[apps][command][odeint]") {
     CAPTURE(check.out, check.error);
     CHECK(check.code == 0);
     CHECK(check.error.empty());
-    for (const char* part : {"1 start over 3 periods of the forcing, tolerance 1e-12", "value", "by the start's phi",
+    for (const char* part : {"1 start over 3 periods of the forcing, tolerance 1e-12", "value", "by the start's theta",
                              "by omega", "steps: verner "})
         CHECK_THAT(check.out, ContainsSubstring(part));
     CHECK_THAT(orbid_with({"check", file}).out, !ContainsSubstring("steps: verner"));
@@ -83,7 +83,11 @@ TEST_CASE("what Odeint cannot integrate is not compared", "[apps][command][odein
 TEST_CASE("job.json names a stepper that is not the default", "[apps][job][odeint]") {
     const TemporaryFolder folder;
     json job = json::parse(R"({ "model": { "name": "parametric_pendulum" },
+      "flow": { "stepper": "odeint" },
       "periodic": { "orbits": [ { "period": 1, "points": [[2.96, 6.40]] } ] } })");
+    CHECK_THAT(orbid_with({"check", write_job(folder.path() / "job.json", job)}).error,
+               ContainsSubstring("/flow/stepper: must be \"verner\" here: derivatives by k1 jump"));
+    job["periodic"]["free"] = {"l", "omega"};
     std::string orbits[2];
     for (const char* stepper : {"verner", "odeint"}) {
         CAPTURE(stepper);
