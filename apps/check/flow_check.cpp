@@ -186,9 +186,9 @@ FlowCheck check_flows(const Job& job) {
         check.odeint_steps += b.steps;
         for (Eigen::Index k = 0; k < std::ssize(span.durations); ++k) {
             const auto entries = [&](const models::FlowResult& flow) {
-                Eigen::MatrixXd all(n, 1 + d);
-                all << flow.states.col(k), flow.sensitivity(k, d);
-                return all;
+                Eigen::MatrixXd values(n, 1 + d);
+                values << flow.states.col(k), flow.sensitivity(k, d);
+                return values;
             };
             comparison.add(entries(a), entries(b));
         }
