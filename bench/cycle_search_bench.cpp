@@ -18,6 +18,7 @@
 #include <vector>
 
 #include <tbb/parallel_for.h>
+#include <Eigen/LU>
 
 #include "bench/odeint_loop.hpp"
 #include "models/catalogue/registry.hpp"
