@@ -121,7 +121,10 @@ MatrixXd CompleteFactor::pseudo_inverse() const {
 }
 
 VectorXd CompleteFactor::row_space_coordinates(const VectorXd& g) const {
-    return factor_->cod.matrixZ() * (factor_->cod.colsPermutation().transpose() * g).eval();
+    // Of full rank Z = 1, but matrixZ() then reads coefficients that were never set.
+    VectorXd permuted = factor_->cod.colsPermutation().transpose() * g;
+    if (rank() == factor_->cod.cols()) return permuted;
+    return factor_->cod.matrixZ() * permuted;
 }
 
 void CompleteFactor::solve_transposed_t_in_place(VectorXd& x) const {

@@ -78,7 +78,10 @@ CrossValidation held_out_fit(const SectionPoints& points, const NeighbourIndex& 
     normal.diagonal().array() += ridge * normal.trace() / static_cast<double>(coefficients);
     const models::CholeskyFactor factor(normal);
     if (!factor.positive_definite()) return fit;
-    const Eigen::MatrixXd solution = factor.solve(x.transpose() * (w.asDiagonal() * y));
+    // Row by row, the order in which Eigen takes this product for itself: by columns it rounds differently.
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    const RowMajor right = x.transpose() * (w.asDiagonal() * y);
+    const Eigen::MatrixXd solution = factor.solve(right);
     const Eigen::MatrixXd left = y - x * solution;
     const double total = w.sum();
     // Of the kept points' weights the fit uses up as much as unweighted points would of their number.

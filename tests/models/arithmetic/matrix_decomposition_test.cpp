@@ -264,6 +264,12 @@ TEST_CASE("a complete factor gives the shortest of all solutions of least square
     VectorXd known = coordinates.head(2);
     other.solve_transposed_t_in_place(known);
     CHECK_THAT(known.norm(), tests::WithinAbs((other.pseudo_inverse().transpose() * g).norm(), rounding));
+    // Of full rank all of g lies in the row space.
+    other.compute(full(6, 3), 1e-8);
+    REQUIRE(other.rank() == 3);
+    known = other.row_space_coordinates(g);
+    other.solve_transposed_t_in_place(known);
+    CHECK_THAT(known.norm(), tests::WithinAbs((other.pseudo_inverse().transpose() * g).norm(), rounding));
 }
 
 TEST_CASE("singular values of a product of known factors come back", "[models][fast]") {
