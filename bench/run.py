@@ -29,18 +29,18 @@ programs = {
     "cycle_search_bench": ([["pendulum", "0.1", "18"], ["henon", "0.01", "18"]], [[]]),
     "ensemble_bench": ([[]], [[]]),
     "equation_bench": ([[]], [[]]),
-    "estimator_bench": ([["nist"], ["many"]], [[]]),
+    "estimator_bench": ([[]], [[]]),
     "experiment_cycles_bench": ([["0", "1"]], [[]]),
     "flow_bench": ([[]], [[]]),
     "grid_bench": ([["18"]], [[]]),
     "identification_bench": ([["lorenz", "pendulum", "1000", "paper", "5000", "iteration", "5000"]], [[]]),
     "orbit_search_bench": ([["parametric_pendulum", "3", "14"]], [[]]),
-    "periodic_bench": ([["3e-3", "5"]], [[]]),
+    "periodic_bench": ([[]], [[]]),
     "scale_bench": ([[]], [[], ["henon", "1e8"]]),
     "sensitivity_bench": ([[]], [[]]),
     "start_region_bench": ([[CYCLES, "10"]], [[CYCLES]]),
-    "waveform_bench": ([["5"]], [[]]),
-    "auto/compare.py": ([["{build}", "3e-3", "1"]], [["{build}"]]),
+    "waveform_bench": ([["20"]], [[]]),
+    "auto/compare.py": ([["{build}"]], [["{build}"]]),
 }
 
 
@@ -104,7 +104,7 @@ def main():
     parser.add_argument("programs", nargs="*")
     parser.add_argument("--long", action="store_true", help="the sizes of the figures in docs/; no limit")
     parser.add_argument("--limit", type=float, default=10.0, help="minutes for all together (default 10)")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     built = {path.name for path in (options.build / "bin").glob("*_bench")} | {"auto/compare.py"}
     unknown = [name for name in options.programs if name not in programs]
     missing = [f"{name}: has no entry in bench/run.py" for name in sorted(built - set(programs))]
