@@ -87,7 +87,7 @@ endfunction()
 
 # One room: a static library of the sources in its folders, its headers each compilable alone, and the rooms it may use.
 # Public headers (files or patterns) are installed; others are not. Sources named ALONE have flags of their own and are
-# in no batch; those named WITHOUT belong to another target.
+# in no batch. Files named WITHOUT are sources of another target, or headers that need what only this room includes.
 #   add_module(periodic FOLDERS orbit search PUBLIC_HEADERS orbit/orbit.hpp DEPENDS models PACKAGES fmt::fmt)
 function(add_module name)
   cmake_parse_arguments(ARG "" "" "FOLDERS;PUBLIC_HEADERS;ALONE;WITHOUT;SOURCES;DEPENDS;PACKAGES;PRIVATE_PACKAGES" ${ARGN})
@@ -96,6 +96,7 @@ function(add_module name)
   if(ORBID_SYNTAX_ONLY)
     set(ORBID_BATCHES OFF)
   endif()
+  set(without ${ARG_WITHOUT})
   list(TRANSFORM ARG_ALONE PREPEND ${here}/)
   list(TRANSFORM ARG_WITHOUT PREPEND ${here}/)
   set(sources ${ARG_ALONE} ${ARG_SOURCES})
@@ -115,7 +116,7 @@ function(add_module name)
     file(GLOB files RELATIVE ${here} CONFIGURE_DEPENDS ${here}/${folder}/*.hpp)
     list(APPEND headers ${files})
   endforeach()
-  list(REMOVE_ITEM headers ${public})
+  list(REMOVE_ITEM headers ${public} ${without})
   add_library(orbid_${name} STATIC ${sources})
   target_link_libraries(orbid_${name} PRIVATE orbid_warnings orbid_library_flags fmt::fmt ${ARG_PRIVATE_PACKAGES})
   target_precompile_headers(orbid_${name} REUSE_FROM orbid_precompiled)
