@@ -1,4 +1,7 @@
-#pragma once
+// A guard rather than #pragma once: a precompiled header made in one clone serves others, where this file has another
+// path.
+#ifndef ORBID_TESTS_CATCH_HPP
+#define ORBID_TESTS_CATCH_HPP
 
 // Catch2 is version 2 in Debian 12 and version 3 elsewhere; every test includes this header instead.
 #if __has_include(<catch2/catch_all.hpp>)
@@ -21,3 +24,5 @@ inline auto ContainsSubstring(const std::string& text) {
 }
 #endif
 }  // namespace orbid::tests
+
+#endif  // ORBID_TESTS_CATCH_HPP
