@@ -34,7 +34,8 @@ export async function open_browser() {
       await browser.close();
       process_.kill();
       await ended;
-      rmSync(profile, { recursive: true, force: true, maxRetries: 5 });
+      // Chromium's children may still write for a moment.
+      rmSync(profile, { recursive: true, force: true, maxRetries: 50, retryDelay: 200 });
     },
   };
 }
