@@ -200,12 +200,12 @@ FlowCheck check_flows(const Job& job) {
 std::string flow_table(const Job& job, const FlowCheck& check) {
     const auto coordinates = job.model.system->coordinates();
     const bool wide = coordinates.size() <= columns_shown;
-    std::vector<SummaryTable::Column> columns{{"", SummaryTable::Align::left}};
+    std::vector<SummaryTable::Column> columns{left_aligned("")};
     for (std::size_t i = 0; wide && i < coordinates.size(); ++i)
         columns.push_back({std::string(coordinates[i].name)});
     if (!wide) {
         columns.push_back({"largest"});
-        columns.push_back({"of", SummaryTable::Align::left});
+        columns.push_back(left_aligned("of"));
     }
     SummaryTable table(columns);
     for (Eigen::Index j = 0; check.starts > 0 && j < check.differences.cols(); ++j) {

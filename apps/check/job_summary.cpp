@@ -28,7 +28,7 @@ std::string data_line(const Job& job, const DataJob& data) {
 }
 
 std::string section_line(const Job& job) {
-    const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(job.section_plane->coordinate)];
+    const auto& coordinate = job.model.coordinate(job.section_plane->coordinate);
     return fmt::format("  section    {} = {}, {}\n", coordinate.name, job.section_plane->value,
                        job.section_plane->direction > 0 ? "rising" : "falling");
 }
@@ -71,7 +71,7 @@ std::string periodic_lines(const Job& job) {
                             megabytes(static_cast<double>(periodic.search->points)));
     if (periodic.continuation) {
         const periodic::ContinuationOptions& options = periodic.continuation->options;
-        const auto& parameter = job.model.system->parameters()[static_cast<std::size_t>(options.parameter)];
+        const auto& parameter = job.model.parameter(options.parameter);
         // A point keeps the Jacobians of its orbit as well: n columns more.
         const double most = static_cast<double>(options.maximum_branches * options.maximum_points) *
                             static_cast<double>(options.maximum_period) * (n + 1.0);
@@ -125,8 +125,7 @@ std::string estimate_lines(const Job& job) {
     for (const std::string& variant : criticism.variants)
         models.push_back("variant " + variant);
     for (const Eigen::Index parameter : criticism.without)
-        models.push_back(
-            fmt::format("without {}", job.model.system->parameters()[static_cast<std::size_t>(parameter)].name));
+        models.push_back(fmt::format("without {}", job.model.parameter(parameter).name));
     if (!models.empty()) text += fmt::format("  against    {}\n", fmt::join(models, ", "));
     if (criticism.held_out > 0.0) text += fmt::format("  held out   {:.3g} of the data in turn\n", criticism.held_out);
     return text;

@@ -280,8 +280,7 @@ std::vector<StageWork> estimated_work(const Job& job, const DataCheck& data, int
 
 std::string work_table(const std::vector<StageWork>& work, int threads) {
     if (work.empty()) return {};
-    using Align = SummaryTable::Align;
-    SummaryTable table({{"stage", Align::left}, {"amount", Align::left}, {"memory"}, {"about"}});
+    SummaryTable table({left_aligned("stage"), left_aligned("amount"), "memory", "about"});
     double seconds = 0.0;
     for (const StageWork& stage : work) {
         seconds += stage.seconds;

@@ -1,6 +1,7 @@
 #include "apps/documents/json_document.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 
 #include <fmt/format.h>
@@ -223,21 +224,9 @@ private:
 }  // namespace
 
 std::string_view description(JsonValue::Kind kind) {
-    switch (kind) {
-        case JsonValue::Kind::null:
-            return "null";
-        case JsonValue::Kind::boolean:
-            return "true or false";
-        case JsonValue::Kind::number:
-            return "a number";
-        case JsonValue::Kind::string:
-            return "a text";
-        case JsonValue::Kind::array:
-            return "a list";
-        case JsonValue::Kind::object:
-            return "an object";
-    }
-    return "";
+    constexpr std::array<std::string_view, 6> words{"null",   "true or false", "a number",
+                                                    "a text", "a list",        "an object"};
+    return words[static_cast<std::size_t>(kind)];
 }
 
 std::string message(const Problem& problem, std::string_view file) {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "apps/documents/name_list.hpp"
 #include "orbits/records/nearest_name.hpp"
 
 namespace orbid::apps {
@@ -53,8 +52,7 @@ void ValueReader::report_data(std::string rule) const {
 }
 
 void ValueReader::report_later(std::string_view what) const {
-    const std::string subject = what.empty() ? shown_value(*value_) : std::string(what);
-    report(fmt::format("{}: {}", subject, not_in_this_version));
+    report(fmt::format("{}: {}", what, not_in_this_version));
 }
 
 void ValueReader::report_kind(std::string_view expected) const {
@@ -67,14 +65,6 @@ std::optional<double> ValueReader::number() const {
         return std::nullopt;
     }
     return value_->number;
-}
-
-std::optional<double> ValueReader::positive() const {
-    return number([](double x) { return x > 0; }, "> 0");
-}
-
-std::optional<double> ValueReader::nonnegative() const {
-    return number([](double x) { return x >= 0; }, ">= 0");
 }
 
 std::optional<std::uint64_t> ValueReader::whole(std::uint64_t lowest, std::uint64_t highest) const {

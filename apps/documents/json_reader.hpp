@@ -1,9 +1,11 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -13,6 +15,10 @@
 #include "apps/documents/schema.hpp"
 
 namespace orbid::apps {
+
+[[nodiscard]] inline bool is_in(std::string_view name, const std::vector<std::string>& names) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+}
 
 /// `; did you mean "x"?`, else `; known: "a", "b"`; nothing when no name is known.
 [[nodiscard]] std::string suggestion(std::string_view word, const std::vector<std::string>& known);
@@ -53,8 +59,6 @@ public:
         report(fmt::format("must be {}, not {}", rule, *read));
         return std::nullopt;
     }
-    [[nodiscard]] std::optional<double> positive() const;
-    [[nodiscard]] std::optional<double> nonnegative() const;
     /// A whole number in [lowest, highest], highest at most 2^53 (what a JSON number holds exactly).
     [[nodiscard]] std::optional<std::uint64_t> whole(std::uint64_t lowest, std::uint64_t highest) const;
     /// The same for a described value, with the range of its description.
@@ -63,6 +67,24 @@ public:
     [[nodiscard]] std::optional<std::string> text() const;
     /// The index of a text among these choices. A described value has the same choices in its description.
     [[nodiscard]] std::optional<std::size_t> choice(const std::vector<std::string>& now) const;
+    /// Puts a number, truth value or text into `target`, which stays as it is when the value is refused.
+    template <class T>
+    void read(T& target) const {
+        if constexpr (std::is_same_v<T, bool>) {
+            target = boolean().value_or(target);
+        } else if constexpr (std::is_arithmetic_v<T>) {
+            if (const auto found = number()) target = static_cast<T>(*found);
+        } else if constexpr (std::is_same_v<T, std::optional<double>>) {
+            target = number();
+        } else {
+            target = text().value_or(target);
+        }
+    }
+    /// The same for a text among these choices, which are those of the enumeration in its order.
+    template <class Enum>
+    void choose(const std::vector<std::string>& now, Enum& target) const {
+        if (const auto index = choice(now)) target = static_cast<Enum>(*index);
+    }
     /// The items of a list; empty after another kind has been reported.
     [[nodiscard]] std::vector<ValueReader> items() const;
     /// The members of an object whose keys are names; empty after another kind has been reported.
@@ -83,7 +105,8 @@ public:
     void report_character(std::size_t position, std::string rule) const;
     /// Reports that the data this value names cannot be read.
     void report_data(std::string rule) const;
-    void report_later(std::string_view what = {}) const;
+    /// Reports that this is not in this version.
+    void report_later(std::string_view what) const;
 
     /// Reports that a value of another kind was expected ("a number or \"estimate\"").
     void report_kind(std::string_view expected) const;
@@ -114,6 +137,20 @@ public:
     [[nodiscard]] std::optional<ValueReader> find(std::string_view key);
     /// The same; an absent key is reported with its expected content.
     [[nodiscard]] std::optional<ValueReader> require(std::string_view key, std::string_view meaning);
+    /// Reads a key into `target`, which stays as it is when the key is absent or its value refused.
+    /// @return the value; nothing when absent.
+    template <class T>
+    std::optional<ValueReader> read(std::string_view key, T& target) {
+        auto found = find(key);
+        if (found) found->read(target);
+        return found;
+    }
+    template <class Enum>
+    std::optional<ValueReader> choose(std::string_view key, const std::vector<std::string>& now, Enum& target) {
+        auto found = find(key);
+        if (found) found->choose(now, target);
+        return found;
+    }
     /// The description of a key's value; null without one.
     [[nodiscard]] const ValueSchema* description_of(std::string_view key) const;
     /// Reports every key never read.

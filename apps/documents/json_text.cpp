@@ -70,12 +70,8 @@ std::string json_text(const nlohmann::ordered_json& value) {
 
 nlohmann::ordered_json json_rows(const Eigen::MatrixXd& matrix) {
     auto out = nlohmann::ordered_json::array();
-    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-        auto row = nlohmann::ordered_json::array();
-        for (Eigen::Index j = 0; j < matrix.cols(); ++j)
-            row.push_back(matrix(i, j));
-        out.push_back(std::move(row));
-    }
+    for (Eigen::Index i = 0; i < matrix.rows(); ++i)
+        out.push_back(json_list(matrix.row(i)));
     return out;
 }
 

@@ -28,10 +28,6 @@ std::string object_in_words(const ObjectSchema& object, bool alone) {
     return fmt::format("{{ {} }}", keys);
 }
 
-std::string number_text(double number) {
-    return fmt::format("{}", number);
-}
-
 }  // namespace
 
 bool ValueSchema::allows(JsonValue::Kind kind) const {
@@ -70,7 +66,7 @@ KeySchema& KeySchema::by_default(bool flag) {
 }
 
 KeySchema& KeySchema::by_default(double number) {
-    default_value = number_text(number);
+    default_value = fmt::format("{}", number);
     return *this;
 }
 
@@ -137,6 +133,22 @@ std::string rule(const NumberSchema& number) {
 
 namespace describe {
 
+namespace {
+
+ValueSchema number_in(NumberSchema form) {
+    ValueSchema value;
+    value.number = std::move(form);
+    return value;
+}
+
+ValueSchema object_of(ObjectSchema form) {
+    ValueSchema value;
+    value.object = std::make_shared<const ObjectSchema>(std::move(form));
+    return value;
+}
+
+}  // namespace
+
 ValueSchema anything() {
     ValueSchema value;
     value.anything = true;
@@ -156,57 +168,39 @@ ValueSchema boolean() {
 }
 
 ValueSchema number() {
-    ValueSchema value;
-    value.number.emplace();
-    return value;
+    return number_in({});
 }
 
 ValueSchema at_least(double lowest) {
-    ValueSchema value = number();
-    value.number->lowest = lowest;
-    return value;
+    return number_in({.lowest = lowest});
 }
 
 ValueSchema above(double lowest) {
-    ValueSchema value = at_least(lowest);
-    value.number->above_lowest = true;
-    return value;
+    return number_in({.lowest = lowest, .above_lowest = true});
 }
 
 ValueSchema from_to(double lowest, double highest) {
-    ValueSchema value = at_least(lowest);
-    value.number->highest = highest;
-    return value;
+    return number_in({.lowest = lowest, .highest = highest});
 }
 
 ValueSchema above_up_to(double lowest, double highest) {
-    ValueSchema value = from_to(lowest, highest);
-    value.number->above_lowest = true;
-    return value;
+    return number_in({.lowest = lowest, .highest = highest, .above_lowest = true});
 }
 
 ValueSchema between(double lowest, double highest) {
-    ValueSchema value = above_up_to(lowest, highest);
-    value.number->below_highest = true;
-    return value;
+    return number_in({.lowest = lowest, .highest = highest, .above_lowest = true, .below_highest = true});
 }
 
 ValueSchema one_of(std::vector<double> numbers) {
-    ValueSchema value = number();
-    value.number->only = std::move(numbers);
-    return value;
+    return number_in({.only = std::move(numbers)});
 }
 
 ValueSchema other_than(double excluded) {
-    ValueSchema value = number();
-    value.number->except = excluded;
-    return value;
+    return number_in({.except = excluded});
 }
 
 ValueSchema whole(double lowest, double highest) {
-    ValueSchema value = from_to(lowest, highest);
-    value.number->whole = true;
-    return value;
+    return number_in({.whole = true, .lowest = lowest, .highest = highest});
 }
 
 ValueSchema text(std::string rule) {
@@ -245,22 +239,12 @@ ValueSchema set(ValueSchema item, std::size_t fewest) {
 }
 
 ValueSchema object(std::vector<KeySchema> keys, std::vector<std::string> exactly_one) {
-    ObjectSchema form;
-    form.keys = std::move(keys);
-    form.exactly_one = std::move(exactly_one);
-    ValueSchema value;
-    value.object = std::make_shared<const ObjectSchema>(std::move(form));
-    return value;
+    return object_of({std::move(keys), std::nullopt, std::move(exactly_one)});
 }
 
 ValueSchema entries(ValueSchema value, std::string names, std::vector<KeySchema> keys, std::size_t fewest) {
-    ObjectSchema form;
-    form.keys = std::move(keys);
-    form.entries = EntriesSchema{std::make_shared<const ValueSchema>(std::move(value)), std::move(names)};
-    form.fewest = fewest;
-    ValueSchema result;
-    result.object = std::make_shared<const ObjectSchema>(std::move(form));
-    return result;
+    EntriesSchema named{std::make_shared<const ValueSchema>(std::move(value)), std::move(names)};
+    return object_of({std::move(keys), std::move(named), {}, fewest});
 }
 
 ValueSchema named(std::string name, ValueSchema value) {

@@ -24,10 +24,10 @@ struct NumberSchema {
     bool whole = false;
     double lowest = -std::numeric_limits<double>::infinity();
     double highest = std::numeric_limits<double>::infinity();
-    bool above_lowest = false;   ///< the lowest itself is excluded
-    bool below_highest = false;  ///< the highest itself is excluded
-    std::vector<double> only;    ///< these numbers alone, unless empty
-    std::optional<double> except;
+    bool above_lowest = false;      ///< the lowest itself is excluded
+    bool below_highest = false;     ///< the highest itself is excluded
+    std::vector<double> only = {};  ///< these numbers alone, unless empty
+    std::optional<double> except = {};
 };
 
 struct TextSchema {

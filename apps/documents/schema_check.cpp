@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "apps/documents/json_reader.hpp"
-#include "apps/documents/name_list.hpp"
 #include "orbits/records/nearest_name.hpp"
 
 namespace orbid::apps {

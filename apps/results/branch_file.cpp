@@ -59,23 +59,19 @@ Json point_json(const BranchPoint& point) {
 }
 
 Json cascades_json(const std::vector<Branch>& branches) {
-    Json list = Json::array();
-    for (const auto& cascade : doubling_cascades(branches)) {
-        Json places = Json::array();
-        Json errors = Json::array();
+    return json_list(doubling_cascades(branches), [&](const std::vector<BranchPlace>& cascade) -> Json {
         std::vector<double> values;
+        std::vector<double> errors;
         for (const BranchPlace& place : cascade) {
             const BranchPoint& point = branches[place.branch].points[place.point];
-            places.push_back(place_json(place));
             values.push_back(point.parameter);
             errors.push_back(point.parameter_error);
         }
-        list.push_back({{"doublings", places},
-                        {"parameter", values},
-                        {"parameter_error", errors},
-                        {"ratios", periodic::doubling_ratios(values)}});
-    }
-    return list;
+        return {{"doublings", json_list(cascade, place_json)},
+                {"parameter", values},
+                {"parameter_error", errors},
+                {"ratios", periodic::doubling_ratios(values)}};
+    });
 }
 
 BranchPoint point_of(const nlohmann::json& json) {
@@ -115,18 +111,13 @@ std::string branches_text(const CycleFileHead& head, const models::Parameter& pa
     Json out = detail::head_document(head);
     out["format"] = "orbid-branches/1";
     out["parameter"] = {{"name", parameter.name}, {"unit", parameter.unit}, {"range", {lower, upper}}};
-    out["message"] = followed.message.empty() ? Json(nullptr) : Json(followed.message);
+    out["message"] = json_or_null(followed.message);
     out["cascades"] = cascades_json(followed.branches);
-    out["branches"] = Json::array();
-    for (const Branch& branch : followed.branches) {
-        Json points = Json::array();
-        for (const BranchPoint& point : branch.points)
-            points.push_back(point_json(point));
-        out["branches"].push_back(
-            {{"origin", branch.origin ? place_json({branch.origin->branch, branch.origin->point}) : Json(nullptr)},
-             {"ends", {periodic::name(branch.first), periodic::name(branch.last)}},
-             {"points", std::move(points)}});
-    }
+    out["branches"] = json_list(followed.branches, [](const Branch& branch) -> Json {
+        return {{"origin", branch.origin ? place_json({branch.origin->branch, branch.origin->point}) : Json(nullptr)},
+                {"ends", {periodic::name(branch.first), periodic::name(branch.last)}},
+                {"points", json_list(branch.points, point_json)}};
+    });
     return json_text(out);
 }
 

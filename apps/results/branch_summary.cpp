@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -11,64 +12,34 @@ namespace orbid::apps {
 
 namespace {
 
-using Align = SummaryTable::Align;
 using periodic::Bifurcation;
 using periodic::Branch;
 using periodic::BranchEnd;
 using periodic::BranchPoint;
 
 std::string_view end_text(BranchEnd end) {
-    switch (end) {
-        case BranchEnd::bound:
-            return "end of the range";
-        case BranchEnd::closed:
-            return "closed";
-        case BranchEnd::domain:
-            return "edge of the parameter's domain";
-        case BranchEnd::point_limit:
-            return "\"points\" used up";
-        case BranchEnd::smallest_step:
-            return "no step converges";
-        case BranchEnd::equilibrium:
-            return "shrank to an equilibrium";
-        case BranchEnd::period_limit:
-            return "\"maximum_time\" reached";
-        case BranchEnd::other_branch:
-            return "met another branch";
-        case BranchEnd::not_simulated:
-            return "motion cannot be followed";
-        case BranchEnd::start:
-            return "start";
-        case BranchEnd::interrupted:
-            return "interrupted";
-    }
-    return "";
+    constexpr std::array<std::string_view, 11> texts{"end of the range",
+                                                     "closed",
+                                                     "edge of the parameter's domain",
+                                                     "\"points\" used up",
+                                                     "no step converges",
+                                                     "shrank to an equilibrium",
+                                                     "\"maximum_time\" reached",
+                                                     "met another branch",
+                                                     "motion cannot be followed",
+                                                     "start",
+                                                     "interrupted"};
+    return texts[static_cast<std::size_t>(end)];
 }
 
 std::string_view kind_text(Bifurcation bifurcation) {
-    switch (bifurcation) {
-        case Bifurcation::none:
-            return "";
-        case Bifurcation::fold:
-            return "fold";
-        case Bifurcation::period_doubling:
-            return "period doubling";
-        case Bifurcation::neimark_sacker:
-            return "Neimark-Sacker";
-        case Bifurcation::branch_point:
-            return "branch point";
-    }
-    return "";
+    constexpr std::array<std::string_view, 5> texts{"", "fold", "period doubling", "Neimark-Sacker", "branch point"};
+    return texts[static_cast<std::size_t>(bifurcation)];
 }
 
 std::string branches_table(const std::vector<Branch>& branches, const std::string& parameter) {
-    SummaryTable table({{"branch"},
-                        {"period"},
-                        {"begins at", Align::left},
-                        {parameter, Align::left},
-                        {"orbits"},
-                        {"stable"},
-                        {"ends", Align::left}});
+    SummaryTable table({"branch", "period", left_aligned("begins at"), left_aligned(parameter), "orbits", "stable",
+                        left_aligned("ends")});
     for (std::size_t b = 0; b < branches.size(); ++b) {
         const Branch& branch = branches[b];
         const auto [least, largest] =
@@ -98,14 +69,8 @@ std::string multiplier_text(std::complex<double> value) {
 }
 
 std::string bifurcations_table(const std::vector<Branch>& branches, const std::string& parameter) {
-    SummaryTable table({{"branch"},
-                        {"orbit"},
-                        {"period"},
-                        {"bifurcation", Align::left},
-                        {parameter},
-                        {"± error"},
-                        {"critical multiplier"},
-                        {"opens branch", Align::left}});
+    SummaryTable table({"branch", "orbit", "period", left_aligned("bifurcation"), parameter, "± error",
+                        "critical multiplier", left_aligned("opens branch")});
     // More are for the file and the picture.
     constexpr std::size_t most = 60;
     const auto places = located_bifurcations(branches);
@@ -123,7 +88,7 @@ std::string bifurcations_table(const std::vector<Branch>& branches, const std::s
 }
 
 std::string cascades_table(const std::vector<Branch>& branches, const std::string& parameter) {
-    SummaryTable table({{"cascade"}, {"period"}, {parameter}, {"interval"}, {"ratio of intervals"}});
+    SummaryTable table({"cascade", "period", parameter, "interval", "ratio of intervals"});
     const auto cascades = doubling_cascades(branches);
     for (std::size_t c = 0; c < cascades.size(); ++c) {
         std::vector<double> values;

@@ -17,17 +17,25 @@ using Json = nlohmann::ordered_json;
 
 }  // namespace
 
+std::vector<orbits::SeriesCoordinate> series_coordinates(const models::System& system) {
+    std::vector<orbits::SeriesCoordinate> coordinates;
+    for (const auto& coordinate : system.coordinates())
+        coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
+    return coordinates;
+}
+
 namespace detail {
 
 Json rows_or_null(const Eigen::MatrixXd& matrix) {
     return matrix.size() == 0 ? Json(nullptr) : json_rows(matrix);
 }
 
+Json complex_pair(std::complex<double> value) {
+    return Json::array({value.real(), value.imag()});
+}
+
 Json complex_pairs(const std::vector<std::complex<double>>& values) {
-    Json out = Json::array();
-    for (const auto& value : values)
-        out.push_back(Json::array({value.real(), value.imag()}));
-    return out;
+    return json_list(values, complex_pair);
 }
 
 void require_points(const Eigen::MatrixXd& points, int period, std::size_t dimension, std::size_t index) {
@@ -50,12 +58,8 @@ Json head_document(const CycleFileHead& head) {
     Json out;
     out["format"] = "orbid-cycles/1";
     out["model"] = head.model;
-    out["coordinates"] = Json::array();
-    out["units"] = Json::array();
-    for (const auto& coordinate : head.coordinates) {
-        out["coordinates"].push_back(coordinate.name);
-        out["units"].push_back(coordinate.unit);
-    }
+    out["coordinates"] = json_list(head.coordinates, &orbits::SeriesCoordinate::name);
+    out["units"] = json_list(head.coordinates, &orbits::SeriesCoordinate::unit);
     out["section"] = Json::object();
     if (head.phase) out["section"]["phase"] = *head.phase;
     if (head.plane) {
@@ -85,19 +89,17 @@ Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size
     Json out;
     out["period"] = cycle.period;
     // Angles read modulo a turn cannot tell how often the cycle went round.
-    out["rotation"] = cycle.rotation.empty() ? Json(nullptr) : Json(cycle.rotation);
+    out["rotation"] = json_or_null(cycle.rotation);
     out["points"] = detail::rows_or_null(cycle.points.transpose());
     out["covariance"] = detail::rows_or_null(cycle.covariance);
     out["multipliers"] = complex_pairs(cycle.multipliers);
-    out["ln_multiplier"] = Json::array();
-    for (const double value : cycle.ln_multiplier)
-        out["ln_multiplier"].push_back(value);
+    out["ln_multiplier"] = json_list(cycle.ln_multiplier);
     out["ln_multiplier_covariance"] = detail::rows_or_null(cycle.ln_multiplier_covariance);
     out["time"] = std::isfinite(cycle.time) ? Json(cycle.time) : detail::time_of(head, cycle.period);
     out["time_sd"] = cycle.time_sd;
-    out["code"] = cycle.code.empty() ? Json(nullptr) : Json(cycle.code);
+    out["code"] = json_or_null(cycle.code);
     out["recurrences"] = cycle.recurrences;
-    out["mirror"] = cycle.mirror ? Json(*cycle.mirror) : Json(nullptr);
+    out["mirror"] = json_or_null(cycle.mirror);
     out["quality"] = cycle.quality;
     return out;
 }

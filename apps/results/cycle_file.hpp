@@ -10,10 +10,14 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/documents/fingerprint.hpp"
+#include "models/system/system.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 #include "orbits/records/series.hpp"
 
 namespace orbid::apps {
+
+/// The coordinates of a system as a series of its states has them.
+[[nodiscard]] std::vector<orbits::SeriesCoordinate> series_coordinates(const models::System& system);
 
 /// The plane that an autonomous flow crosses.
 struct SectionPlane {
@@ -51,6 +55,8 @@ namespace detail {
 
 /// What stands above the list, without a list.
 [[nodiscard]] nlohmann::ordered_json head_document(const CycleFileHead& head);
+/// [re, im]
+[[nodiscard]] nlohmann::ordered_json complex_pair(std::complex<double> value);
 /// [[re, im], ...]
 [[nodiscard]] nlohmann::ordered_json complex_pairs(const std::vector<std::complex<double>>& values);
 /// Rows of a matrix; null when it is empty (not known).

@@ -26,6 +26,12 @@ std::optional<ValueReader> given(ObjectReader& object, std::string_view key) {
     return found && !found->is(JsonValue::Kind::null) ? found : std::nullopt;
 }
 
+/// A count; 0 without it.
+std::size_t count_of(ObjectReader& object, std::string_view key) {
+    const auto value = given(object, key);
+    return static_cast<std::size_t>(value ? value->whole(0, most_counted).value_or(0) : 0);
+}
+
 /// A number, or nan for null (undefined).
 double number_or_nan(const ValueReader& value) {
     return value.is(JsonValue::Kind::null) ? std::numeric_limits<double>::quiet_NaN() : value.number().value_or(0.0);
@@ -162,8 +168,7 @@ orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::Ser
     }
     if (const auto covariance = given(object, "ln_multiplier_covariance"))
         cycle.ln_multiplier_covariance = matrix(*covariance, cycle.ln_multiplier.size(), cycle.ln_multiplier.size());
-    if (const auto recurrences = given(object, "recurrences"))
-        cycle.recurrences = static_cast<std::size_t>(recurrences->whole(0, most_counted).value_or(0));
+    cycle.recurrences = count_of(object, "recurrences");
     if (const auto mirror = given(object, "mirror")) {
         if (const auto index = mirror->whole(0, count - 1)) cycle.mirror = static_cast<std::size_t>(*index);
     }
@@ -183,18 +188,16 @@ orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::Ser
 }
 
 /// A list of names (coordinates, units) that must be those expected.
-template <class Name>
 void require_names(ObjectReader& object, std::string_view key, std::string_view model,
-                   const std::vector<orbits::SeriesCoordinate>& coordinates, Name name) {
+                   const std::vector<orbits::SeriesCoordinate>& coordinates,
+                   std::string orbits::SeriesCoordinate::*name) {
     const auto value = given(object, key);
     if (!value) return;
     std::vector<std::string> expected;
-    std::string listed;
-    for (const auto& coordinate : coordinates) {
-        expected.emplace_back(name(coordinate));
-        listed += fmt::format("{}\"{}\"", listed.empty() ? "" : ", ", expected.back());
-    }
-    if (texts(*value) != expected) value->report(fmt::format("must be [{}], as {} has them", listed, model));
+    for (const auto& coordinate : coordinates)
+        expected.push_back(coordinate.*name);
+    if (texts(*value) != expected)
+        value->report(fmt::format("must be [{}], as {} has them", quoted_list(expected), model));
 }
 
 void read_plane(ObjectReader& members, CycleFileHead& head) {
@@ -213,8 +216,8 @@ void read_head(ObjectReader& object, std::string_view model, const std::vector<o
         name->report(fmt::format("holds cycles of \"{}\", must be of \"{}\"", *name->text(), model));
     head.model = model;
     head.coordinates = coordinates;
-    require_names(object, "coordinates", model, coordinates, [](const auto& coordinate) { return coordinate.name; });
-    require_names(object, "units", model, coordinates, [](const auto& coordinate) { return coordinate.unit; });
+    require_names(object, "coordinates", model, coordinates, &orbits::SeriesCoordinate::name);
+    require_names(object, "units", model, coordinates, &orbits::SeriesCoordinate::unit);
     if (const auto section = given(object, "section")) {
         ObjectReader members(*section);
         if (const auto phase = given(members, "phase")) head.phase = phase->number();
@@ -231,12 +234,8 @@ void read_search(ObjectReader& object, std::size_t dimension, orbits::CycleSearc
         for (const ValueReader& item : missing->items())
             search.missing.push_back(static_cast<int>(item.whole(1, longest_period).value_or(1)));
     }
-    const auto count = [&object](std::string_view key) {
-        const auto value = given(object, key);
-        return static_cast<std::size_t>(value ? value->whole(0, most_counted).value_or(0) : 0);
-    };
-    search.candidates = count("candidates");
-    search.rejected = count("rejected");
+    search.candidates = count_of(object, "candidates");
+    search.rejected = count_of(object, "rejected");
     if (const auto map = given(object, "patch_map")) search.spline_map = map->boolean().value_or(false);
     if (const auto covariance = given(object, "reading_covariance")) {
         const auto n = static_cast<Eigen::Index>(dimension);
@@ -246,13 +245,6 @@ void read_search(ObjectReader& object, std::size_t dimension, orbits::CycleSearc
 }
 
 }  // namespace
-
-std::vector<orbits::SeriesCoordinate> series_coordinates(const models::System& system) {
-    std::vector<orbits::SeriesCoordinate> coordinates;
-    for (const auto& coordinate : system.coordinates())
-        coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), coordinate.angle});
-    return coordinates;
-}
 
 CycleReading parse_cycles(std::string_view text, std::string_view model,
                           const std::vector<orbits::SeriesCoordinate>& coordinates) {

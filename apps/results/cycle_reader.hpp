@@ -7,7 +7,6 @@
 
 #include "apps/documents/json_document.hpp"
 #include "apps/results/cycle_file.hpp"
-#include "models/system/system.hpp"
 
 namespace orbid::apps {
 
@@ -17,9 +16,6 @@ struct CycleReading {
     std::optional<CycleFile> file;
     std::vector<Problem> problems;
 };
-
-/// The coordinates of a system as a series of its states has them.
-[[nodiscard]] std::vector<orbits::SeriesCoordinate> series_coordinates(const models::System& system);
 
 /// Reads cycles.json (or orbits.json: what is more there is skipped) of a model in the coordinates of its section. Only
 /// `period` and `points` of each cycle are required. Left out or null: rotation, covariance, multipliers and

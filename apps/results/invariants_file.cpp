@@ -14,11 +14,6 @@ namespace orbid::apps {
 namespace {
 
 using Json = nlohmann::ordered_json;
-using Align = SummaryTable::Align;
-
-std::vector<double> list(const Eigen::VectorXd& values) {
-    return {values.begin(), values.end()};
-}
 
 Json term_json(const orbits::CycleExpansionTerm& term) {
     return {{"period", term.period},
@@ -28,7 +23,7 @@ Json term_json(const orbits::CycleExpansionTerm& term) {
             {"determinant_zero", term.determinant_zero},
             {"zeta_zero", term.zeta_zero},
             {"escape_rate", term.escape_rate},
-            {"exponents", list(term.exponents)},
+            {"exponents", json_list(term.exponents)},
             {"metric_entropy", term.metric_entropy},
             {"topological_entropy", term.topological_entropy},
             {"mean_time", term.mean_time},
@@ -38,20 +33,17 @@ Json term_json(const orbits::CycleExpansionTerm& term) {
 Json expansion_json(const orbits::Invariants& invariants) {
     if (!invariants.expansion) return {{"refused", invariants.expansion_refused}};
     const orbits::CycleExpansion& expansion = *invariants.expansion;
-    Json out{{"rates_per", expansion.timed ? "second" : "section"},
-             {"escape_rate_sd", expansion.escape_rate_sd},
-             {"exponent_sds", list(expansion.exponent_sds)},
-             {"index_sums", expansion.index_sums},
-             {"by_period", Json::array()}};
-    for (const auto& term : expansion.by_period)
-        out["by_period"].push_back(term_json(term));
-    return out;
+    return {{"rates_per", expansion.timed ? "second" : "section"},
+            {"escape_rate_sd", expansion.escape_rate_sd},
+            {"exponent_sds", json_list(expansion.exponent_sds)},
+            {"index_sums", expansion.index_sums},
+            {"by_period", json_list(expansion.by_period, term_json)}};
 }
 
 Json lyapunov_json(const orbits::LyapunovSpectrum& spectrum) {
     return {{"rates_per", spectrum.timed ? "second" : "section"},
-            {"exponents", list(spectrum.exponents)},
-            {"sds", list(spectrum.sds)},
+            {"exponents", json_list(spectrum.exponents)},
+            {"sds", json_list(spectrum.sds)},
             {"dimension", spectrum.dimension},
             {"divergence_rate", spectrum.divergence_rate},
             {"divergence_sd", spectrum.divergence_sd},
@@ -66,26 +58,22 @@ Json lyapunov_json(const orbits::LyapunovSpectrum& spectrum) {
 }
 
 Json correlation_json(const orbits::CorrelationDimension& correlation) {
-    Json out{{"dimension", correlation.dimension},
-             {"sd", correlation.sd},
-             {"takens", correlation.takens},
-             {"takens_sd", correlation.takens_sd},
-             {"largest_radius", correlation.largest_radius},
-             {"smallest_radius", correlation.smallest_radius},
-             {"rates_per", correlation.timed ? "second" : "section"},
-             {"entropy", correlation.entropy},
-             {"entropy_sd", correlation.entropy_sd},
-             {"theiler", correlation.theiler},
-             {"remarks", correlation.remarks},
-             {"scales", Json::array()}};
-    for (const auto& scale : correlation.scales)
-        out["scales"].push_back({{"radius", scale.radius},
-                                 {"pairs", scale.pairs},
-                                 {"sum", scale.sum},
-                                 {"slope", scale.slope},
-                                 {"slope_sd", scale.slope_sd},
-                                 {"entropy", scale.entropy}});
-    return out;
+    const auto one_scale = [](const auto& scale) -> Json {
+        return {{"radius", scale.radius}, {"pairs", scale.pairs},       {"sum", scale.sum},
+                {"slope", scale.slope},   {"slope_sd", scale.slope_sd}, {"entropy", scale.entropy}};
+    };
+    return {{"dimension", correlation.dimension},
+            {"sd", correlation.sd},
+            {"takens", correlation.takens},
+            {"takens_sd", correlation.takens_sd},
+            {"largest_radius", correlation.largest_radius},
+            {"smallest_radius", correlation.smallest_radius},
+            {"rates_per", correlation.timed ? "second" : "section"},
+            {"entropy", correlation.entropy},
+            {"entropy_sd", correlation.entropy_sd},
+            {"theiler", correlation.theiler},
+            {"remarks", correlation.remarks},
+            {"scales", json_list(correlation.scales, one_scale)}};
 }
 
 /// "0.4191 ± 0.0007", or that it is not resolved.
@@ -115,7 +103,7 @@ std::string invariants_text(const orbits::Invariants& invariants) {
 std::string invariants_summary(const orbits::Invariants& invariants) {
     const orbits::LyapunovSpectrum& spectrum = invariants.lyapunov;
     const orbits::CorrelationDimension& correlation = invariants.correlation;
-    SummaryTable table({{"invariant", Align::left}, {"value", Align::left}});
+    SummaryTable table({left_aligned("invariant"), left_aligned("value")});
     table.add({spectrum.timed ? "Lyapunov exponents [1/s]" : "Lyapunov exponents per section",
                exponents_text(spectrum.exponents, spectrum.sds)});
     table.add({"the largest from diverging neighbours", with_sd(spectrum.divergence_rate, spectrum.divergence_sd)});
@@ -130,8 +118,7 @@ std::string invariants_summary(const orbits::Invariants& invariants) {
         out += fmt::format("  no cycle expansion: {}\n", invariants.expansion_refused);
         return out;
     }
-    SummaryTable expansion(
-        {{"to period"}, {"cycles"}, {"F(1)"}, {"zero"}, {"escape rate"}, {"largest exponent"}, {"entropy"}});
+    SummaryTable expansion({"to period", "cycles", "F(1)", "zero", "escape rate", "largest exponent", "entropy"});
     for (const auto& term : invariants.expansion->by_period)
         expansion.add({std::to_string(term.period), std::to_string(term.cycles), significant(term.conservation, 4),
                        significant(term.determinant_zero, 6), significant(term.escape_rate, 4),

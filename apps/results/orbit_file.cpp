@@ -13,24 +13,15 @@ namespace {
 using Json = nlohmann::ordered_json;
 using periodic::OrbitStatus;
 
-Json complex_json(std::complex<double> value) {
-    return Json::array({value.real(), value.imag()});
-}
-
 void add_stability(const periodic::Stability& stability, std::size_t parameters, Json& out) {
     out["unstable"] = stability.unstable;
     out["bifurcation_near"] = periodic::name(stability.nearest);
-    out["directions"] = Json::array();
-    for (const Eigen::MatrixXcd& at_point : stability.directions) {
+    out["directions"] = json_list(stability.directions, [](const Eigen::MatrixXcd& at_point) {
         Json point = Json::array();
-        for (Eigen::Index m = 0; m < at_point.cols(); ++m) {
-            Json direction = Json::array();
-            for (Eigen::Index i = 0; i < at_point.rows(); ++i)
-                direction.push_back(complex_json(at_point(i, m)));
-            point.push_back(std::move(direction));
-        }
-        out["directions"].push_back(std::move(point));
-    }
+        for (Eigen::Index m = 0; m < at_point.cols(); ++m)
+            point.push_back(json_list(at_point.col(m), detail::complex_pair));
+        return point;
+    });
     out["ln_multiplier_sensitivities"] =
         parameters == 0 ? Json(nullptr) : detail::rows_or_null(stability.ln_multiplier_sensitivities);
 }
@@ -43,28 +34,25 @@ Json orbit_json(const CycleFileHead& head, const ComputedOrbit& computed, std::s
                           index);
     Json out;
     out["status"] = computed.status();
-    out["message"] = computed.message.empty() ? Json(nullptr) : Json(computed.message);
+    out["message"] = json_or_null(computed.message);
     out["period"] = orbit.period;
     out["rotation"] = orbit.rotation;
     out["points"] = detail::rows_or_null(orbit.points.transpose());
     out["covariance"] = nullptr;  // computed, not measured
     out["multipliers"] = detail::complex_pairs(orbit.multipliers);
-    out["ln_multiplier"] = Json::array();
-    for (const auto& multiplier : orbit.multipliers)
-        out["ln_multiplier"].push_back(std::log(std::abs(multiplier)));  // -infinity (sticking) becomes null
+    // -infinity (sticking) becomes null.
+    out["ln_multiplier"] =
+        json_list(orbit.multipliers, [](std::complex<double> multiplier) { return std::log(std::abs(multiplier)); });
     out["ln_multiplier_covariance"] = nullptr;
     out["time"] = head.own_time ? Json(orbit.time) : detail::time_of(head, orbit.period);
     if (head.own_time) {
-        out["times"] = Json::array();
-        for (const double time : orbit.times)
-            out["times"].push_back(time);
-        out["time_sensitivities"] = Json::array();
-        for (const double derivative : orbit.time_sensitivities)
-            out["time_sensitivities"].push_back(derivative);
-        if (orbit.time_sensitivities.size() > 0) out["trivial_multiplier"] = complex_json(orbit.trivial_multiplier);
+        out["times"] = json_list(orbit.times);
+        out["time_sensitivities"] = json_list(orbit.time_sensitivities);
+        if (orbit.time_sensitivities.size() > 0)
+            out["trivial_multiplier"] = detail::complex_pair(orbit.trivial_multiplier);
     }
     out["recurrences"] = nullptr;
-    out["mirror"] = computed.mirror ? Json(*computed.mirror) : Json(nullptr);
+    out["mirror"] = json_or_null(computed.mirror);
     out["quality"] = orbit.sticking ? Json::array({"sticking"}) : Json::array();
     out["origin"] = computed.origin;
     if (computed.searched()) out["hits"] = computed.hits;

@@ -15,8 +15,6 @@ namespace orbid::apps {
 
 namespace {
 
-using Align = SummaryTable::Align;
-
 std::string multipliers_text(const std::vector<std::complex<double>>& multipliers) {
     // More do not fit into a line; the file has them all.
     constexpr std::size_t most = 4;
@@ -29,16 +27,9 @@ std::string multipliers_text(const std::vector<std::complex<double>>& multiplier
 }
 
 std::string starts_table(const ComputedOrbits& orbits) {
-    SummaryTable table({{"orbit"},
-                        {"period"},
-                        {"rotation", Align::left},
-                        {"time [s]"},
-                        {"status", Align::left},
-                        {"first point", Align::left},
-                        {"multipliers", Align::left},
-                        {"unstable"},
-                        {"near", Align::left},
-                        {"closing error"}});
+    SummaryTable table({"orbit", "period", left_aligned("rotation"), "time [s]", left_aligned("status"),
+                        left_aligned("first point"), left_aligned("multipliers"), "unstable", left_aligned("near"),
+                        "closing error"});
     for (std::size_t i = 0; i < orbits.list.size(); ++i) {
         const ComputedOrbit& computed = orbits.list[i];
         if (computed.searched()) continue;
@@ -95,13 +86,8 @@ std::string search_table(const ComputedOrbits& orbits) {
         row.least = std::min(row.least, largest);
         row.largest = std::max(row.largest, largest);
     }
-    SummaryTable table({{"period"},
-                        {"orbits"},
-                        {"mirror pairs"},
-                        {"symmetric"},
-                        {"stable"},
-                        {"largest |multiplier|", Align::left},
-                        {"found from", Align::left}});
+    SummaryTable table({"period", "orbits", "mirror pairs", "symmetric", "stable", left_aligned("largest |multiplier|"),
+                        left_aligned("found from")});
     for (const auto& [period, row] : rows) {
         std::string origins;
         for (const auto& [origin, count] : row.origins)

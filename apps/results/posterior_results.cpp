@@ -1,10 +1,12 @@
 #include "apps/results/posterior_results.hpp"
 
+#include <array>
 #include <cmath>
 #include <iterator>
 
 #include <fmt/format.h>
 
+#include "apps/documents/json_text.hpp"
 #include "apps/results/result_file.hpp"
 
 namespace orbid::apps {
@@ -43,7 +45,7 @@ Json sample_json(const estimator::PosteriorSample& sample) {
     out["status"] = name(sample.status);
     out["message"] = sample.message;
     out["trusted"] = sample.trusted;
-    out["distrust"] = sample.distrust.empty() ? Json(nullptr) : Json(sample.distrust);
+    out["distrust"] = json_or_null(sample.distrust);
     out["parameters"] = sampled_list(sample.parameters);
     out["derived"] = sampled_list(sample.derived);
     out["errors"] = sampled_list(sample.errors);
@@ -82,10 +84,9 @@ Json profile_json(const estimator::Profile& profile) {
     out["improvement"] = profile.improvement;
     out["unit"] = profile.unit;
     out["evaluations"] = profile.evaluations;
-    out["points"] = Json::array();
-    for (const auto& point : profile.points)
-        out["points"].push_back(
-            {{"value", point.value}, {"objective", point.objective}, {"signed_root", point.signed_root}});
+    out["points"] = json_list(profile.points, [](const auto& point) -> Json {
+        return {{"value", point.value}, {"objective", point.objective}, {"signed_root", point.signed_root}};
+    });
     out["failed"] = profile.failed;
     return out;
 }
@@ -103,9 +104,9 @@ Json marginal_json(const estimator::Marginal& marginal) {
     out["full_hessian"] = marginal.full_hessian;
     out["failed_points"] = marginal.failed_points;
     out["evaluations"] = marginal.evaluations;
-    out["points"] = Json::array();
-    for (const auto& point : marginal.points)
-        out["points"].push_back({{"value", point.value}, {"coordinate", point.u}, {"log_density", point.log_density}});
+    out["points"] = json_list(marginal.points, [](const auto& point) -> Json {
+        return {{"value", point.value}, {"coordinate", point.u}, {"log_density", point.log_density}};
+    });
     return out;
 }
 
@@ -156,39 +157,24 @@ Json diagnostic_json(const GroupDiagnostic& group) {
     out["lag1"] = d.lag1;
     out["ljung_box"] = test_json(d.ljung_box);
     out["runs"] = test_json(d.runs);
-    out["outliers"] = Json::array();
-    for (const OutlierRecord& outlier : group.outliers)
-        out["outliers"].push_back({{"block", outlier.block},
-                                   {"record", outlier.record},
-                                   {"studentised", outlier.studentised},
-                                   {"p", outlier.p}});
+    out["outliers"] = json_list(group.outliers, [](const OutlierRecord& x) -> Json {
+        return {{"block", x.block}, {"record", x.record}, {"studentised", x.studentised}, {"p", x.p}};
+    });
     return out;
-}
-
-const std::string* refusal(const PosteriorResults& results, std::string_view block) {
-    for (const auto& [name, reason] : results.refused)
-        if (name == block) return &reason;
-    return nullptr;
 }
 
 /// A block that was asked for and could not be done says why.
 Json refused_json(const PosteriorResults& results, std::string_view block) {
-    const std::string* reason = refusal(results, block);
-    return reason == nullptr ? Json(nullptr) : Json{{"status", "refused"}, {"message", *reason}};
+    for (const auto& [name, reason] : results.refused)
+        if (name == block) return {{"status", "refused"}, {"message", reason}};
+    return nullptr;
 }
 
 }  // namespace
 
 std::string_view name(estimator::SampleStatus status) {
-    switch (status) {
-        case estimator::SampleStatus::complete:
-            return "complete";
-        case estimator::SampleStatus::interrupted:
-            return "interrupted";
-        case estimator::SampleStatus::failed:
-            break;
-    }
-    return "failed";
+    constexpr std::array<std::string_view, 3> names{"complete", "interrupted", "failed"};
+    return names[static_cast<std::size_t>(status)];
 }
 
 void add_posterior(const PosteriorResults& results, Json& result) {
@@ -225,7 +211,7 @@ std::string draws_text(const estimator::PosteriorSample& sample) {
 }
 
 Json evidence_json(const LogEvidence& evidence) {
-    return {{"value", evidence.value ? Json(*evidence.value) : Json(nullptr)},
+    return {{"value", json_or_null(evidence.value)},
             {"reason", evidence.value ? Json(nullptr) : Json(evidence.reason)}};
 }
 

@@ -9,8 +9,6 @@ namespace orbid::apps {
 
 namespace {
 
-using Align = SummaryTable::Align;
-
 std::string interval(double lower, double upper, double sd) {
     const auto end = [sd](double x) { return std::isfinite(x) ? with_digits_of(x, sd) : std::string("open"); };
     return fmt::format("[{}, {}]", end(lower), end(upper));
@@ -21,14 +19,8 @@ std::string section(std::string_view heading, const std::string& body) {
 }
 
 std::string sample_table(const estimator::PosteriorSample& sample) {
-    SummaryTable table({{"name", Align::left},
-                        {"unit", Align::left},
-                        {"mean"},
-                        {"sd"},
-                        {"95 % interval", Align::left},
-                        {"R-hat"},
-                        {"bulk"},
-                        {"tail"}});
+    SummaryTable table({left_aligned("name"), left_aligned("unit"), "mean", "sd", left_aligned("95 % interval"),
+                        "R-hat", "bulk", "tail"});
     for (const auto* list : {&sample.parameters, &sample.derived, &sample.errors}) {
         for (const estimator::SampledQuantity& x : *list)
             table.add({x.name, x.unit, with_digits_of(x.mean, x.sd), significant(x.sd, 3),
@@ -43,13 +35,8 @@ std::string sample_table(const estimator::PosteriorSample& sample) {
 }
 
 std::string marginal_table(const std::vector<estimator::Marginal>& marginals) {
-    SummaryTable table({{"name", Align::left},
-                        {"unit", Align::left},
-                        {"mean"},
-                        {"sd"},
-                        {"median"},
-                        {"95 % interval", Align::left},
-                        {"", Align::left}});
+    SummaryTable table({left_aligned("name"), left_aligned("unit"), "mean", "sd", "median",
+                        left_aligned("95 % interval"), left_aligned("")});
     for (const estimator::Marginal& x : marginals) {
         if (!x.known) {
             table.add({x.name, x.unit, "", "", "", "undefined", x.message});
@@ -62,12 +49,8 @@ std::string marginal_table(const std::vector<estimator::Marginal>& marginals) {
 }
 
 std::string profile_table(const std::vector<estimator::Profile>& profiles) {
-    SummaryTable table({{"name", Align::left},
-                        {"unit", Align::left},
-                        {"value"},
-                        {"95 % interval", Align::left},
-                        {"method", Align::left},
-                        {"", Align::left}});
+    SummaryTable table({left_aligned("name"), left_aligned("unit"), "value", left_aligned("95 % interval"),
+                        left_aligned("method"), left_aligned("")});
     for (const estimator::Profile& x : profiles) {
         // A quarter of the interval is about one sd.
         const double width = 0.25 * (x.upper - x.lower);
@@ -98,8 +81,7 @@ std::string optima_table(const PosteriorResults& results) {
 }
 
 std::string diagnostic_table(const std::vector<GroupDiagnostic>& groups) {
-    SummaryTable table(
-        {{"group", Align::left}, {"records"}, {"normal, p"}, {"lag-1"}, {"white, p"}, {"runs, p"}, {"outliers"}});
+    SummaryTable table({left_aligned("group"), "records", "normal, p", "lag-1", "white, p", "runs, p", "outliers"});
     const auto p_text = [](double p) { return std::isfinite(p) ? fmt::format("{:.2g}", p) : std::string(); };
     for (const GroupDiagnostic& group : groups) {
         const estimator::ResidualDiagnostic& d = group.diagnostic;

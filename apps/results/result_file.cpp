@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/documents/json_text.hpp"
+#include "apps/results/cycle_file.hpp"
 
 namespace orbid::apps {
 namespace {
@@ -33,10 +34,10 @@ Json estimated_json(const estimator::Estimated& x, const std::map<std::string, d
     out["interval95"] = interval_json(x.lower95, x.upper95);
     out["interval_method"] = x.interval_method;
     out["start"] = x.start;
-    out["reference"] = reference ? Json(*reference) : Json(nullptr);
+    out["reference"] = json_or_null(reference);
     out["relative_deviation"] = relative_deviation(x.value, reference);
     out["unit"] = x.unit;
-    out["at_bound"] = x.at_bound.empty() ? Json(nullptr) : Json(x.at_bound);
+    out["at_bound"] = json_or_null(x.at_bound);
     out["laplace_sd"] = x.laplace_sd;
     out["data_share"] = x.data_share;
     return out;
@@ -83,19 +84,17 @@ Json scale_json(const estimator::EstimatedScale& scale) {
     return out;
 }
 
+Json state_value_json(const InitialState::Value& value) {
+    return {{"value", value.value}, {"sd", value.sd}, {"unit", value.unit}, {"estimated", value.estimated}};
+}
+
 Json initial_state_json(const InitialState& state) {
     Json out;
     out["experiment"] = state.experiment;
     out["segment"] = state.segment;
-    for (const auto& value : state.values) {
-        out["state"][value.coordinate] = {
-            {"value", value.value}, {"sd", value.sd}, {"unit", value.unit}, {"estimated", value.estimated}};
-    }
+    for (const auto& value : state.values)
+        out["state"][value.coordinate] = state_value_json(value);
     return out;
-}
-
-Json aligned_json(const InitialState::Value& value) {
-    return {{"value", value.value}, {"sd", value.sd}, {"unit", value.unit}, {"estimated", value.estimated}};
 }
 
 Json steady_state_json(const SteadyState& state) {
@@ -103,24 +102,15 @@ Json steady_state_json(const SteadyState& state) {
     out["experiment"] = state.experiment;
     out["segment"] = state.segment;
     out["used"] = state.used;
-    out["phase"] = aligned_json(state.phase);
+    out["phase"] = state_value_json(state.phase);
     out["offset"] = Json::object();
     for (const auto& offset : state.offsets)
-        out["offset"][offset.coordinate] = aligned_json(offset);
+        out["offset"][offset.coordinate] = state_value_json(offset);
     out["status"] = periodic::name(state.orbit.status);
     const bool solved = state.orbit.status == periodic::OrbitStatus::converged;
     out["time"] = solved ? Json(state.orbit.time) : Json(nullptr);
-    out["points"] = Json::array();
-    out["multipliers"] = Json::array();
-    if (!solved) return out;
-    for (Eigen::Index j = 0; j < state.orbit.points.cols(); ++j) {
-        Json point = Json::array();
-        for (Eigen::Index i = 0; i < state.orbit.points.rows(); ++i)
-            point.push_back(state.orbit.points(i, j));
-        out["points"].push_back(std::move(point));
-    }
-    for (const auto& multiplier : state.orbit.multipliers)
-        out["multipliers"].push_back({multiplier.real(), multiplier.imag()});
+    out["points"] = solved ? json_rows(state.orbit.points.transpose()) : Json::array();
+    out["multipliers"] = solved ? detail::complex_pairs(state.orbit.multipliers) : Json::array();
     return out;
 }
 
@@ -138,33 +128,22 @@ Json prediction_json(const Prediction& prediction) {
 
 Json identifiability_json(const estimator::Estimate& estimate) {
     Json out;
-    out["singular_values"] = Json::array();
-    for (const double value : estimate.singular_values)
-        out["singular_values"].push_back(value);
-    out["null_directions"] = Json::array();
-    for (const auto& direction : estimate.null_directions) {
+    out["singular_values"] = json_list(estimate.singular_values);
+    out["null_directions"] = json_list(estimate.null_directions, [&](const auto& direction) {
         Json named = Json::object();
         for (const auto& [name, component] : named_components(direction, estimate.parameters))
             named[name] = component;
-        out["null_directions"].push_back(std::move(named));
-    }
+        return named;
+    });
     out["trust_normal"] = estimate.trust_normal;
-    out["distrust"] = estimate.distrust.empty() ? Json(nullptr) : Json(estimate.distrust);
+    out["distrust"] = json_or_null(estimate.distrust);
     out["effective_count"] = estimate.effective_count;
     return out;
 }
 
-Json history_json(const std::vector<estimator::StepRecord>& history) {
-    Json out = Json::array();
-    for (const auto& step : history)
-        out.push_back({{"round", step.round},
-                       {"block", step.block},
-                       {"accepted", step.accepted},
-                       {"before", step.before},
-                       {"after", step.after},
-                       {"damping", step.damping},
-                       {"reason", step.reason}});
-    return out;
+Json step_json(const estimator::StepRecord& step) {
+    return {{"round", step.round}, {"block", step.block},     {"accepted", step.accepted}, {"before", step.before},
+            {"after", step.after}, {"damping", step.damping}, {"reason", step.reason}};
 }
 
 Json orbits_json(const ResultContext& context) {
@@ -180,12 +159,9 @@ Json data_json(const ResultContext& context) {
     Json out;
     out["points"] = context.data_points;
     out["segments"] = context.data_segments;
-    out["captured"] = Json::array();
-    for (const auto& capture : context.captured)
-        out["captured"].push_back({{"experiment", capture.experiment},
-                                   {"trajectory", capture.trajectory},
-                                   {"section", capture.section},
-                                   {"what", capture.what}});
+    out["captured"] = json_list(context.captured, [](const Capture& x) -> Json {
+        return {{"experiment", x.experiment}, {"trajectory", x.trajectory}, {"section", x.section}, {"what", x.what}};
+    });
     return out;
 }
 
@@ -239,23 +215,11 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["errors"] = Json::object();
     for (const auto& scale : estimate.scales)
         out["errors"][scale.group] = scale_json(scale);
-    out["covariances"] = Json::array();
-    for (const auto& covariance : estimate.covariances)
-        out["covariances"].push_back(covariance_json(covariance));
-    out["initial_states"] = Json::array();
-    for (const auto& state : context.initial_states)
-        out["initial_states"].push_back(initial_state_json(state));
-    if (!context.steady_states.empty()) {
-        out["steady_states"] = Json::array();
-        for (const auto& state : context.steady_states)
-            out["steady_states"].push_back(steady_state_json(state));
-    }
-    out["prediction"] = Json::array();
-    for (const auto& prediction : context.predictions)
-        out["prediction"].push_back(prediction_json(prediction));
-    Json names = Json::array();
-    for (const auto& parameter : estimate.parameters)
-        names.push_back(parameter.name);
+    out["covariances"] = json_list(estimate.covariances, covariance_json);
+    out["initial_states"] = json_list(context.initial_states, initial_state_json);
+    if (!context.steady_states.empty()) out["steady_states"] = json_list(context.steady_states, steady_state_json);
+    out["prediction"] = json_list(context.predictions, prediction_json);
+    const Json names = json_list(estimate.parameters, &estimator::Estimated::name);
     out["correlation"] = {{"names", names}, {"matrix", json_rows(estimate.correlation)}};
     out["covariance"] = {{"names", names}, {"matrix", json_rows(estimate.covariance)}};
     out["identifiability"] = identifiability_json(estimate);
@@ -271,7 +235,7 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     add_posterior(context.posterior, out);
     out["orbits"] = orbits_json(context);
     out["data"] = data_json(context);
-    out["history"] = history_json(estimate.history);
+    out["history"] = json_list(estimate.history, step_json);
     if (!context.fingerprint.sha256.empty()) out["fingerprint"] = Json::parse(to_text(context.fingerprint));
     return json_text(out);
 }

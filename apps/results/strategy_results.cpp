@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "apps/documents/json_text.hpp"
+
 namespace orbid::apps {
 
 namespace {
@@ -50,14 +52,13 @@ Json alternative_json(const AlternativeResult& alternative, const std::map<std::
     out["message"] = alternative.message;
     out["parameters"] = estimated_list(alternative.parameters, references);
     out["ln_bayes_factor"] = evidence_json(alternative.ln_bayes_factor);
-    out["ln_bayes_factor_uncertainty"] =
-        alternative.ln_bayes_factor.value ? Json(alternative.ln_bayes_factor_uncertainty) : Json(nullptr);
-    out["verdict"] =
-        alternative.ln_bayes_factor.value ? Json(in_words(*alternative.ln_bayes_factor.value)) : Json(nullptr);
+    const auto& factor = alternative.ln_bayes_factor.value;
+    out["ln_bayes_factor_uncertainty"] = factor ? Json(alternative.ln_bayes_factor_uncertainty) : Json(nullptr);
+    out["verdict"] = factor ? Json(in_words(*factor)) : Json(nullptr);
     out["objective_difference"] = alternative.objective_difference;
     out["held_out"] = evidence_json(alternative.score);
     out["held_out"]["sd"] = alternative.score_error;
-    out["large_defects"] = alternative.large_defects ? Json(*alternative.large_defects) : Json(nullptr);
+    out["large_defects"] = json_or_null(alternative.large_defects);
     out["used"] = alternative.used;
     return out;
 }
@@ -66,13 +67,13 @@ Json criticism_json(const CriticismResult& criticism, const std::map<std::string
     Json out;
     out["model"] = criticism.model;
     out["stage"] = criticism.stage;
-    out["large_defects"] = criticism.large_defects ? Json(*criticism.large_defects) : Json(nullptr);
+    out["large_defects"] = json_or_null(criticism.large_defects);
     out["intervals"] = criticism.intervals;
     out["held_out"] = evidence_json(criticism.score);
     out["held_out"]["sd"] = criticism.score_error;
-    out["alternatives"] = Json::array();
-    for (const AlternativeResult& alternative : criticism.alternatives)
-        out["alternatives"].push_back(alternative_json(alternative, references));
+    out["alternatives"] = json_list(criticism.alternatives, [&](const AlternativeResult& alternative) {
+        return alternative_json(alternative, references);
+    });
     return out;
 }
 
@@ -90,27 +91,16 @@ std::string in_words(double ln_bayes_factor) {
 }
 
 Json counts_json(const std::vector<estimator::ResidualCount>& counts) {
-    Json out = Json::array();
-    for (const auto& count : counts)
-        out.push_back({{"type", count.type},
-                       {"used", count.used},
-                       {"lost", count.lost},
-                       {"rejected", count.rejected},
-                       {"added", count.added}});
-    return out;
+    return json_list(counts, [](const estimator::ResidualCount& x) -> Json {
+        return {{"type", x.type}, {"used", x.used}, {"lost", x.lost}, {"rejected", x.rejected}, {"added", x.added}};
+    });
 }
 
 void add_strategy(const StrategyResults& results, const std::map<std::string, double>& references, Json& result) {
-    if (!results.stages.empty()) {
-        result["stages"] = Json::array();
-        for (const StageResult& stage : results.stages)
-            result["stages"].push_back(stage_json(stage, references));
-    }
-    if (!results.matching.empty()) {
-        result["matching"] = Json::array();
-        for (const MatchingResult& matching : results.matching)
-            result["matching"].push_back(matching_json(matching));
-    }
+    if (!results.stages.empty())
+        result["stages"] =
+            json_list(results.stages, [&](const StageResult& stage) { return stage_json(stage, references); });
+    if (!results.matching.empty()) result["matching"] = json_list(results.matching, matching_json);
     if (results.criticism) result["criticism"] = criticism_json(*results.criticism, references);
 }
 

@@ -10,8 +10,6 @@ namespace orbid::apps {
 
 namespace {
 
-using Align = SummaryTable::Align;
-
 std::string known(const LogEvidence& evidence) {
     return evidence.value ? fmt::format("{:+.1f}", *evidence.value) : "";
 }
@@ -20,12 +18,8 @@ std::string known(const LogEvidence& evidence) {
 
 /// Every stage with its numbers, so that their progress can be followed.
 std::string stages_summary(const StrategyResults& results) {
-    SummaryTable table({{"stage", Align::left},
-                        {"status", Align::left},
-                        {"name", Align::left},
-                        {"value"},
-                        {"± sd"},
-                        {"", Align::left}});
+    SummaryTable table(
+        {left_aligned("stage"), left_aligned("status"), left_aligned("name"), "value", "± sd", left_aligned("")});
     for (const StageResult& stage : results.stages) {
         std::string name = stage.stage;
         std::string status = stage.status;
@@ -45,15 +39,8 @@ std::string stages_summary(const StrategyResults& results) {
 }
 
 std::string matching_summary(const StrategyResults& results) {
-    SummaryTable table({{"experiment", Align::left},
-                        {"interval"},
-                        {"intervals"},
-                        {"large defects"},
-                        {"coordinate", Align::left},
-                        {"sd"},
-                        {"rms"},
-                        {"typical"},
-                        {"unit", Align::left}});
+    SummaryTable table({left_aligned("experiment"), "interval", "intervals", "large defects",
+                        left_aligned("coordinate"), "sd", "rms", "typical", left_aligned("unit")});
     std::string warnings;
     for (const MatchingResult& matching : results.matching) {
         std::vector<std::string> head{matching.experiment, std::to_string(matching.interval),
@@ -74,15 +61,8 @@ std::string matching_summary(const StrategyResults& results) {
 std::string criticism_summary(const StrategyResults& results) {
     if (!results.criticism) return {};
     const CriticismResult& criticism = *results.criticism;
-    SummaryTable table({{"model", Align::left},
-                        {"status", Align::left},
-                        {"used"},
-                        {"ln evidence for the job's"},
-                        {"objective"},
-                        {"held out"},
-                        {"±"},
-                        {"large defects"},
-                        {"", Align::left}});
+    SummaryTable table({left_aligned("model"), left_aligned("status"), "used", "ln evidence for the job's", "objective",
+                        "held out", "±", "large defects", left_aligned("")});
     const auto defects = [](const std::optional<std::size_t>& count) { return count ? std::to_string(*count) : ""; };
     table.add({criticism.model, "the job's", "", "", "", known(criticism.score), significant(criticism.score_error, 2),
                defects(criticism.large_defects), ""});

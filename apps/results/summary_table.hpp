@@ -15,8 +15,10 @@ class SummaryTable {
 public:
     enum class Align { left, right };
     struct Column {
+        Column(std::string text, Align side = Align::right) : heading(std::move(text)), align(side) {}
+        Column(const char* text, Align side = Align::right) : heading(text), align(side) {}
         std::string heading;
-        Align align = Align::right;
+        Align align;
     };
 
     explicit SummaryTable(std::vector<Column> columns) : columns_(std::move(columns)) {}
@@ -31,6 +33,11 @@ private:
     std::vector<Column> columns_;
     std::vector<std::vector<std::string>> rows_;
 };
+
+/// The heading of a column of words.
+[[nodiscard]] inline SummaryTable::Column left_aligned(std::string heading) {
+    return {std::move(heading), SummaryTable::Align::left};
+}
 
 /// Characters of UTF-8 text as shown, for texts without combining or wide characters.
 [[nodiscard]] std::size_t shown_width(std::string_view text);
