@@ -33,14 +33,7 @@ double rows(const DataJob& data) {
 }
 
 bool wants_compiled(const Job& job) {
-    switch (job.model.compile) {
-        case CompileChoice::always:
-            return true;
-        case CompileChoice::never:
-            return false;
-        case CompileChoice::automatic:
-            break;
-    }
+    if (job.model.compile != CompileChoice::automatic) return job.model.compile == CompileChoice::always;
     return interpreted_seconds(job) > worth_compiling_s;
 }
 

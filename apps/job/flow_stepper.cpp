@@ -61,12 +61,8 @@ std::string odeint_refusal(const Job& job) {
     if (std::string why = jump(system, job.model.values, "the model"); !why.empty()) return why;
     const Eigen::VectorXd start = starting_parameters(job);
     if (std::string why = jump(system, start, "the estimate's start"); !why.empty()) return why;
-    for (const DataJob& data : job.data) {
-        Eigen::VectorXd theta = start;
-        for (const ParameterValue& own : data.parameters)
-            theta[own.parameter] = own.value;
-        if (std::string why = jump(system, theta, data.name); !why.empty()) return why;
-    }
+    for (const DataJob& data : job.data)
+        if (std::string why = jump(system, data.with_own(start), data.name); !why.empty()) return why;
     std::vector<Eigen::Index> moved;
     if (job.estimate)
         for (const FreeParameterJob& free : job.estimate->parameters)

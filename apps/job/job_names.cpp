@@ -5,19 +5,6 @@
 
 namespace orbid::apps {
 
-namespace {
-
-template <class Entry>
-std::vector<std::string> names_of(std::span<const Entry> entries) {
-    std::vector<std::string> result;
-    result.reserve(entries.size());
-    for (const Entry& entry : entries)
-        result.emplace_back(entry.name);
-    return result;
-}
-
-}  // namespace
-
 std::vector<std::string> parameter_names(const Job& job) {
     return job.model.system ? names_of(job.model.system->parameters()) : std::vector<std::string>{};
 }
@@ -51,8 +38,40 @@ std::vector<std::pair<std::string, ValueReader>> read_names(const ValueReader& v
     return result;
 }
 
+void ErrorUse::add_coordinates(const std::vector<Eigen::Index>& more) {
+    coordinates.insert(coordinates.end(), more.begin(), more.end());
+    std::sort(coordinates.begin(), coordinates.end());
+    coordinates.erase(std::unique(coordinates.begin(), coordinates.end()), coordinates.end());
+}
+
+std::vector<std::size_t> experiments_with(const Job& job, orbits::Series::Sampling sampling) {
+    std::vector<std::size_t> experiments;
+    for (std::size_t i = 0; i < job.data.size(); ++i)
+        if (job.data[i].sampling() == sampling) experiments.push_back(i);
+    return experiments;
+}
+
+std::vector<std::size_t> read_experiments(const ValueReader& value, const Job& job,
+                                          const std::function<void(const ValueReader&, const DataJob&)>& check) {
+    std::vector<std::string> known;
+    for (const DataJob& data : job.data)
+        known.push_back(data.name);
+    std::vector<std::size_t> experiments;
+    for (const auto& [name, item] : read_names(value)) {
+        const auto at = std::find(known.begin(), known.end(), name);
+        if (at == known.end()) {
+            item.report(fmt::format("there are no data named \"{}\"{}", name, suggestion(name, known)));
+            continue;
+        }
+        experiments.push_back(static_cast<std::size_t>(at - known.begin()));
+        if (check) check(item, job.data[experiments.back()]);
+    }
+    std::sort(experiments.begin(), experiments.end());
+    return experiments;
+}
+
 std::optional<double> read_parameter_value(const ValueReader& value, Eigen::Index parameter, const Job& job) {
-    const models::Parameter& entry = job.model.system->parameters()[static_cast<std::size_t>(parameter)];
+    const models::Parameter& entry = job.model.parameter(parameter);
     const auto number = value.number();
     if (!number || models::contains(entry.domain, *number)) return number;
     value.report(fmt::format("{} ({}{}) must be {}, not {}", entry.name, entry.description,
@@ -80,26 +99,31 @@ std::optional<std::vector<int>> read_periods(const ValueReader& value) {
     return result;
 }
 
+Eigen::VectorXd read_numbers(const ValueReader& value) {
+    const auto items = value.items();
+    Eigen::VectorXd numbers(static_cast<Eigen::Index>(items.size()));
+    for (std::size_t i = 0; i < items.size(); ++i)
+        numbers[static_cast<Eigen::Index>(i)] = items[i].number().value_or(0.0);
+    return numbers;
+}
+
 std::optional<Eigen::VectorXd> read_state(const ValueReader& value, const Job& job) {
     if (value.refused()) return std::nullopt;
     const auto items = value.items();
     if (job.model.system && items.size() != job.model.system->coordinates().size()) {
-        std::string list;
-        for (const std::string& name : coordinate_names(job))
-            list += (list.empty() ? "" : ", ") + name;
         value.report(fmt::format("must be a state of {} numbers [{}], not {}", job.model.system->coordinates().size(),
-                                 list, items.size()));
+                                 fmt::join(coordinate_names(job), ", "), items.size()));
         return std::nullopt;
     }
-    Eigen::VectorXd state(static_cast<Eigen::Index>(items.size()));
-    bool complete = true;
-    for (std::size_t i = 0; i < items.size(); ++i) {
-        const auto number = items[i].number();
-        complete = complete && number.has_value();
-        state[static_cast<Eigen::Index>(i)] = number.value_or(0.0);
-    }
-    if (!complete) return std::nullopt;
-    return state;
+    if (!value.sound()) return std::nullopt;
+    return read_numbers(value);
+}
+
+std::vector<Eigen::VectorXd> read_states(const ValueReader& value, const Job& job) {
+    std::vector<Eigen::VectorXd> states;
+    for (const ValueReader& item : value.items())
+        if (const auto state = read_state(item, job)) states.push_back(*state);
+    return states;
 }
 
 std::optional<Eigen::MatrixXd> read_matrix(const ValueReader& value, Eigen::Index size) {

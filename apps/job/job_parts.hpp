@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -23,8 +24,6 @@ void read_orbits(ObjectReader& root, Job& job);
 void read_periodic(ObjectReader& root, Job& job);
 void read_estimate(ObjectReader& root, Job& job);
 void read_reference(ObjectReader& root, Job& job);
-/// "flow", after all that moves parameters; model.system becomes one with that stepper.
-void read_flow(ObjectReader& root, Job& job);
 
 /// Parts of data.
 /// The noise has an entry per coordinate even if the job is invalid.
@@ -32,10 +31,6 @@ void read_flow(ObjectReader& root, Job& job);
 [[nodiscard]] SimulationJob read_simulation(const ValueReader& value, const Job& job);
 void read_file(ObjectReader& data, const ValueReader& path, const Job& job, FileJob& file);
 
-/// "theta", or { "column": "theta", "unit": "deg", "sign": -1, "offset": 3.14 }.
-[[nodiscard]] ColumnJob read_column(const ValueReader& value, Eigen::Index index, const models::Coordinate& entry);
-/// "t", or { "column": "t", "unit": "ms" }.
-void read_time(const ValueReader& value, std::string& column, std::string& time_unit);
 /// "inputs" and "interpolation", after the source of the data.
 void read_inputs(ObjectReader& object, const Job& job, DataJob& data);
 [[nodiscard]] models::Sensor read_sensor(const ValueReader& value, const Job& job);
@@ -44,25 +39,17 @@ void read_inputs(ObjectReader& object, const Job& job, DataJob& data);
 /// whether the coordinate is an angle.
 [[nodiscard]] bool reads_angle(const Job& job, const std::vector<std::size_t>& data, Eigen::Index coordinate);
 
-/// Parts of periodic: "search" and "continuation"; the latter after the starts.
-void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& periodic);
+/// "continuation" of periodic, after the starts.
 void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& periodic);
 
 /// Parts of estimate.
 [[nodiscard]] std::optional<estimator::Prior> read_prior(const ValueReader& value);
-/// "linear", "log", "log10" or "logit".
-[[nodiscard]] std::optional<estimator::Scale> read_scale(const ValueReader& value);
-/// "tied" of a parameter; resolve_tie() follows when all parameters are read.
-void read_tie(const ValueReader& tie, FreeParameterJob& free);
-/// Checks a tie against all parameters; takes start and scale from the parameter it follows.
-void resolve_tie(const ValueReader& at, const Job& job, const EstimateJob& estimate, FreeParameterJob& free);
 /// "joint_priors", after the parameters.
 void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& estimate);
 /// Names of the model's estimated parameters in the result: k2, or k2@run1 where one is free per experiment.
-[[nodiscard]] std::vector<std::string> estimated_parameter_names(const Job& job, const EstimateJob& estimate);
+[[nodiscard]] std::vector<std::string> estimated_parameter_names(const Job& job,
+                                                                 const std::vector<FreeParameterJob>& parameters);
 void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate);
-/// "matching" and "interval" of a series residual, after its data. `staged`: the strategy chooses what is not given.
-void read_shooting(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series);
 /// What "auto" uses when no residuals are named: cycles if searched or given, and the data as series. Their problems
 /// are reported at `at`; `residuals` describes a list of residuals.
 void add_usual_residuals(const ValueReader& at, const ValueSchema* residuals, const Job& job, EstimateJob& estimate);
@@ -82,7 +69,18 @@ struct ErrorUse {
     std::vector<Eigen::Index> coordinates;         ///< with errors
     std::vector<std::size_t> data;                 ///< series: indices into Job::data
     estimator::ErrorScale* multipliers = nullptr;  ///< for those of "ln_multiplier"; none: not data
+
+    /// Adds those that are not there; they are kept in order.
+    void add_coordinates(const std::vector<Eigen::Index>& more);
 };
+
+/// Indices of the experiments of this sampling.
+[[nodiscard]] std::vector<std::size_t> experiments_with(const Job& job, orbits::Series::Sampling sampling);
+/// Indices of named experiments, ascending.
+/// @param check  called with each, and the place of its name.
+[[nodiscard]] std::vector<std::size_t> read_experiments(
+    const ValueReader& value, const Job& job,
+    const std::function<void(const ValueReader& item, const DataJob& data)>& check = {});
 
 /// Errors of ln|multiplier|: a sd, or with weights "covariance" a factor on the analysis' covariance.
 [[nodiscard]] estimator::ErrorScale read_multiplier_error(const ValueReader& value);
@@ -91,6 +89,15 @@ struct ErrorUse {
 /// sd.
 void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, std::vector<ErrorJob>& errors,
                  std::vector<CovarianceJob>& covariances);
+
+/// Names of a model's parameters, coordinates or inputs.
+template <class Entry>
+[[nodiscard]] std::vector<std::string> names_of(std::span<const Entry> entries) {
+    std::vector<std::string> names;
+    for (const Entry& entry : entries)
+        names.emplace_back(entry.name);
+    return names;
+}
 
 /// Names of the model's parameters or coordinates; empty without a model.
 [[nodiscard]] std::vector<std::string> parameter_names(const Job& job);
@@ -113,8 +120,13 @@ void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, st
 /// A list of different periods, each in [1, 64].
 [[nodiscard]] std::optional<std::vector<int>> read_periods(const ValueReader& value);
 
+/// A list of numbers; 0 where one is refused.
+[[nodiscard]] Eigen::VectorXd read_numbers(const ValueReader& value);
+
 /// A state of the model: one number per coordinate.
 [[nodiscard]] std::optional<Eigen::VectorXd> read_state(const ValueReader& value, const Job& job);
+/// Those of a list that are states.
+[[nodiscard]] std::vector<Eigen::VectorXd> read_states(const ValueReader& value, const Job& job);
 
 /// A square matrix of `size` rows [[...], ...].
 [[nodiscard]] std::optional<Eigen::MatrixXd> read_matrix(const ValueReader& value, Eigen::Index size);

@@ -1,24 +1,19 @@
 #include <algorithm>
 
 #include "apps/job/job_parts.hpp"
+#include "apps/job/schema/block_fields.hpp"
 
 namespace orbid::apps {
 
 namespace {
 
-const std::vector<std::string> switch_names{"period_doubling", "symmetry_breaking"};
-
 /// { "first": 0.01, "smallest": 1e-7, "largest": 0.05 }
 void read_step(const ValueReader& value, periodic::ContinuationOptions& options) {
     ObjectReader object(value);
-    const auto read = [&](std::string_view key, double& step) {
-        const auto found = object.find(key);
-        if (found) step = found->number().value_or(step);
-        return found;
-    };
-    const auto first = read("first", options.first_step);
-    const auto smallest = read("smallest", options.smallest_step);
-    const auto largest = read("largest", options.largest_step);
+    read_fields(object, describe::step_fields(), options);
+    const auto first = object.find("first");
+    const auto smallest = object.find("smallest");
+    const auto largest = object.find("largest");
     if (options.smallest_step > options.largest_step) {
         (smallest ? *smallest : *largest)
             .report(fmt::format("the smallest step, {}, is above the largest, {}", options.smallest_step,
@@ -33,17 +28,9 @@ void read_step(const ValueReader& value, periodic::ContinuationOptions& options)
     object.finish();
 }
 
-void read_switch(const ValueReader& value, periodic::ContinuationOptions& options) {
-    options.switch_doublings = options.switch_symmetry = false;
-    for (const ValueReader& item : value.items()) {
-        const auto choice = item.choice(switch_names);
-        if (choice) (*choice == 0 ? options.switch_doublings : options.switch_symmetry) = true;
-    }
-}
-
 /// An end of the range: a value of the parameter, or the edge of its domain, which the branch comes near.
 std::optional<double> read_end(const ValueReader& value, Eigen::Index parameter, const Job& job) {
-    const models::Domain domain = job.model.system->parameters()[static_cast<std::size_t>(parameter)].domain;
+    const models::Domain domain = job.model.parameter(parameter).domain;
     if (domain == models::Domain::positive && value.is(JsonValue::Kind::number) && value.value().number == 0.0)
         return 0.0;
     return read_parameter_value(value, parameter, job);
@@ -54,11 +41,10 @@ void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index
                 periodic::ContinuationOptions& options) {
     const auto range = object.find("range");
     const auto to = object.find("to");
-    const auto direction = object.find("direction");
-    if (direction) options.direction = static_cast<int>(direction->number().value_or(0.0));
+    object.read("direction", options.direction);
     if (!parameter) return;
     const double start = job.model.values[*parameter];
-    const std::string name = parameter_names(job)[static_cast<std::size_t>(*parameter)];
+    const std::string_view name = job.model.parameter(*parameter).name;
     if (range) {
         const auto items = range->items();
         if (items.size() != 2) return;
@@ -92,7 +78,7 @@ std::optional<Eigen::Index> read_plotted(ObjectReader& object, const Job& job) {
     }
     if (!job.model.system) return std::nullopt;
     // Where an orbit without a section begins is arbitrary; its time is not.
-    if (job.model.system->kind() == models::Kind::autonomous && !job.section_plane) return std::nullopt;
+    if (job.model.is(models::Kind::autonomous) && !job.section_plane) return std::nullopt;
     // Not the coordinate that is the same at all points, and an angle only where there is nothing else.
     std::optional<Eigen::Index> choice;
     for (std::size_t i = 0; i < job.model.system->coordinates().size(); ++i) {
@@ -125,20 +111,13 @@ void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& pe
         continuation.orbit = static_cast<std::size_t>(number.value_or(0.0));
     }
     if (const auto step = object.find("step")) read_step(*step, options);
-    if (const auto points = object.find("points"))
-        options.maximum_points = static_cast<std::size_t>(points->whole().value_or(options.maximum_points));
-    if (const auto branches = object.find("branches"))
-        options.maximum_branches = static_cast<std::size_t>(branches->whole().value_or(options.maximum_branches));
-    if (const auto choice = object.find("switch")) read_switch(*choice, options);
+    read_fields(object, describe::branch_fields(), options);
     if (const auto period = object.find("maximum_period")) {
-        const auto number = period->whole();
-        if (number) options.maximum_period = static_cast<int>(*number);
-        if (number && continuation.orbit < periodic.orbits.size() &&
+        if (!period->refused() && continuation.orbit < periodic.orbits.size() &&
             periodic.orbits[continuation.orbit].period > options.maximum_period)
             period->report(fmt::format("must be at least the period of the orbit it starts at, {}, not {}",
                                        periodic.orbits[continuation.orbit].period, options.maximum_period));
     }
-    if (const auto time = object.find("maximum_time")) options.longest = time->number().value_or(options.longest);
     continuation.plotted = read_plotted(object, job);
     object.finish();
     periodic.continuation = std::move(continuation);

@@ -52,7 +52,7 @@ void read_without(const ValueReader& value, const Job& job, const EstimateJob& e
             item.report(fmt::format("\"{}\" is not estimated{}", name, suggestion(name, estimated)));
             continue;
         }
-        const models::Parameter& entry = job.model.system->parameters()[static_cast<std::size_t>(free->parameter)];
+        const models::Parameter& entry = job.model.parameter(free->parameter);
         if (!models::contains(entry.domain, 0.0)) {
             item.report(fmt::format("{} ({}) must be {}: there is no model without it", name, entry.description,
                                     models::rule(entry.domain)));
@@ -86,7 +86,7 @@ void read_criticism(ObjectReader& object, const Job& job, EstimateJob& estimate)
     ObjectReader inner(*value);
     if (const auto variants = inner.find("variants")) read_variants(*variants, job, criticism);
     if (const auto without = inner.find("without")) read_without(*without, job, estimate, criticism);
-    if (const auto held_out = inner.find("held_out")) criticism.held_out = held_out->number().value_or(0.0);
+    inner.read("held_out", criticism.held_out);
     inner.finish();
     if (value->sound() && !criticism.any() && value->problem_count() == problems_before)
         value->report(

@@ -13,15 +13,8 @@ using Sampling = orbits::Series::Sampling;
 std::vector<std::string> read_labels(const ValueReader& value) {
     std::vector<std::string> result;
     for (const ValueReader& item : value.items()) {
-        std::string label;
-        if (item.is(JsonValue::Kind::number)) {
-            label = fmt::format("{}", item.value().number);
-        } else if (item.is(JsonValue::Kind::string)) {
-            label = item.value().text;
-        } else {
-            continue;
-        }
-        result.push_back(label);
+        if (item.is(JsonValue::Kind::number)) result.push_back(fmt::format("{}", item.value().number));
+        if (item.is(JsonValue::Kind::string)) result.push_back(item.value().text);
     }
     return result;
 }
@@ -59,11 +52,8 @@ void read_free_initial_value(ObjectReader& object, InitialValueJob& initial) {
         initial.scale = estimator::Scale::log;
         initial.lower = 0.0;
     }
-    if (const auto scale = object.find("scale")) {
-        const auto choice = scale->choice({"linear", "log"});
-        if (choice) initial.scale = *choice == 0 ? estimator::Scale::linear : estimator::Scale::log;
-        if (initial.scale == estimator::Scale::log) initial.lower = 0.0;
-    }
+    if (object.choose("scale", {"linear", "log"}, initial.scale) && initial.scale == estimator::Scale::log)
+        initial.lower = 0.0;
     if (const auto bounds = object.find("bounds")) {
         const auto items = bounds->items();
         if (items.size() == 2) {
@@ -160,22 +150,17 @@ DataJob read_experiment(const ValueReader& value, const std::string& default_nam
     DataJob data;
     data.name = default_name;
     ObjectReader object(value);
-    if (const auto name = object.find("name")) {
-        const auto text = name->text();
-        if (text) data.name = *text;
-    }
+    object.read("name", data.name);
     read_source(object, job, data);
     read_inputs(object, job, data);
     if (const auto sensor = object.find("sensor")) data.sensor = read_sensor(*sensor, job);
-    // The difference of two readings has the error of the angle, none of its own.
-    if (data.simulation && data.sensor.type == models::Sensor::Type::angle_difference && job.model.system &&
-        data.simulation->noise[static_cast<Eigen::Index>(data.sensor.rate)] != 0.0) {
-        object.report("simulate", "noise of a rate that is a difference of readings must be 0: give the angle's");
-    }
-    if (data.simulation && data.sensor.type == models::Sensor::Type::angle_difference && job.model.system &&
-        data.simulation->noise_correlation[static_cast<Eigen::Index>(data.sensor.angle)] != 0.0) {
-        object.report("simulate",
-                      "noise of an angle that is read twice for a difference cannot be correlated in this version");
+    if (data.simulation && data.sensor.type == models::Sensor::Type::angle_difference && job.model.system) {
+        // The difference of two readings has the error of the angle, none of its own.
+        if (data.simulation->noise[static_cast<Eigen::Index>(data.sensor.rate)] != 0.0)
+            object.report("simulate", "noise of a rate that is a difference of readings must be 0: give the angle's");
+        if (data.simulation->noise_correlation[static_cast<Eigen::Index>(data.sensor.angle)] != 0.0)
+            object.report("simulate",
+                          "noise of an angle that is read twice for a difference cannot be correlated in this version");
     }
     read_observe(object, job, data);
     if (const auto parameters = object.find("parameters")) data.parameters = read_parameter_values(*parameters, job);

@@ -3,6 +3,7 @@
 
 #include "apps/job/evaluated_model.hpp"
 #include "apps/job/job_parts.hpp"
+#include "apps/job/schema/block_fields.hpp"
 #include "models/catalogue/registry.hpp"
 #include "models/equations/equations.hpp"
 
@@ -109,10 +110,10 @@ private:
             at_[Part::parameter].push_back(member);
             models::EquationText::Parameter parameter;
             parameter.name = name;
-            if (!member.is(JsonValue::Kind::object)) {
-                parameter.value = member.number().value_or(0.0);
-            } else {
+            if (member.is(JsonValue::Kind::object)) {
                 read_parameter(member, parameter);
+            } else {
+                member.read(parameter.value);
             }
             text_.parameters.push_back(std::move(parameter));
         }
@@ -121,16 +122,7 @@ private:
 
     static void read_parameter(const ValueReader& member, models::EquationText::Parameter& parameter) {
         ObjectReader object(member);
-        if (const auto number = object.find("value")) parameter.value = number->number().value_or(0.0);
-        if (const auto unit = object.find("unit")) parameter.unit = unit->text().value_or("1");
-        if (const auto domain = object.find("domain")) {
-            const auto choice = domain->choice({"any", "positive", "nonnegative"});
-            constexpr models::Domain domains[] = {models::Domain::real, models::Domain::positive,
-                                                  models::Domain::nonnegative};
-            if (choice) parameter.domain = domains[*choice];
-        }
-        if (const auto size = object.find("typical")) parameter.typical = size->number();
-        if (const auto words = object.find("description")) parameter.description = words->text().value_or("");
+        read_fields(object, describe::equation_parameter_fields(), parameter);
         object.finish();
     }
 
@@ -144,8 +136,8 @@ private:
         models::EquationText::Forcing forcing{"phase", ""};
         if (phase->is(JsonValue::Kind::object)) {
             ObjectReader object(*phase);
-            if (const auto name = object.find("name")) forcing.phase = name->text().value_or(forcing.phase);
-            if (const auto frequency = object.find("frequency")) forcing.frequency = frequency->text().value_or("");
+            object.read("name", forcing.phase);
+            object.read("frequency", forcing.frequency);
             object.finish();
         } else if (phase->is(JsonValue::Kind::string)) {
             forcing.frequency = phase->value().text;
@@ -196,13 +188,13 @@ private:
                     symmetry.signs[static_cast<std::size_t>(coordinate - text_.coordinates.data())] = *sign;
             }
         }
-        if (const auto shift = object.find("phase_shift")) symmetry.phase_shift = shift->number().value_or(0.0);
+        object.read("phase_shift", symmetry.phase_shift);
         object.finish();
         text_.symmetry = symmetry;
     }
 
     void read_choices() {
-        if (const auto stiff = model_.find("stiff")) text_.stiff = stiff->boolean().value_or(false);
+        model_.read("stiff", text_.stiff);
         if (const auto compile = model_.find("compile")) {
             if (compile->is(JsonValue::Kind::boolean))
                 compile_ = compile->value().boolean ? CompileChoice::always : CompileChoice::never;

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "apps/job/job_parts.hpp"
@@ -17,7 +18,7 @@ struct ErrorEntry {
 /// The inner part of { "estimate": { "start", "prior" } }.
 void read_estimated(const ValueReader& value, double& start, estimator::Prior& prior) {
     ObjectReader object(value);
-    if (const auto entry = object.find("start")) start = entry->number().value_or(start);
+    object.read("start", start);
     if (const auto entry = object.find("prior")) prior = read_prior(*entry).value_or(estimator::Prior{});
     object.finish();
 }
@@ -51,8 +52,7 @@ void read_scale(const ValueReader& value, ErrorJob& error) {
         return;
     }
     ObjectReader object(value);
-    const auto column = object.find("column");
-    error.sd_column = column->text().value_or("");
+    object.read("column", error.sd_column);
     scale.estimate = false;
     scale.value = 1.0;
     if (const auto factor = object.find("factor"))
@@ -60,46 +60,24 @@ void read_scale(const ValueReader& value, ErrorJob& error) {
     object.finish();
 }
 
-void read_shape(ObjectReader& object, std::string_view key, double unset, estimator::ErrorParameter& parameter) {
-    if (const auto value = object.find(key))
-        read_number_or_estimate(*value, unset, parameter.estimate, parameter.value, parameter.prior);
-}
-
-estimator::ErrorDistribution read_distribution(ObjectReader& object, std::size_t choice) {
-    switch (choice) {
-        case 1: {
-            estimator::StudentErrors errors;
-            read_shape(object, "dof", errors.dof.value, errors.dof);
-            return errors;
-        }
-        case 2:
-            return estimator::LaplaceErrors{};
-        case 3:
-            return estimator::LogNormalErrors{};
-        case 4: {
-            estimator::RelativeErrors errors;
-            read_shape(object, "relative", errors.relative.value, errors.relative);
-            return errors;
-        }
-        case 5: {
-            estimator::AutoregressiveErrors errors;
-            read_shape(object, "correlation", errors.correlation.value, errors.correlation);
-            return errors;
-        }
-        default:
-            return estimator::NormalErrors{};
-    }
+estimator::ErrorDistribution read_distribution(ObjectReader& object) {
+    using namespace estimator;
+    static const std::array<ErrorDistribution, 6> usual{NormalErrors{},    StudentErrors{},  LaplaceErrors{},
+                                                        LogNormalErrors{}, RelativeErrors{}, AutoregressiveErrors{}};
+    std::size_t choice = 0;
+    object.choose("distribution", distribution_names, choice);
+    ErrorDistribution distribution = usual[choice];
+    const auto [key, shape] = error_shape(distribution);
+    const auto value = shape != nullptr ? object.find(key) : std::nullopt;
+    if (value) read_number_or_estimate(*value, shape->value, shape->estimate, shape->value, shape->prior);
+    return distribution;
 }
 
 void read_error(const ValueReader& value, ErrorJob& error) {
     ObjectReader object(value);
-    std::size_t choice = 0;
-    if (const auto distribution = object.find("distribution"))
-        choice = distribution->choice({"normal", "student_t", "laplace", "lognormal", "relative", "ar1"}).value_or(0);
-    error.distribution = read_distribution(object, choice);
+    error.distribution = read_distribution(object);
     if (const auto sd = object.find("sd")) read_scale(*sd, error);
-    if (const auto floor = object.find("floor")) {
-        error.floor = floor->number().value_or(0.0);
+    if (const auto floor = object.read("floor", error.floor)) {
         if (!error.scale.estimate) floor->report("belongs to a sd that is estimated; this one is given");
         if (error.scale.estimate && error.scale.value > 0.0 && error.scale.value < error.floor)
             floor->report(fmt::format("{} lies above the start {} of the sd", error.floor, error.scale.value));
@@ -119,7 +97,7 @@ bool has_size(const ErrorJob& error) {
 /// What a residual's records allow.
 void check_use(const ErrorEntry& entry, const ErrorUse& use, const Job& job) {
     const ErrorJob& error = *entry.error;
-    const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(error.coordinate)];
+    const models::Coordinate& coordinate = job.model.coordinate(error.coordinate);
     if (has_size(error) && reads_angle(job, use.data, error.coordinate))
         entry.at.report(
             fmt::format("{} is an angle: it has no size that such errors could be relative to", coordinate.name));
@@ -130,8 +108,8 @@ void check_use(const ErrorEntry& entry, const ErrorUse& use, const Job& job) {
     if (use.records == ErrorUse::Records::series) {
         for (const std::size_t index : use.data) {
             const DataJob& data = job.data[index];
-            const bool reads = std::count(data.observe.begin(), data.observe.end(), error.coordinate) > 0;
-            if (error.sd_column.empty() || !reads || (data.file && data.file->table)) continue;
+            if (error.sd_column.empty() || !data.observes(error.coordinate) || (data.file && data.file->table))
+                continue;
             entry.at.report(
                 fmt::format("\"{}\" is no table in text: it has no column \"{}\"", data.name, error.sd_column));
         }
@@ -209,9 +187,8 @@ void read_covariance(const ValueReader& value, const ErrorUse& use, const Job& j
     for (const std::size_t index : use.data) {
         const DataJob& data = job.data[index];
         for (const Eigen::Index coordinate : covariance.coordinates) {
-            if (std::count(data.observe.begin(), data.observe.end(), coordinate) > 0) continue;
-            value.report(fmt::format("\"{}\" does not observe {}", data.name,
-                                     coordinate_names(job)[static_cast<std::size_t>(coordinate)]));
+            if (data.observes(coordinate)) continue;
+            value.report(fmt::format("\"{}\" does not observe {}", data.name, job.model.coordinate(coordinate).name));
         }
     }
     covariances.push_back(std::move(covariance));

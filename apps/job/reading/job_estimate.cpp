@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
@@ -8,6 +7,53 @@
 namespace orbid::apps {
 
 namespace {
+
+/// "tied" of a parameter; resolve_tie() follows when all parameters are read.
+void read_tie(const ValueReader& tie, FreeParameterJob& free) {
+    estimator::FreeParameter& value = free.value;
+    if (tie.is(JsonValue::Kind::string)) return tie.read(value.tied_to);
+    ObjectReader inner(tie);
+    inner.read("to", value.tied_to);
+    inner.read("factor", value.tie_factor);
+    inner.finish();
+}
+
+/// Checks a tie against all parameters; takes start and scale from the parameter it follows.
+void resolve_tie(const ValueReader& at, const Job& job, const EstimateJob& estimate, FreeParameterJob& free) {
+    estimator::FreeParameter& value = free.value;
+    const auto& all = estimate.parameters;
+    const auto leader = std::find_if(all.begin(), all.end(),
+                                     [&](const FreeParameterJob& other) { return other.value.name == value.tied_to; });
+    if (value.tied_to == value.name) {
+        at.report(fmt::format("{} is tied to itself", value.name));
+        return;
+    }
+    if (leader == all.end()) {
+        std::vector<std::string> names;
+        for (const FreeParameterJob& other : all)
+            if (other.value.name != value.name) names.push_back(other.value.name);
+        at.report(fmt::format("\"{}\" is no estimated parameter{}", value.tied_to, suggestion(value.tied_to, names)));
+        return;
+    }
+    if (!leader->value.tied_to.empty()) {
+        at.report(
+            fmt::format("{} is tied to {} itself: tie both to that one", leader->value.name, leader->value.tied_to));
+        return;
+    }
+    for (const DataJob& data : job.data) {
+        if (!data.has_own(leader->parameter) || data.has_own(free.parameter)) continue;
+        at.report(fmt::format("{} is free in \"{}\": list {} in \"free\" there too", leader->value.name, data.name,
+                              value.name));
+    }
+    value.start = value.tie_factor * leader->value.start;
+    const models::Parameter& entry = job.model.parameter(free.parameter);
+    if (!models::contains(entry.domain, value.start))
+        at.report(fmt::format("start {} of {} ({}), {} times that of {}: must be {}", value.start, value.name,
+                              entry.description, value.tie_factor, leader->value.name, models::rule(entry.domain)));
+    // Zero is no value of a positive parameter, and no bound that the followed one reaches on a log scale.
+    value.scale = leader->value.scale;
+    value.lower = entry.domain == models::Domain::real ? -std::numeric_limits<double>::infinity() : 0.0;
+}
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
@@ -82,7 +128,7 @@ void check_start(const ValueReader& at, const models::Parameter& entry, const es
 }
 
 FreeParameterJob read_free(const ValueReader& value, Eigen::Index index, const Job& job) {
-    const models::Parameter& entry = job.model.system->parameters()[static_cast<std::size_t>(index)];
+    const models::Parameter& entry = job.model.parameter(index);
     FreeParameterJob result{index, {}};
     estimator::FreeParameter& free = result.value;
     free.name = entry.name;
@@ -97,10 +143,8 @@ FreeParameterJob read_free(const ValueReader& value, Eigen::Index index, const J
         return result;
     }
     const std::size_t problems_before = value.problem_count();
-    const auto scale = object.find("scale");
-    if (scale) free.scale = read_scale(*scale).value_or(free.scale);
-    const auto start = object.find("start");
-    if (start) free.start = start->number().value_or(free.start);
+    const auto scale = object.choose("scale", scale_names, free.scale);
+    const auto start = object.read("start", free.start);
     set_default_bounds(entry, free);
     if (const auto bounds = object.find("bounds")) read_bounds(*bounds, entry, free);
     if (scale && free.scale == estimator::Scale::logit && !(std::isfinite(free.lower) && std::isfinite(free.upper)))
@@ -188,12 +232,7 @@ void read_estimate(ObjectReader& root, Job& job) {
         (void)object.require("residuals",
                              "[ { \"type\": \"cycles\" } ], for example; with \"strategy\": \"auto\" not needed");
     }
-    if (const auto variance = object.find("variance")) {
-        using estimator::Variance;
-        constexpr std::array kinds{Variance::ml, Variance::restricted, Variance::integrated};
-        if (const auto choice = variance->choice({"ml", "restricted", "integrated"}))
-            estimate.variance = kinds[*choice];
-    }
+    object.choose("variance", variance_names, estimate.variance);
     if (object.find("residuals") || estimate.automatic) {
         read_strategy(object, job, estimate);
     } else {

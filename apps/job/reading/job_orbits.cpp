@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <cstddef>
 
 #include "apps/job/job_parts.hpp"
@@ -93,31 +92,23 @@ void read_invariants(const ValueReader& value, OrbitsJob& orbits) {
             if (std::count(orbits.search.periods.begin(), orbits.search.periods.end(), p) == 0)
                 period->report(fmt::format("period {} is not searched for: it does not stand in /orbits/periods", p));
     }
-    if (const auto continuous = object.find("continuous"))
-        orbits.expansion.continuous = continuous->boolean().value_or(true);
+    object.read("continuous", orbits.expansion.continuous);
     object.finish();
 }
 
-void read_search(ObjectReader& object, const Job& job, bool data_sound, OrbitsJob& orbits) {
+void read_search(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     using Method = orbits::CycleSearchOptions::Method;
     orbits::CycleSearchOptions& search = orbits.search;
-    if (const auto method = object.find("method")) {
-        const auto choice = method->choice({"auto", "local_maps", "patch_map", "closest_return"});
-        constexpr std::array methods{Method::automatic, Method::local_maps, Method::spline_map, Method::closest_return};
-        if (choice) search.method = methods[*choice];
-        if (search.method == Method::closest_return) {
-            search.box = 0.01;  // the paper's
-            search.minimum_recurrences = 3;
-        }
+    object.choose("method", cycle_method_names, search.method);
+    if (search.method == Method::closest_return) {
+        search.box = 0.01;  // the paper's
+        search.minimum_recurrences = 3;
     }
     if (const auto periods = object.find("periods")) search.periods = read_periods(*periods).value_or(search.periods);
-    if (const auto box = object.find("box")) search.box = box->number().value_or(search.box);
-    if (const auto order = object.find("local_map")) {
-        const auto choice = order->choice(local_map_names);
-        if (choice) search.order = static_cast<int>(*choice);
-        if (search.method == Method::closest_return && search.order > 1)
-            order->report("with \"method\": \"closest_return\" maps are linear: must be \"linear\" or left out");
-    }
+    object.read("box", search.box);
+    const auto order = object.choose("local_map", local_map_names, search.order);
+    if (order && search.method == Method::closest_return && search.order > 1)
+        order->report("with \"method\": \"closest_return\" maps are linear: must be \"linear\" or left out");
     if (const auto neighbours = object.find("neighbours")) {
         const std::size_t n = std::max<std::size_t>(coordinate_names(job).size(), 1);
         const auto number =
@@ -126,14 +117,15 @@ void read_search(ObjectReader& object, const Job& job, bool data_sound, OrbitsJo
                                            fewest_neighbours(n, search.order)));
         search.neighbours = static_cast<int>(number.value_or(0));
     }
-    if (const auto recurrences = object.find("minimum_recurrences"))
-        search.minimum_recurrences = static_cast<int>(recurrences->whole().value_or(search.minimum_recurrences));
+    object.read("minimum_recurrences", search.minimum_recurrences);
     if (const auto partition = object.find("partition")) read_partition(*partition, job, orbits);
     if (const auto error = object.find("reading_error")) read_reading_error(*error, job, orbits);
     if (const auto invariants = object.find("invariants")) read_invariants(*invariants, orbits);
     read_symmetry(object, job, orbits);
-    if (!data_sound) return;  // which series there are is not known
-    // The first section series is searched; without one the first record of samples, cut by the job's section.
+}
+
+/// The first section series is searched; without one the first record of samples, cut by the job's section.
+void choose_series(const ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     const auto is = [](orbits::Series::Sampling sampling) {
         return [sampling](const DataJob& data) { return data.sampling() == sampling; };
     };
@@ -145,7 +137,7 @@ void read_search(ObjectReader& object, const Job& job, bool data_sound, OrbitsJo
         return;
     }
     orbits.data = static_cast<std::size_t>(series - job.data.begin());
-    if (samples && job.model.system && job.model.system->kind() == models::Kind::autonomous && !job.section_plane)
+    if (samples && job.model.is(models::Kind::autonomous) && !job.section_plane)
         object.self().report(
             fmt::format("samples of {} are cut by a plane: needs \"section\": {{ \"coordinate\": ..., "
                         "\"value\": ..., \"direction\": ... }}",
@@ -174,8 +166,10 @@ void read_orbits(ObjectReader& root, Job& job) {
         orbits.file = read_path(*file, job);
         orbits.sha256 = read_sha256(object);
     } else if (object.valid()) {
+        read_search(object, job, orbits);
+        // Otherwise it is not known which series there are.
         const auto data = root.find("data");
-        read_search(object, job, !data || data->sound(), orbits);
+        if (!data || data->sound()) choose_series(object, job, orbits);
     }
     object.finish();
     job.orbits = std::move(orbits);

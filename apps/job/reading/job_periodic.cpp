@@ -1,16 +1,45 @@
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <numeric>
 
 #include "apps/job/job_parts.hpp"
+#include "apps/job/schema/block_fields.hpp"
 
 namespace orbid::apps {
 
 namespace {
 
-bool is_autonomous(const Job& job) {
-    return job.model.system && job.model.system->kind() == models::Kind::autonomous;
+/// States from which the first trajectories begin.
+void read_search_states(const ValueReader& value, const Job& job, periodic::OrbitSearchOptions& search) {
+    const std::vector<Eigen::VectorXd> states = read_states(value, job);
+    if (!job.model.system) return;
+    search.initial.resize(job.model.system->dimension(), static_cast<Eigen::Index>(states.size()));
+    for (std::size_t j = 0; j < states.size(); ++j)
+        search.initial.col(static_cast<Eigen::Index>(j)) = states[j];
+}
+
+void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& periodic) {
+    periodic::OrbitSearchOptions& search = periodic.search.emplace();
+    search.seed = job.seed;
+    search.symmetry = job.model.system && job.model.system->symmetry().has_value();
+    ObjectReader object(value);
+    if (const auto periods = object.find("periods")) search.periods = read_periods(*periods).value_or(search.periods);
+    object.read("points", search.points);
+    object.read("trajectories", search.trajectories);
+    if (const auto initial = object.find("initial")) read_search_states(*initial, job, search);
+    object.read("patience", search.patience);
+    object.read("seed", search.seed);
+    object.read("stabilised", search.stabilised);
+    const bool usable = search.symmetry;
+    const auto symmetry = object.read("symmetry", search.symmetry);
+    if (search.symmetry && !usable && job.model.system)
+        symmetry->report(fmt::format("the model {} declares no symmetry; must be false", job.model.name));
+    object.finish();
+    if (job.model.is(models::Kind::autonomous) && !job.section_plane)
+        value.report(
+            fmt::format("the model {} is autonomous: needs a \"section\" in the job that its orbits cross: {{ "
+                        "\"coordinate\": ..., \"value\": ..., \"direction\": ... }}",
+                        job.model.name));
 }
 
 std::vector<int> read_rotation(const ValueReader& value, const Job& job) {
@@ -38,8 +67,7 @@ std::vector<int> read_rotation(const ValueReader& value, const Job& job) {
 void require_on_section(const ValueReader& point, const Eigen::VectorXd& state, const Job& job) {
     if (!job.section_plane || state(job.section_plane->coordinate) == job.section_plane->value) return;
     point.report(fmt::format("must lie on the section, where {} is {}",
-                             coordinate_names(job)[static_cast<std::size_t>(job.section_plane->coordinate)],
-                             job.section_plane->value));
+                             job.model.coordinate(job.section_plane->coordinate).name, job.section_plane->value));
 }
 
 /// Finite differences and collocation follow a smooth solution in continuous time.
@@ -58,20 +86,6 @@ void require_smooth_flow(const ValueReader& method, const Job& job) {
                                   job.model.name));
 }
 
-void read_solver(ObjectReader& object, periodic::ShootingOptions& solver) {
-    // A start in a job is a guess, not a measurement: unless told otherwise, whatever orbit it leads to is shown, with
-    // its distance.
-    solver.maximum_distance = std::numeric_limits<double>::infinity();
-    if (const auto tolerance = object.find("tolerance"))
-        solver.tolerance = tolerance->number().value_or(solver.tolerance);
-    if (const auto iterations = object.find("maximum_iterations")) {
-        const auto number = iterations->whole();
-        if (number) solver.maximum_iterations = static_cast<int>(*number);
-    }
-    if (const auto distance = object.find("maximum_distance"))
-        solver.maximum_distance = distance->number().value_or(solver.maximum_distance);
-}
-
 periodic::OrbitMethod read_method(ObjectReader& object, const Job& job) {
     std::size_t choice = 0;
     if (const auto method = object.find("method")) {
@@ -79,34 +93,30 @@ periodic::OrbitMethod read_method(ObjectReader& object, const Job& job) {
         if (choice > 0) require_smooth_flow(*method, job);
     }
     periodic::ShootingOptions solver;
-    read_solver(object, solver);
+    // A start in a job is a guess, not a measurement: unless told otherwise, whatever orbit it leads to is shown, with
+    // its distance.
+    solver.maximum_distance = std::numeric_limits<double>::infinity();
+    read_fields(object, describe::solver_fields(), solver);
     if (periodic_method_names[choice] == "finite_difference") {
         periodic::FiniteDifferenceOptions options;
         options.solver = solver;
-        if (const auto nodes = object.find("nodes"))
-            options.nodes = static_cast<int>(nodes->whole().value_or(static_cast<std::uint64_t>(options.nodes)));
+        object.read("nodes", options.nodes);
         return options;
     }
-    const auto accuracy = object.find("accuracy");
     if (periodic_method_names[choice] == "collocation") {
         periodic::CollocationOptions options;
         options.solver = solver;
-        if (accuracy) options.accuracy = accuracy->number().value_or(options.accuracy);
+        object.read("accuracy", options.accuracy);
         if (const auto order = object.find("order")) {
             const auto number = order->whole();
             if (number && *number % 2 == 1) order->report(fmt::format("must be even, not {}", *number));
             if (number) options.stages = static_cast<int>(*number / 2);
         }
-        if (const auto intervals = object.find("intervals"))
-            options.intervals =
-                static_cast<int>(intervals->whole().value_or(static_cast<std::uint64_t>(options.intervals)));
+        object.read("intervals", options.intervals);
         return options;
     }
-    if (accuracy) {
-        const auto number = accuracy->number();
-        solver.flow.relative_tolerance = number.value_or(solver.flow.relative_tolerance);
-        solver.flow.absolute_tolerance = number.value_or(solver.flow.absolute_tolerance);
-    }
+    object.read("accuracy", solver.flow.relative_tolerance);
+    object.read("accuracy", solver.flow.absolute_tolerance);
     return solver;
 }
 
@@ -115,7 +125,7 @@ enum class StartKind { section, free_mesh, unknown };
 
 /// The period, and T of an autonomous model without a section, whose orbits begin anywhere.
 StartKind read_period(ObjectReader& object, const Job& job, OrbitStart& start) {
-    const bool free_mesh = is_autonomous(job) && !job.section_plane;
+    const bool free_mesh = job.model.is(models::Kind::autonomous) && !job.section_plane;
     const auto time = object.find("time");
     const auto period = object.find("period");
     if (free_mesh && !time) {
@@ -128,8 +138,9 @@ StartKind read_period(ObjectReader& object, const Job& job, OrbitStart& start) {
     }
     if (free_mesh) start.time = time->number().value_or(1.0);
     if (time && !free_mesh && job.model.system)
-        time->report(is_autonomous(job) ? "follows from the crossings of the section: must be left out"
-                                        : "follows from \"period\": must be left out");
+        time->report(job.model.is(models::Kind::autonomous)
+                         ? "follows from the crossings of the section: must be left out"
+                         : "follows from \"period\": must be left out");
     if (period) {
         start.period = static_cast<int>(period->whole().value_or(1));
         if (free_mesh && start.period != 1) {
@@ -195,12 +206,10 @@ void read_periodic(ObjectReader& root, Job& job) {
                                   job.model.name));
     periodic.method = read_method(object, job);
     periodic.free = read_free_indices(object, job);
-    if (const auto stability = object.find("stability")) {
-        periodic.stability = stability->boolean().value_or(false);
-        // Its derivatives hold along the model's own orbit, which the others only approximate.
-        if (periodic.stability && periodic.method.index() > 0)
-            stability->report("needs \"method\": \"multiple_shooting\"; must be false with the others");
-    }
+    // Its derivatives hold along the model's own orbit, which the others only approximate.
+    const auto stability = object.read("stability", periodic.stability);
+    if (periodic.stability && periodic.method.index() > 0)
+        stability->report("needs \"method\": \"multiple_shooting\"; must be false with the others");
     if (const auto orbits = object.find("orbits")) {
         for (const ValueReader& item : orbits->items())
             periodic.orbits.push_back(read_start(item, job));

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "apps/job/job_parts.hpp"
+#include "apps/job/schema/block_fields.hpp"
 
 namespace orbid::apps {
 
@@ -9,17 +10,9 @@ namespace {
 /// What the estimate's parameters are called, so far as it does not depend on data: the several segments of an initial
 /// value are named together.
 std::vector<std::string> estimated_names(const Job& job, const EstimateJob& estimate) {
-    std::vector<std::string> names;
-    for (const FreeParameterJob& free : estimate.parameters) {
-        if (!free.value.tied_to.empty()) continue;  // it follows another one
-        const auto has_own = [&](const DataJob& data) {
-            return std::find(data.free.begin(), data.free.end(), free.parameter) != data.free.end();
-        };
-        for (const DataJob& data : job.data)
-            if (has_own(data)) names.push_back(free.value.name + "@" + data.name);
-        const bool shared = job.data.empty() || !std::all_of(job.data.begin(), job.data.end(), has_own);
-        if (shared) names.push_back(free.value.name);
-    }
+    std::vector<FreeParameterJob> leading = estimate.parameters;
+    std::erase_if(leading, [](const FreeParameterJob& free) { return !free.value.tied_to.empty(); });
+    std::vector<std::string> names = estimated_parameter_names(job, leading);
     if (!estimate.series) return names;
     for (const std::size_t index : estimate.series->data) {
         const DataJob& data = job.data[index];
@@ -40,16 +33,10 @@ void add_error_names(const Job& job, const std::string& prefix, const std::vecto
             return std::count(covariance.coordinates.begin(), covariance.coordinates.end(), error.coordinate) > 0;
         });
         if (joint) continue;
-        const std::string group = prefix + "." + coordinate_names(job)[static_cast<std::size_t>(error.coordinate)];
+        const std::string group = fmt::format("{}.{}", prefix, job.model.coordinate(error.coordinate).name);
         if (error.scale.estimate) names.push_back(group + ".scale");
-        const auto add = [&](const estimator::ErrorParameter& parameter, std::string_view name) {
-            if (parameter.estimate) names.push_back(fmt::format("{}.{}", group, name));
-        };
-        if (const auto* student = std::get_if<estimator::StudentErrors>(&error.distribution)) add(student->dof, "dof");
-        if (const auto* relative = std::get_if<estimator::RelativeErrors>(&error.distribution))
-            add(relative->relative, "relative");
-        if (const auto* chain = std::get_if<estimator::AutoregressiveErrors>(&error.distribution))
-            add(chain->correlation, "correlation");
+        const auto [name, shape] = error_shape(error.distribution);
+        if (shape != nullptr && shape->estimate) names.push_back(fmt::format("{}.{}", group, name));
     }
 }
 
@@ -67,7 +54,7 @@ std::vector<std::string> error_names(const Job& job, const EstimateJob& estimate
         const DataJob& data = job.data[index];
         std::vector<ErrorJob> own;
         for (const ErrorJob& error : estimate.series->errors)
-            if (std::count(data.observe.begin(), data.observe.end(), error.coordinate) > 0) own.push_back(error);
+            if (data.observes(error.coordinate)) own.push_back(error);
         const bool single = estimate.series->data.size() == 1;
         add_error_names(job, single ? "series" : "series." + data.name, own, estimate.series->covariances, names);
     }
@@ -97,14 +84,9 @@ ParameterChoice read_choice(const ValueReader& value, const Job& job, const Esti
 }
 
 void read_sample(const ValueReader& value, SampleJob& sample) {
-    if (value.is(JsonValue::Kind::number)) {
-        sample.draws = value.whole().value_or(0);
-        return;
-    }
+    if (value.is(JsonValue::Kind::number)) return value.read(sample.draws);
     ObjectReader object(value);
-    if (const auto draws = object.find("draws")) sample.draws = draws->whole().value_or(0);
-    if (const auto chains = object.find("chains")) sample.chains = chains->whole().value_or(2);
-    if (const auto warm_up = object.find("warm_up")) sample.warm_up = warm_up->whole().value_or(1);
+    read_fields(object, describe::sample_fields(), sample);
     object.finish();
 }
 
@@ -120,12 +102,9 @@ void read_posterior(ObjectReader& object, const Job& job, EstimateJob& estimate)
     estimate.multi_start.seed = job.seed;
     if (const auto value = object.find("multi_start")) {
         ObjectReader inner(*value);
-        if (const auto starts = inner.find("starts")) {
-            estimate.multi_start.starts = starts->whole().value_or(1);
-            if (estimate.multi_start.starts > 1 && estimate.strategy.size() > 1)
-                starts->report("several starts go with one stage; the stages of a strategy find their own");
-        }
-        if (const auto seed = inner.find("seed")) estimate.multi_start.seed = seed->whole().value_or(job.seed);
+        read_fields(inner, describe::multi_start_fields(), estimate.multi_start);
+        if (estimate.multi_start.starts > 1 && estimate.strategy.size() > 1)
+            inner.find("starts")->report("several starts go with one stage; the stages of a strategy find their own");
         inner.finish();
     }
     if (const auto value = object.find("posterior")) {

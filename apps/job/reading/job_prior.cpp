@@ -1,58 +1,30 @@
 #include <algorithm>
-#include <array>
 #include <stdexcept>
+#include <tuple>
+#include <type_traits>
 
 #include "apps/job/job_parts.hpp"
+#include "apps/job/schema/block_fields.hpp"
 
 namespace orbid::apps {
 
 namespace {
 
-/// The numbers of one density.
-class DensityReader {
-public:
-    explicit DensityReader(const ValueReader& value) : object_(value) {}
-
-    /// 1 where it is missing or refused: every density allows it.
-    double number(std::string_view key) {
-        const auto entry = object_.find(key);
-        return entry ? entry->number().value_or(1.0) : 1.0;
+/// The density of this form, where it is there.
+template <class Density>
+void read_density(ObjectReader& object, const describe::DensityForm<Density>& form,
+                  std::optional<estimator::Prior>& prior) {
+    const auto value = object.find(form.name);
+    if (!value) return;
+    ObjectReader numbers(*value);
+    Density density = form.unset;
+    read_fields(numbers, form.fields, density);
+    numbers.finish();
+    if constexpr (std::is_same_v<Density, estimator::UniformPrior>) {
+        if (value->sound() && !(density.lower < density.upper))
+            value->report(fmt::format("lower {} must be below upper {}", density.lower, density.upper));
     }
-    void finish() const { object_.finish(); }
-
-private:
-    ObjectReader object_;
-};
-
-std::optional<estimator::Prior> read_density(const std::string& form, const ValueReader& value) {
-    DensityReader density(value);
-    std::optional<estimator::Prior> prior;
-    if (form == "normal") {
-        const double mean = density.number("mean");
-        prior = estimator::NormalPrior{mean, density.number("sd")};
-    } else if (form == "lognormal") {
-        const double median = density.number("median");
-        prior = estimator::LogNormalPrior{median, density.number("log_sd")};
-    } else if (form == "uniform") {
-        const double lower = density.number("lower");
-        const double upper = density.number("upper");
-        if (value.sound() && !(lower < upper))
-            value.report(fmt::format("lower {} must be below upper {}", lower, upper));
-        prior = estimator::UniformPrior{lower, upper};
-    } else if (form == "half_normal") {
-        prior = estimator::HalfNormalPrior{density.number("scale")};
-    } else if (form == "half_cauchy") {
-        prior = estimator::HalfCauchyPrior{density.number("scale")};
-    } else if (form == "gamma") {
-        const double shape = density.number("shape");
-        prior = estimator::GammaPrior{shape, density.number("rate")};
-    } else {
-        const double dof = density.number("dof");
-        const double location = density.number("location");
-        prior = estimator::StudentPrior{dof, location, density.number("scale")};
-    }
-    density.finish();
-    return prior;
+    prior = density;
 }
 
 /// Reads { "names", "mean", "covariance" }; what is wrong with single names is reported at them.
@@ -67,7 +39,7 @@ std::optional<estimator::JointNormalPrior> read_joint_normal(const ValueReader& 
     object.finish();
     if (!names || !mean || !covariance) return std::nullopt;
     estimator::JointNormalPrior prior;
-    const auto known = estimated_parameter_names(job, estimate);
+    const auto known = estimated_parameter_names(job, estimate.parameters);
     for (const ValueReader& item : names->items()) {
         const auto name = item.text();
         if (!name) continue;
@@ -88,12 +60,9 @@ std::optional<estimator::JointNormalPrior> read_joint_normal(const ValueReader& 
         }
     }
     const auto count = static_cast<Eigen::Index>(prior.names.size());
-    const auto means = mean->items();
-    if (mean->is(JsonValue::Kind::array) && means.size() != prior.names.size())
-        mean->report(fmt::format("must hold one number per name: {}, not {}", count, means.size()));
-    prior.mean.resize(static_cast<Eigen::Index>(means.size()));
-    for (std::size_t i = 0; i < means.size(); ++i)
-        prior.mean[static_cast<Eigen::Index>(i)] = means[i].number().value_or(0.0);
+    prior.mean = read_numbers(*mean);
+    if (mean->is(JsonValue::Kind::array) && prior.mean.size() != count)
+        mean->report(fmt::format("must hold one number per name: {}, not {}", count, prior.mean.size()));
     if (const auto matrix = read_matrix(*covariance, count)) prior.covariance = *matrix;
     // What is wrong already would only be reported a second time in other words.
     if (!value.sound() || value.problem_count() != problems_before) return std::nullopt;
@@ -115,26 +84,15 @@ std::optional<estimator::Prior> read_prior(const ValueReader& value) {
     }
     ObjectReader object(value);
     std::optional<estimator::Prior> prior;
-    for (const char* form : {"normal", "lognormal", "uniform", "half_normal", "half_cauchy", "gamma", "student_t"})
-        if (const auto density = object.find(form)) prior = read_density(form, *density);
+    std::apply([&](const auto&... form) { (read_density(object, form, prior), ...); }, describe::density_forms());
     object.finish();
     return prior;
 }
 
-std::optional<estimator::Scale> read_scale(const ValueReader& value) {
-    using estimator::Scale;
-    const auto choice = value.choice({"linear", "log", "log10", "logit"});
-    if (!choice) return std::nullopt;
-    constexpr std::array scales{Scale::linear, Scale::log, Scale::log10, Scale::logit};
-    return scales[*choice];
-}
-
-std::vector<std::string> estimated_parameter_names(const Job& job, const EstimateJob& estimate) {
+std::vector<std::string> estimated_parameter_names(const Job& job, const std::vector<FreeParameterJob>& parameters) {
     std::vector<std::string> names;
-    for (const FreeParameterJob& free : estimate.parameters) {
-        const auto has_own = [&](const DataJob& data) {
-            return std::find(data.free.begin(), data.free.end(), free.parameter) != data.free.end();
-        };
+    for (const FreeParameterJob& free : parameters) {
+        const auto has_own = [&](const DataJob& data) { return data.has_own(free.parameter); };
         for (const DataJob& data : job.data)
             if (has_own(data)) names.push_back(free.value.name + "@" + data.name);
         const bool shared = job.data.empty() || !std::all_of(job.data.begin(), job.data.end(), has_own);

@@ -5,6 +5,7 @@
 
 #include "apps/documents/atomic_file.hpp"
 #include "apps/documents/schema_check.hpp"
+#include "apps/job/flow_stepper.hpp"
 #include "apps/job/job_parts.hpp"
 #include "apps/job/schema/job_schema.hpp"
 
@@ -12,14 +13,27 @@ namespace orbid::apps {
 
 namespace {
 
+/// "flow", after all that moves parameters; model.system becomes one with that stepper.
+void read_flow(ObjectReader& root, Job& job) {
+    const auto value = root.find("flow");
+    if (!value) return;
+    ObjectReader flow(*value);
+    const auto stepper = flow.choose("stepper", flow_stepper_names, job.stepper);
+    if (job.stepper == FlowStepper::odeint && job.model.system) {
+        const std::string why = odeint_refusal(job);
+        if (why.empty())
+            job.model.system = with_stepper(job.model.system, job.stepper);
+        else
+            stepper->report(fmt::format("must be \"verner\" here: {}", why));
+    }
+    flow.finish();
+}
+
 void read_output(ObjectReader& root, Job& job) {
     const auto value = root.find("output");
     if (!value) return;
     ObjectReader output(*value);
-    if (const auto series = output.find("series")) {
-        const auto choice = series->choice({"h5", "csv", "none"});
-        if (choice) job.series_output = static_cast<SeriesOutput>(*choice);
-    }
+    output.choose("series", series_output_names, job.series_output);
     output.finish();
 }
 
@@ -36,9 +50,9 @@ void read_origin(ObjectReader& root) {
 void read_root(const ValueReader& value, Job& job) {
     ObjectReader root(value);
     read_origin(root);
-    if (const auto title = root.find("title")) job.title = title->text().value_or("");
+    root.read("title", job.title);
     read_model(root, job);
-    if (const auto seed = root.find("seed")) job.seed = seed->whole().value_or(job.seed);
+    root.read("seed", job.seed);
     read_section(root, job);
     read_data(root, job);
     read_orbits(root, job);

@@ -8,11 +8,84 @@ namespace {
 
 using Sampling = orbits::Series::Sampling;
 
+/// "exact", "auto", { "sd": "estimate" } or { "sd": share of the range }.
+MatchingJob read_matching(const ValueReader& value) {
+    MatchingJob matching;
+    if (value.is(JsonValue::Kind::string)) {
+        if (value.choice({"exact", "auto"}) == 0) matching.kind = MatchingJob::Kind::exact;
+        return matching;
+    }
+    if (value.refused()) return matching;
+    ObjectReader object(value);
+    if (const auto sd = object.find("sd")) {
+        if (sd->is(JsonValue::Kind::string)) {
+            (void)sd->choice({"estimate"});
+            matching.kind = MatchingJob::Kind::estimated;
+        } else {
+            matching.kind = MatchingJob::Kind::given;
+            sd->read(matching.sd);
+        }
+    }
+    object.finish();
+    return matching;
+}
+
+/// Something is said of where segments begin.
+bool says_more(const InitialValueJob& initial) {
+    return !initial.estimate || initial.value || initial.is_parameter() ||
+           !std::holds_alternative<estimator::FlatPrior>(initial.prior);
+}
+
+/// What single shooting alone can have.
+void check_nodes(const ValueReader& at, const Job& job, const SeriesResidualJob& series) {
+    for (const std::size_t index : series.data) {
+        const DataJob& data = job.data[index];
+        if (data.inputs) at.report(fmt::format("\"{}\" has measured inputs: use \"interval\": \"segment\"", data.name));
+        if (data.sensor.type == models::Sensor::Type::function)
+            at.report(fmt::format("\"{}\" is read by formulas: use \"interval\": \"segment\"", data.name));
+        if (std::any_of(data.initial_state.begin(), data.initial_state.end(), says_more))
+            at.report(
+                fmt::format("\"initial_state\" of \"{}\" goes with \"interval\": \"segment\": every node is a "
+                            "free state",
+                            data.name));
+    }
+}
+
+/// "matching" and "interval", after the data. `staged`: the strategy chooses what is not given.
+void read_shooting(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series) {
+    const bool sections = std::any_of(series.data.begin(), series.data.end(), [&](std::size_t index) {
+        return job.data[index].sampling() == Sampling::section;
+    });
+    const auto matching = object.find("matching");
+    if (matching) series.matching = read_matching(*matching);
+    const bool has_sd =
+        series.matching.kind == MatchingJob::Kind::given || series.matching.kind == MatchingJob::Kind::estimated;
+    const auto interval = object.find("interval");
+    // Samples over short segments need one free state each; whatever says that there is more to it asks for nodes.
+    bool whole_segments = !sections && !has_sd && !staged;
+    if (interval && interval->is(JsonValue::Kind::string)) {
+        whole_segments = interval->choice({"auto", "segment"}) == 1;
+        if (whole_segments && sections)
+            interval->report("holds for samples: a section series is followed from section to section, \"auto\" or 1");
+        if (whole_segments && has_sd)
+            matching->report("nothing is matched where the flow runs over whole segments: use \"interval\": \"auto\"");
+    } else if (interval && interval->is(JsonValue::Kind::number)) {
+        whole_segments = false;
+        series.interval = interval->whole().value_or(1);
+    }
+    if (whole_segments) {
+        series.matching.kind = MatchingJob::Kind::exact;
+        return;
+    }
+    if (!series.interval) series.interval = SeriesResidualJob::automatic_interval;
+    check_nodes(interval.value_or(object.self()), job, series);
+}
+
 void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     CyclesResidualJob cycles;
     const bool searched = job.orbits && !job.orbits->file;
     if (!job.orbits) object.self().report("needs \"orbits\": { ... }, a search for cycles or a file of them");
-    if (job.model.system && job.model.system->kind() == models::Kind::autonomous)
+    if (job.model.is(models::Kind::autonomous))
         object.self().report(
             fmt::format("cycles of the model {}, which is autonomous: {}", job.model.name, not_in_this_version));
     if (searched) cycles.periods = job.orbits->search.periods;
@@ -26,10 +99,8 @@ void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
         }
     }
     if (const auto weights = object.find("weights")) cycles.covariance = weights->choice({"covariance", "equal"}) != 1;
-    const auto positions = object.find("positions");
-    if (positions) cycles.positions = positions->boolean().value_or(true);
-    if (const auto multipliers = object.find("multipliers"))
-        cycles.multipliers = multipliers->boolean().value_or(false);
+    const auto positions = object.read("positions", cycles.positions);
+    object.read("multipliers", cycles.multipliers);
     if (!cycles.positions && !cycles.multipliers)
         positions->report("must be true without \"multipliers\": true: nothing is left to compare");
     ErrorUse use;
@@ -40,21 +111,6 @@ void read_cycles(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     read_errors(object, use, job, cycles.errors, cycles.covariances);
     if (estimate.cycles) object.self().report(fmt::format("a second residual of type cycles: {}", not_in_this_version));
     estimate.cycles = std::move(cycles);
-}
-
-void read_series_data(const ValueReader& value, const Job& job, SeriesResidualJob& series) {
-    std::vector<std::string> known;
-    for (const DataJob& data : job.data)
-        known.push_back(data.name);
-    for (const auto& [name, item] : read_names(value)) {
-        const auto at = std::find(known.begin(), known.end(), name);
-        if (at == known.end()) {
-            item.report(fmt::format("there are no data named \"{}\"{}", name, suggestion(name, known)));
-            continue;
-        }
-        series.data.push_back(static_cast<std::size_t>(at - known.begin()));
-    }
-    std::sort(series.data.begin(), series.data.end());
 }
 
 /// Errors that link readings of different intervals, or of several coordinates, are those of whole segments.
@@ -71,14 +127,11 @@ void check_short_intervals(const ValueReader& at, const SeriesResidualJob& serie
 void read_series(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     SeriesResidualJob series;
     if (const auto data = object.find("data")) {
-        read_series_data(*data, job, series);
+        series.data = read_experiments(*data, job);
     } else {
         // Samples where there are some: sections beside them are usually there to be searched for cycles.
-        for (const Sampling sampling : {Sampling::samples, Sampling::section}) {
-            if (!series.data.empty()) break;
-            for (std::size_t i = 0; i < job.data.size(); ++i)
-                if (job.data[i].sampling() == sampling) series.data.push_back(i);
-        }
+        series.data = experiments_with(job, Sampling::samples);
+        if (series.data.empty()) series.data = experiments_with(job, Sampling::section);
         if (series.data.empty()) object.self().report("needs an entry of \"data\"");
     }
     read_shooting(object, job, estimate.automatic, series);
@@ -87,16 +140,13 @@ void read_series(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     use.data = series.data;
     for (const std::size_t index : series.data) {
         const models::Sensor& sensor = job.data[index].sensor;
-        for (const Eigen::Index coordinate : job.data[index].observe) {
-            // A rate that is a difference of two readings of an angle has their errors, none of its own. (Over a whole
-            // segment it is compared as a reading.)
-            const bool is_second_reading = series.interval && coordinate == static_cast<Eigen::Index>(sensor.rate) &&
-                                           sensor.type == models::Sensor::Type::angle_difference;
-            if (!is_second_reading) use.coordinates.push_back(coordinate);
-        }
+        std::vector<Eigen::Index> coordinates = job.data[index].observe;
+        // A rate that is a difference of two readings of an angle has their errors, none of its own. (Over a whole
+        // segment it is compared as a reading.)
+        if (series.interval && sensor.type == models::Sensor::Type::angle_difference)
+            std::erase(coordinates, static_cast<Eigen::Index>(sensor.rate));
+        use.add_coordinates(coordinates);
     }
-    std::sort(use.coordinates.begin(), use.coordinates.end());
-    use.coordinates.erase(std::unique(use.coordinates.begin(), use.coordinates.end()), use.coordinates.end());
     read_errors(object, use, job, series.errors, series.covariances);
     if (series.interval) check_short_intervals(object.self(), series);
     if (estimate.series) object.self().report(fmt::format("a second residual of type series: {}", not_in_this_version));
@@ -109,7 +159,7 @@ void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estim
     for (const ValueReader& item : value.items()) {
         ObjectReader object(item);
         const auto type = object.find("type");
-        const auto choice = type ? type->choice({"cycles", "series", "waveform"}) : std::nullopt;
+        const auto choice = type ? type->choice(residual_type_names) : std::nullopt;
         if (!choice) continue;  // without the type every other key would be called unknown
         if (*choice == 0) {
             read_cycles(object, job, estimate);

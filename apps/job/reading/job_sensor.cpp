@@ -25,13 +25,10 @@ std::optional<std::size_t> read_encoder(ObjectReader& object, const Job& job, mo
         const models::Coordinate& entry = job.model.system->coordinates()[*angle];
         if (!entry.angle) object.report("angle", fmt::format("{} is no angle", entry.name));
     }
-    if (const auto step = object.find("step")) sensor.step = step->number().value_or(0.0);
-    if (const auto rounding = object.find("rounding")) {
-        using Rounding = models::Sensor::Rounding;
-        if (rounding->choice({"none", "nearest"}) == 1) sensor.rounding = Rounding::nearest;
-        if (sensor.rounding == Rounding::nearest && !(sensor.step > 0))
-            rounding->report("rounding needs the encoder's \"step\" > 0");
-    }
+    object.read("step", sensor.step);
+    const auto rounding = object.choose("rounding", rounding_names, sensor.rounding);
+    if (sensor.rounding == models::Sensor::Rounding::nearest && !(sensor.step > 0))
+        rounding->report("rounding needs the encoder's \"step\" > 0");
     return angle;
 }
 
@@ -49,7 +46,7 @@ void read_difference(ObjectReader& object, const Job& job, models::Sensor& senso
     const auto rate = read_coordinate(object, "rate", job);
     if (rate) sensor.rate = *rate;
     if (angle && rate && *angle == *rate) object.report("rate", "must be another coordinate than the angle");
-    if (const auto delay = object.find("delay")) sensor.delay = delay->number().value_or(1.0);
+    object.read("delay", sensor.delay);
 }
 
 void read_functions(ObjectReader& object, const Job& job, models::Sensor& sensor) {
@@ -99,9 +96,8 @@ bool reads_angle(const Job& job, const std::vector<std::size_t>& data, Eigen::In
     const auto index = static_cast<std::size_t>(coordinate);
     if (data.empty()) return coordinates[index].angle;
     return std::any_of(data.begin(), data.end(), [&](std::size_t experiment) {
-        const auto& observed = job.data[experiment].observe;
-        const bool reads = std::find(observed.begin(), observed.end(), coordinate) != observed.end();
-        return reads && models::reads_angle(job.data[experiment].sensor, coordinates, index);
+        const DataJob& data_job = job.data[experiment];
+        return data_job.observes(coordinate) && models::reads_angle(data_job.sensor, coordinates, index);
     });
 }
 

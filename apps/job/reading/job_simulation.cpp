@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "apps/job/job_parts.hpp"
+#include "apps/job/schema/block_fields.hpp"
 
 namespace orbid::apps {
 
@@ -8,15 +9,10 @@ namespace {
 
 using Sampling = orbits::Series::Sampling;
 
-bool has_kind(const Job& job, models::Kind kind) {
-    return job.model.system && job.model.system->kind() == kind;
-}
-
 void read_samples(const ValueReader& value, SimulationJob& simulation) {
     simulation.sampling = Sampling::samples;
     ObjectReader samples(value);
-    if (const auto step = samples.find("step")) simulation.step = step->number().value_or(1.0);
-    if (const auto count = samples.find("count")) simulation.count = count->whole().value_or(2);
+    read_fields(samples, describe::samples_fields(), simulation);
     samples.finish();
 }
 
@@ -26,8 +22,7 @@ void read_initial_states(const ValueReader& value, const Job& job, bool trajecto
         return;
     }
     if (value.refused()) return;
-    for (const ValueReader& item : value.items())
-        if (const auto state = read_state(item, job)) simulation.initial.push_back(*state);
+    simulation.initial = read_states(value, job);
     const std::size_t states = value.value().items.size();
     if (!trajectories_given) {
         simulation.trajectories = states;
@@ -46,8 +41,8 @@ void read_noise(ObjectReader& object, const Job& job, SimulationJob& simulation)
         double correlation = 0.0;
         if (member.is(JsonValue::Kind::object)) {
             ObjectReader entry(member);
-            if (const auto value = entry.find("sd")) sd = value->number();
-            if (const auto value = entry.find("correlation")) correlation = value->number().value_or(0.0);
+            entry.read("sd", sd);
+            entry.read("correlation", correlation);
             entry.finish();
         } else if (member.is(JsonValue::Kind::number)) {
             sd = member.number();
@@ -73,15 +68,14 @@ SimulationJob read_simulation(const ValueReader& value, const Job& job) {
     ObjectReader object(value);
     const auto sections = object.find("sections");
     const auto samples = object.find("samples");
-    const auto trajectories = object.find("trajectories");
-    if (trajectories) simulation.trajectories = trajectories->whole().value_or(1);
+    const auto trajectories = object.read("trajectories", simulation.trajectories);
     if (samples) {
-        if (has_kind(job, models::Kind::map))
+        if (job.model.is(models::Kind::map))
             samples->report(
                 fmt::format("the model {} is a map: it has no samples in time; use \"sections\"", job.model.name));
         read_samples(*samples, simulation);
     } else if (sections) {
-        if (has_kind(job, models::Kind::autonomous) && !job.section_plane)
+        if (job.model.is(models::Kind::autonomous) && !job.section_plane)
             sections->report(
                 fmt::format("the model {} is not forced: name the section beside \"data\", \"section\": "
                             "{{ \"coordinate\": ..., \"value\": ..., \"direction\": 1 }}",
@@ -93,11 +87,9 @@ SimulationJob read_simulation(const ValueReader& value, const Job& job) {
     }
     if (const auto initial = object.find("initial"))
         read_initial_states(*initial, job, trajectories.has_value(), simulation);
-    if (const auto transient = object.find("transient")) {
-        simulation.transient = transient->whole().value_or(0);
-    } else if (simulation.initial.empty() && simulation.sampling == Sampling::section) {
+    if (!object.read("transient", simulation.transient) && simulation.initial.empty() &&
+        simulation.sampling == Sampling::section)
         simulation.transient = SimulationJob::transient_of_random_sections;
-    }
     if (const auto restart = object.find("restart"))
         simulation.restart = restart->choice({"when_captured_or_at_rest", "never"}) != 1;
     read_noise(object, job, simulation);

@@ -53,38 +53,23 @@ std::vector<bool> read_per_experiment(const ValueReader& value, const Job& job, 
 }
 
 void read_data_names(ObjectReader& object, const Job& job, WaveformResidualJob& waveform) {
-    std::vector<std::string> known;
-    for (const DataJob& data : job.data)
-        known.push_back(data.name);
     const auto value = object.find("data");
     if (!value) {
-        for (std::size_t i = 0; i < job.data.size(); ++i)
-            if (job.data[i].sampling() == Sampling::samples) waveform.data.push_back(i);
+        waveform.data = experiments_with(job, Sampling::samples);
         if (waveform.data.empty()) object.self().report("needs sampled data: an entry of \"data\" with samples");
         return;
     }
-    for (const auto& [name, item] : read_names(*value)) {
-        const auto at = std::find(known.begin(), known.end(), name);
-        if (at == known.end()) {
-            item.report(fmt::format("there are no data named \"{}\"{}", name, suggestion(name, known)));
-            continue;
-        }
-        const auto index = static_cast<std::size_t>(at - known.begin());
-        if (job.data[index].sampling() == Sampling::section)
-            item.report(fmt::format("\"{}\" is a section series: a waveform needs samples in time", name));
-        waveform.data.push_back(index);
-    }
-    if (waveform.data.empty()) {
-        // What is wrong is reported. Otherwise every coordinate would be called unobserved.
-        for (std::size_t i = 0; i < job.data.size(); ++i)
-            if (job.data[i].sampling() == Sampling::samples) waveform.data.push_back(i);
-    }
-    std::sort(waveform.data.begin(), waveform.data.end());
+    waveform.data = read_experiments(*value, job, [&](const ValueReader& item, const DataJob& data) {
+        if (data.sampling() == Sampling::section)
+            item.report(fmt::format("\"{}\" is a section series: a waveform needs samples in time", data.name));
+    });
+    // What is wrong is reported. Otherwise every coordinate would be called unobserved.
+    if (waveform.data.empty()) waveform.data = experiments_with(job, Sampling::samples);
 }
 
 /// "period" of forced models, "time" of autonomous ones.
 void read_length(ObjectReader& object, const Job& job, WaveformResidualJob& waveform) {
-    const bool autonomous = job.model.system && job.model.system->kind() == models::Kind::autonomous;
+    const bool autonomous = job.model.is(models::Kind::autonomous);
     const auto period = object.find("period");
     const auto time = object.find("time");
     if (autonomous && period) {
@@ -92,7 +77,7 @@ void read_length(ObjectReader& object, const Job& job, WaveformResidualJob& wave
             fmt::format("the model {} is not forced: give \"time\", a guess of its period in s", job.model.name));
     } else if (period) {
         read_per_experiment(*period, job, waveform.data, [&](const ValueReader& value, std::size_t i) {
-            waveform.experiments[i].period = static_cast<int>(value.whole().value_or(1));
+            value.read(waveform.experiments[i].period);
         });
     }
     if (!autonomous && time) {
@@ -116,7 +101,7 @@ void read_length(ObjectReader& object, const Job& job, WaveformResidualJob& wave
 void read_phase(ObjectReader& object, const Job& job, WaveformResidualJob& waveform) {
     const auto phase = object.find("phase");
     if (!phase) return;
-    const bool autonomous = job.model.system && job.model.system->kind() == models::Kind::autonomous;
+    const bool autonomous = job.model.is(models::Kind::autonomous);
     read_per_experiment(*phase, job, waveform.data, [&](const ValueReader& value, std::size_t i) {
         WaveformResidualJob::Experiment& experiment = waveform.experiments[i];
         if (value.is(JsonValue::Kind::string)) {
@@ -144,19 +129,17 @@ void read_offset(ObjectReader& object, const Job& job, const std::vector<ErrorJo
     if (!offset) return;
     const auto read_one = [](const ValueReader& value, periodic::WaveformUnknown& unknown) {
         if (value.is(JsonValue::Kind::number)) {
-            unknown = {false, value.number().value_or(0.0)};
+            unknown = {false, value.value().number};
         } else if (value.is(JsonValue::Kind::string)) {
             unknown = {value.choice({"estimate", "none"}) == 0, 0.0};
         }
     };
     if (offset->is(JsonValue::Kind::string)) {
         const bool all = offset->choice({"estimate", "none"}) == 0;
-        for (std::size_t i = 0; i < waveform.data.size(); ++i) {
-            const auto& observe = job.data[waveform.data[i]].observe;
+        for (std::size_t i = 0; i < waveform.data.size(); ++i)
             for (std::size_t c = 0; c < errors.size(); ++c)
                 waveform.experiments[i].offsets[c].estimate =
-                    all && std::count(observe.begin(), observe.end(), errors[c].coordinate) > 0;
-        }
+                    all && job.data[waveform.data[i]].observes(errors[c].coordinate);
         return;
     }
     for (const auto& [name, member] : offset->members()) {
@@ -171,8 +154,7 @@ void read_offset(ObjectReader& object, const Job& job, const std::vector<ErrorJo
         const auto c = static_cast<std::size_t>(error - errors.begin());
         for (std::size_t i = 0; i < waveform.data.size(); ++i) {
             const std::size_t problems_before = member.problem_count();
-            const auto& observe = job.data[waveform.data[i]].observe;
-            if (std::count(observe.begin(), observe.end(), error->coordinate) == 0) continue;
+            if (!job.data[waveform.data[i]].observes(error->coordinate)) continue;
             read_one(member, waveform.experiments[i].offsets[c]);
             if (member.problem_count() > problems_before) break;
         }
@@ -206,7 +188,7 @@ void read_starts(ObjectReader& object, const Job& job, WaveformResidualJob& wave
 
 void read_waveform(ObjectReader& object, const Job& job, EstimateJob& estimate) {
     WaveformResidualJob waveform;
-    if (job.model.system && job.model.system->kind() == models::Kind::map)
+    if (job.model.is(models::Kind::map))
         object.self().report(
             fmt::format("the model {} is a map: it has no waveforms in time; use its cycles", job.model.name));
     if (job.model.system && !job.model.system->inputs().empty())
@@ -223,10 +205,7 @@ void read_waveform(ObjectReader& object, const Job& job, EstimateJob& estimate) 
     use.records = ErrorUse::Records::series;
     use.data = waveform.data;
     for (const std::size_t index : waveform.data)
-        for (const Eigen::Index coordinate : job.data[index].observe)
-            use.coordinates.push_back(coordinate);
-    std::sort(use.coordinates.begin(), use.coordinates.end());
-    use.coordinates.erase(std::unique(use.coordinates.begin(), use.coordinates.end()), use.coordinates.end());
+        use.add_coordinates(job.data[index].observe);
     read_errors(object, use, job, waveform.errors, waveform.covariances);
     read_offset(object, job, waveform.errors, waveform);
     if (estimate.waveform)

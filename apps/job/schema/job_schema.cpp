@@ -3,8 +3,6 @@
 #include <algorithm>
 
 #include "apps/job/job.hpp"
-#include "orbits/cycles/cycle_search.hpp"
-#include "orbits/invariants/cycle_expansion.hpp"
 
 namespace orbid::apps {
 
@@ -37,7 +35,7 @@ bool is_not_empty(std::string_view word) {
 
 ValueSchema output_block() {
     return object(
-        {key("series", choice({"h5", "csv", "none"}), "How the series of the job are stored.").by_default("h5")});
+        {key("series", choice(series_output_names), "How the series of the job are stored.").by_default("h5")});
 }
 
 ValueSchema flow_block() {
@@ -118,7 +116,7 @@ ValueSchema orbits_block() {
     return object(
         {key("file", file_name(), "A list of cycles (cycles.json) to be used as it is, in the place of a search."),
          key("sha256", sha256(), "Of that file: refused if it has changed.").with("file"),
-         key("method", choice({"auto", "local_maps", "patch_map", "closest_return"}),
+         key("method", choice(cycle_method_names),
              "How the map of the section onto itself is told from the data; \"closest_return\" is the paper's way.")
              .by_default("auto")
              .without("file"),
@@ -127,7 +125,7 @@ ValueSchema orbits_block() {
              "Linear size of a recurrence box relative to the range of the series; 0.01 with \"closest_return\".")
              .by_default(usual.box)
              .without("file"),
-         key("local_map", choice({"auto", "linear", "quadratic", "cubic", "quartic", "quintic", "sextic"}),
+         key("local_map", choice(local_map_names),
              "Order of the local maps; left to the data, cycle by cycle, with \"auto\".")
              .by_default("auto")
              .without("file"),

@@ -43,6 +43,10 @@ namespace describe {
 /// Cycles and measured orbits: longer ones cannot be distinguished from chance recurrences in any series of usable
 /// length. CycleSearchOptions::periods has the same rule.
 inline constexpr double longest_period = 64;
+/// A thousand periods of a chaotic model are beyond any orbit that can be solved for: multipliers exceed 1e300.
+inline constexpr double longest_computed_period = 1000;
+/// More points than any memory holds (2^40 points of two doubles are 16 TB): a typing error.
+inline constexpr double most_simulated_points = 1099511627776.0;
 /// Largest whole number up to which every whole number is a double.
 inline constexpr double largest_exact = 9007199254740992.0;
 

@@ -1,22 +1,15 @@
-#include "apps/job/job.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/schema/block_fields.hpp"
 #include "apps/job/schema/job_schema.hpp"
 
 namespace orbid::apps::describe {
 
 namespace {
 
-// More points than any memory holds (2^40 points of two doubles are 16 TB): a typing error.
-constexpr double most_simulated_points = 1099511627776.0;
 constexpr double most_simulated_trajectories = 1e6;
 
 ValueSchema column() {
-    return named(
-        "column",
-        header() |
-            object({key("column", header(), "Its header in the file.").required_always(),
-                    key("unit", text(), "Of the column; the coordinate's own unless given."),
-                    key("sign", one_of({1.0, -1.0}), "Model value = sign * (column * unit - offset).").by_default(1),
-                    key("offset", number(), "In the coordinate's unit.").by_default(0.0)}));
+    return named("column", header() | object(keys_of(column_fields())));
 }
 
 ValueSchema time_column() {
@@ -56,14 +49,7 @@ ValueSchema sensor() {
              .with("type", difference)
              .required_always(),
          key("step", at_least(0.0), "Of the encoder, in the unit of the angle.").by_default(0.0),
-         key("rounding", choice({"none", "nearest"}), "Readings are whole steps; needs a step > 0.")
-             .by_default("none")});
-}
-
-ValueSchema samples() {
-    return object(
-        {key("step", above(0.0), "Between two samples.").in("s").required_always(),
-         key("count", whole(2, most_simulated_points), "Number of samples of a trajectory.").required_always()});
+         key("rounding", choice(rounding_names), "Readings are whole steps; needs a step > 0.").by_default("none")});
 }
 
 ValueSchema noise() {
@@ -78,7 +64,7 @@ ValueSchema simulate() {
     return object(
         {key("sections", whole(1, most_simulated_points),
              "Points of the section of all trajectories together; iterates of a map."),
-         key("samples", samples(), "Samples in time in the place of sections."),
+         key("samples", object(keys_of(samples_fields())), "Samples in time in the place of sections."),
          key("trajectories", whole(1, most_simulated_trajectories), "One segment each.").by_default(1),
          key("transient", whole(0, most_simulated_points),
              "Thrown away before the first point: periods, or steps of samples; 300 for sections from random states, "
@@ -119,34 +105,33 @@ ValueSchema initial_value() {
 ValueSchema data_block() {
     return named(
         "experiment",
-        object(
-            {key("name", name(), "Of the experiment; run1, run2, ... unless given."),
-             key("simulate", simulate(), "Data made by the model at the job's parameters."),
-             key("file", file_name(), "Recorded data: .csv, .tsv, .txt, .h5 or .hdf5, relative to the job."),
-             key("sha256", sha256(), "Of the file: refused if it has changed.").with("file"),
-             key("kind", choice({"section", "samples"}), "One reading per period of the forcing, or samples in time.")
-                 .with("file")
-                 .required_always(),
-             key("columns", columns(), "Which column of a table is what; unless given those that orbid writes.")
-                 .with("file"),
-             key("missing", choice({"empty", "nan"}), "What marks a missing sample; \"nan\": that word too.")
-                 .with("file")
-                 .by_default("empty"),
-             key("inputs", inputs(), "Columns of the measured inputs that the model reads."),
-             key("interpolation", choice({"linear", "cubic"}), "Of the inputs between their samples.")
-                 .with("inputs")
-                 .by_default("linear"),
-             key("sensor", sensor(), "What the instrument reads.").standard_text(R"({ "type": "state" })"),
-             key("observe", names(1), "Coordinates that are data; unless given all that have a column."),
-             key("parameters", entries(number(), "a parameter of the model"),
-                 "Values that hold for this experiment only.")
-                 .standard_text("{}"),
-             key("free", names(), "Parameters that are estimated for this experiment alone, as NAME@EXPERIMENT.")
-                 .standard_text("[]"),
-             key("segments", segments(), "Which segments are fitted, and which predicted."),
-             key("initial_state", entries(initial_value(), "a coordinate of the model"),
-                 "Samples: where the state at the beginning of each segment comes from.")},
-            {"simulate", "file"}));
+        object({key("name", name(), "Of the experiment; run1, run2, ... unless given."),
+                key("simulate", simulate(), "Data made by the model at the job's parameters."),
+                key("file", file_name(), "Recorded data: .csv, .tsv, .txt, .h5 or .hdf5, relative to the job."),
+                key("sha256", sha256(), "Of the file: refused if it has changed.").with("file"),
+                key("kind", choice(sampling_names), "One reading per period of the forcing, or samples in time.")
+                    .with("file")
+                    .required_always(),
+                key("columns", columns(), "Which column of a table is what; unless given those that orbid writes.")
+                    .with("file"),
+                key("missing", choice({"empty", "nan"}), "What marks a missing sample; \"nan\": that word too.")
+                    .with("file")
+                    .by_default("empty"),
+                key("inputs", inputs(), "Columns of the measured inputs that the model reads."),
+                key("interpolation", choice(interpolation_names), "Of the inputs between their samples.")
+                    .with("inputs")
+                    .by_default("linear"),
+                key("sensor", sensor(), "What the instrument reads.").standard_text(R"({ "type": "state" })"),
+                key("observe", names(1), "Coordinates that are data; unless given all that have a column."),
+                key("parameters", entries(number(), "a parameter of the model"),
+                    "Values that hold for this experiment only.")
+                    .standard_text("{}"),
+                key("free", names(), "Parameters that are estimated for this experiment alone, as NAME@EXPERIMENT.")
+                    .standard_text("[]"),
+                key("segments", segments(), "Which segments are fitted, and which predicted."),
+                key("initial_state", entries(initial_value(), "a coordinate of the model"),
+                    "Samples: where the state at the beginning of each segment comes from.")},
+               {"simulate", "file"}));
 }
 
 }  // namespace orbid::apps::describe

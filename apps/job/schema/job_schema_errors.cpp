@@ -1,3 +1,5 @@
+#include "apps/job/estimate_job.hpp"
+#include "apps/job/schema/block_fields.hpp"
 #include "apps/job/schema/job_schema.hpp"
 #include "estimator/interface/residual.hpp"
 
@@ -21,9 +23,7 @@ ValueSchema error() {
     return named(
         "error",
         object(
-            {key("distribution", choice({"normal", "student_t", "laplace", "lognormal", "relative", "ar1"}),
-                 "Of a reading about its prediction.")
-                 .by_default("normal"),
+            {key("distribution", choice(distribution_names), "Of a reading about its prediction.").by_default("normal"),
              key("dof", number_or_estimate(at_least(1.0)), "Degrees of freedom of Student's t.")
                  .by_default(estimator::StudentErrors{}.dof.value)
                  .with("distribution", {"student_t"}),
@@ -77,24 +77,14 @@ ValueSchema matching() {
 }  // namespace
 
 ValueSchema prior() {
-    const ValueSchema any = number();
-    const ValueSchema positive = above(0.0);
-    const auto density = [](std::vector<std::pair<std::string, ValueSchema>> numbers) {
-        std::vector<KeySchema> keys;
-        for (auto& [key_name, value] : numbers)
-            keys.push_back(key(key_name, value, "A number of the density.").required_always());
-        return object(std::move(keys));
+    std::vector<KeySchema> keys;
+    std::vector<std::string> forms;
+    const auto add = [&](const auto& form) {
+        keys.push_back(key(form.name, object(keys_of(form.fields)), form.text));
+        forms.push_back(form.name);
     };
-    const ValueSchema one =
-        object({key("normal", density({{"mean", any}, {"sd", positive}}), "Normal."),
-                key("lognormal", density({{"median", positive}, {"log_sd", positive}}), "The logarithm is normal."),
-                key("uniform", density({{"lower", any}, {"upper", any}}), "The same everywhere between two numbers."),
-                key("half_normal", density({{"scale", positive}}), "The positive half of a normal density about 0."),
-                key("half_cauchy", density({{"scale", positive}}), "The positive half of a Cauchy density about 0."),
-                key("gamma", density({{"shape", positive}, {"rate", positive}}), "Gamma."),
-                key("student_t", density({{"dof", positive}, {"location", any}, {"scale", positive}}), "Student's t.")},
-               {"normal", "lognormal", "uniform", "half_normal", "half_cauchy", "gamma", "student_t"});
-    return named("prior", choice({"flat"}) | one);
+    std::apply([&](const auto&... form) { (add(form), ...); }, density_forms());
+    return named("prior", choice({"flat"}) | object(keys, forms));
 }
 
 ValueSchema number_or_estimate(const ValueSchema& number) {
@@ -113,7 +103,7 @@ ValueSchema residual() {
     return named(
         "residual",
         object(
-            {key("type", choice({"cycles", "series", "waveform"}),
+            {key("type", choice(residual_type_names),
                  "What is compared: points of cycles, a recorded series, or measured periodic steady states.")
                  .required_always(),
              key("data", names(1),

@@ -1,20 +1,16 @@
-#include "apps/job/job.hpp"
+#include "apps/job/estimate_job.hpp"
+#include "apps/job/schema/block_fields.hpp"
 #include "apps/job/schema/job_schema.hpp"
 
 namespace orbid::apps::describe {
 
 namespace {
 
-// More than anybody waits for; keeps a slip of the pen from filling memory.
-constexpr double most_starts = 100000;
-constexpr double most_draws = 1e7;
-constexpr double most_chains = 1000;
-
 ValueSchema free_parameter() {
     return named(
         "free_parameter",
         object({key("start", number(), "Where the estimate begins; the model's value unless given.").without("tied"),
-                key("scale", choice({"linear", "log", "log10", "logit"}),
+                key("scale", choice(scale_names),
                     "On which it is estimated; \"log\" for positive parameters, else \"linear\", unless given.")
                     .without("tied"),
                 key("bounds", bounds(), "[lower, upper], inclusive; null stands for no bound.").without("tied"),
@@ -35,17 +31,14 @@ ValueSchema joint_prior() {
 }
 
 ValueSchema strategy() {
-    return choice({"auto"}) | list(choice({"cycles", "series", "waveform", "prediction", "harvest"}) |
-                                       set(choice({"cycles", "series", "waveform"}), 1),
-                                   1);
+    return choice({"auto"}) |
+           list(choice({"cycles", "series", "waveform", "prediction", "harvest"}) | set(choice(residual_type_names), 1),
+                1);
 }
 
 ValueSchema sample() {
-    const SampleJob usual;
-    return whole(0, most_draws) |
-           object({key("draws", whole(0, most_draws), "Per chain, after the warm-up.").required_always(),
-                   key("chains", whole(2, most_chains), "Their agreement is the test.").by_default(usual.chains),
-                   key("warm_up", whole(1, most_draws), "Draws that tune the sampler.").by_default(usual.warm_up)});
+    const auto keys = keys_of(sample_fields());
+    return keys.front().value | object(keys);
 }
 
 ValueSchema parameter_choice() {
@@ -68,17 +61,14 @@ ValueSchema estimate_block() {
              "Formulas of parameters whose values and intervals are shown: { \"k_over_m\": \"k / m\" }.")
              .standard_text("{}"),
          key("residuals", list(residual(), 1), "What is compared; not needed with \"strategy\": \"auto\"."),
-         key("variance", choice({"ml", "restricted", "integrated"}),
+         key("variance", choice(variance_names),
              "How error scales are estimated: maximum likelihood, restricted likelihood, or integrated out.")
              .by_default("restricted"),
          key("strategy", strategy(),
              "Stages, each from the best before it; what stands in a list within the list is estimated from together."),
          key("scan", boolean(), "The prediction begins with a coarse scan of the parameters over their bounds.")
              .by_default(false),
-         key("multi_start",
-             object({key("starts", whole(1, most_starts), "The job's and random ones.").by_default(1),
-                     key("seed", seed(), "Of the random starts; the job's unless given.")}),
-             "Estimates from several starts; the best goes on."),
+         key("multi_start", object(keys_of(multi_start_fields())), "Estimates from several starts; the best goes on."),
          key("posterior", object({key("sample", sample(), "Draws by the No-U-Turn sampler.").by_default(0)}),
              "Draws from the posterior density."),
          key("profile", parameter_choice(), "Likelihood intervals of all parameters, or of those named.")

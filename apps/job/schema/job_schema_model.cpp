@@ -1,3 +1,4 @@
+#include "apps/job/schema/block_fields.hpp"
 #include "apps/job/schema/job_schema.hpp"
 #include "models/catalogue/registry.hpp"
 
@@ -7,12 +8,7 @@ namespace {
 
 /// A number; of equations in the job also with what else is known of the parameter.
 ValueSchema parameter() {
-    return number() | object({key("value", number(), "Its value.").required_always(),
-                              key("unit", text(), "Its unit.").by_default("1"),
-                              key("domain", choice({"any", "positive", "nonnegative"}), "The values that it can have.")
-                                  .by_default("any"),
-                              key("typical", above(0.0), "Its typical size; that of its value unless given."),
-                              key("description", text(), "What it is.").by_default("")});
+    return number() | object(keys_of(equation_parameter_fields()));
 }
 
 ValueSchema forcing_phase() {

@@ -1,7 +1,6 @@
+#include "apps/job/periodic_job.hpp"
+#include "apps/job/schema/block_fields.hpp"
 #include "apps/job/schema/job_schema.hpp"
-#include "periodic/branches/continuation.hpp"
-#include "periodic/orbit/solver_options.hpp"
-#include "periodic/search/orbit_search.hpp"
 #include "periodic/solution/collocation.hpp"
 #include "periodic/solution/finite_difference.hpp"
 
@@ -9,11 +8,8 @@ namespace orbid::apps::describe {
 
 namespace {
 
-// A thousand periods of a chaotic model are beyond any orbit that can be solved for: multipliers exceed 1e300.
-constexpr double longest_computed_period = 1000;
 // Enough for any orbit this program can hold; the limits keep the numbers ints.
 constexpr double most_nodes = 1e6;
-constexpr double most_iterations = 1e4;
 // Gauss points per interval that CollocationOptions allows, twice.
 constexpr double highest_order = 20;
 // 16 GB of doubles of a plane model; beyond that recurrences gain nothing that stabilised starts do not find.
@@ -21,9 +17,7 @@ constexpr double most_search_points = 1e9;
 constexpr double fewest_points = 100;  // rule of OrbitSearchOptions::points
 constexpr double most_search_trajectories = 65536;
 constexpr double most_patience = 1e9;  // tries every start there is
-// Beyond any picture and any memory; the limits only keep numbers in their types.
-constexpr double most_branch_points = 1e6;
-constexpr double most_branches = 1e4;
+// Beyond any picture and any memory; the limit only keeps the number in its type.
 constexpr double most_found = 1e6;
 // More turns than this per orbit no pendulum makes; the limit keeps the number an int.
 constexpr double most_turns = 1e6;
@@ -60,69 +54,55 @@ ValueSchema search() {
 
 ValueSchema continuation() {
     const periodic::ContinuationOptions usual;
-    return object(
-        {key("parameter", text(), "The parameter that is followed.").required_always(),
-         key("range", list(number(), 2, 2, "[lower, upper]"), "Its values; contains the model's own."),
-         key("to", number(), "Where the branch ends that starts at the model's own value."),
-         key("from", anything(), "")
-             .refuse("a branch starts at the model's own value of the parameter: \"to\" says where it ends, or "
-                     "\"range\": [lower, upper]"),
-         key("direction", one_of({1.0, -1.0, 0.0}),
-             "First to larger values (1), to smaller ones (-1), or both ways (0).")
-             .by_default(usual.direction)
-             .without("to"),
-         key("orbit", whole(0, most_found), "Of the list in orbits.json, where the branch starts; from 0.")
-             .by_default(0),
-         key("step",
-             object({key("first", above(0.0), "First step along the branch.").by_default(usual.first_step),
-                     key("smallest", above(0.0), "The branch ends below it.").by_default(usual.smallest_step),
-                     key("largest", above(0.0), "Largest step along the branch.").by_default(usual.largest_step)}),
-             "Steps along the branch, relative to the scales and the range."),
-         key("points", whole(2, most_branch_points), "Per branch, at most.").by_default(usual.maximum_points),
-         key("branches", whole(1, most_branches), "At most.").by_default(usual.maximum_branches),
-         key("switch", set(choice({"period_doubling", "symmetry_breaking"})),
-             "Bifurcations at which the branch that begins there is followed.")
-             .standard_text(R"(["period_doubling", "symmetry_breaking"])"),
-         key("maximum_period", whole(1, longest_computed_period), "No branch of a longer period is followed.")
-             .by_default(usual.maximum_period),
-         key("maximum_time", above(0.0), "Autonomous models: an orbit longer than this ends the branch.")
-             .in("s")
-             .by_default(usual.longest),
-         key("plot", text(), "What branch.svg shows: a coordinate, or \"time\".")},
-        {"range", "to"});
+    std::vector<KeySchema> keys{
+        key("parameter", text(), "The parameter that is followed.").required_always(),
+        key("range", list(number(), 2, 2, "[lower, upper]"), "Its values; contains the model's own."),
+        key("to", number(), "Where the branch ends that starts at the model's own value."),
+        key("from", anything(), "")
+            .refuse("a branch starts at the model's own value of the parameter: \"to\" says where it ends, or "
+                    "\"range\": [lower, upper]"),
+        key("direction", one_of({1.0, -1.0, 0.0}),
+            "First to larger values (1), to smaller ones (-1), or both ways (0).")
+            .by_default(usual.direction)
+            .without("to"),
+        key("orbit", whole(0, most_found), "Of the list in orbits.json, where the branch starts; from 0.")
+            .by_default(0),
+        key("step", object(keys_of(step_fields())), "Steps along the branch, relative to the scales and the range.")};
+    const auto branch = keys_of(branch_fields());
+    keys.insert(keys.end(), branch.begin(), branch.end());
+    keys.push_back(key("plot", text(), "What branch.svg shows: a coordinate, or \"time\"."));
+    return object(std::move(keys), {"range", "to"});
 }
 
 }  // namespace
 
 ValueSchema periodic_block() {
-    const periodic::ShootingOptions solver;
     const std::vector<std::string> differences{"finite_difference"};
     const std::vector<std::string> collocation{"collocation"};
-    return object(
-        {key("method", choice({"multiple_shooting", "finite_difference", "collocation"}), "How orbits are solved for.")
-             .by_default("multiple_shooting"),
-         key("accuracy", above_up_to(0.0, 0.01),
-             "Of the flow, or of the points of a collocation, relative to the scales.")
-             .with("method", {"multiple_shooting", "collocation"}),
-         key("nodes", whole(5, most_nodes), "Per period.")
-             .by_default(periodic::FiniteDifferenceOptions{}.nodes)
-             .with("method", differences),
-         key("order", whole(2, highest_order), "Even: twice the number of Gauss points of an interval.")
-             .by_default(2 * periodic::CollocationOptions{}.stages)
-             .with("method", collocation),
-         key("intervals", whole(2, most_nodes), "Per period, to begin with.")
-             .by_default(periodic::CollocationOptions{}.intervals)
-             .with("method", collocation),
-         key("tolerance", above(0.0), "Of the closing error, relative to the scales.").by_default(solver.tolerance),
-         key("maximum_iterations", whole(1, most_iterations), "Newton steps.").by_default(solver.maximum_iterations),
-         key("maximum_distance", above(0.0),
-             "An orbit farther from its start than this, relative to the scales, counts as another one; any unless "
-             "given."),
-         key("free", names(), "Parameters that sensitivities are computed for; all unless given."),
+    std::vector<KeySchema> keys{
+        key("method", choice(periodic_method_names), "How orbits are solved for.").by_default("multiple_shooting"),
+        key("accuracy", above_up_to(0.0, 0.01),
+            "Of the flow, or of the points of a collocation, relative to the scales.")
+            .with("method", {"multiple_shooting", "collocation"}),
+        key("nodes", whole(5, most_nodes), "Per period.")
+            .by_default(periodic::FiniteDifferenceOptions{}.nodes)
+            .with("method", differences),
+        key("order", whole(2, highest_order), "Even: twice the number of Gauss points of an interval.")
+            .by_default(2 * periodic::CollocationOptions{}.stages)
+            .with("method", collocation),
+        key("intervals", whole(2, most_nodes), "Per period, to begin with.")
+            .by_default(periodic::CollocationOptions{}.intervals)
+            .with("method", collocation)};
+    const auto solver = keys_of(solver_fields());
+    keys.insert(keys.end(), solver.begin(), solver.end());
+    keys.insert(
+        keys.end(),
+        {key("free", names(), "Parameters that sensitivities are computed for; all unless given."),
          key("stability", boolean(), "Directions, and how the multipliers move with the parameters.").by_default(false),
          key("orbits", list(orbit_start(), 1), "Starts."),
          key("search", search(), "All orbits up to a period, without starts."),
          key("continuation", continuation(), "A branch of orbits over a parameter, with its bifurcations.")});
+    return object(std::move(keys));
 }
 
 }  // namespace orbid::apps::describe

@@ -15,18 +15,23 @@ std::string path_text(const std::filesystem::path& path, const std::filesystem::
 }
 
 std::string parameter_name(const Job& job, Eigen::Index index) {
-    return std::string(job.model.system->parameters()[static_cast<std::size_t>(index)].name);
+    return std::string(job.model.parameter(index).name);
 }
 
 std::string coordinate_name(const Job& job, Eigen::Index index) {
-    return std::string(job.model.system->coordinates()[static_cast<std::size_t>(index)].name);
+    return std::string(job.model.coordinate(index).name);
 }
 
-Json state_document(const Eigen::VectorXd& state) {
-    Json list = Json::array();
-    for (const double x : state)
-        list.push_back(x);
-    return list;
+Json parameter_list(const Job& job, const std::vector<Eigen::Index>& indices) {
+    return json_list(indices, [&](Eigen::Index index) { return parameter_name(job, index); });
+}
+
+Json coordinate_list(const Job& job, const std::vector<Eigen::Index>& indices) {
+    return json_list(indices, [&](Eigen::Index index) { return coordinate_name(job, index); });
+}
+
+Json columns_document(const Eigen::MatrixXd& matrix) {
+    return json_rows(matrix.transpose());
 }
 
 }  // namespace detail
@@ -45,23 +50,8 @@ Json model_document(const Job& job) {
     return model;
 }
 
-std::string_view method_name(orbits::CycleSearchOptions::Method method) {
-    using Method = orbits::CycleSearchOptions::Method;
-    switch (method) {
-        case Method::local_maps:
-            return "local_maps";
-        case Method::spline_map:
-            return "patch_map";
-        case Method::closest_return:
-            return "closest_return";
-        case Method::automatic:
-            break;
-    }
-    return "auto";
-}
-
 Json partition_document(const orbits::Partition& partition, const Job& job) {
-    return {{"coordinate", job.model.system->coordinates()[static_cast<std::size_t>(partition.coordinate)].name},
+    return {{"coordinate", job.model.coordinate(partition.coordinate).name},
             {"boundaries", partition.boundaries},
             {"symbols", partition.symbols}};
 }
@@ -71,7 +61,7 @@ Json reading_error_document(const OrbitsJob& orbits, const Job& job) {
     Json sds = Json::object();
     for (Eigen::Index i = 0; i < orbits.reading_sd.size(); ++i) {
         if (job.section_plane && i == job.section_plane->coordinate) continue;
-        sds[std::string(job.model.system->coordinates()[static_cast<std::size_t>(i)].name)] = orbits.reading_sd[i];
+        sds[detail::coordinate_name(job, i)] = orbits.reading_sd[i];
     }
     return sds;
 }
@@ -84,11 +74,11 @@ Json orbits_document(const Job& job, const std::filesystem::path& folder) {
         if (!orbits.sha256.empty()) object["sha256"] = orbits.sha256;
         return object;
     }
-    object["method"] = method_name(orbits.search.method);
+    object["method"] = detail::name_of(orbits.search.method, cycle_method_names);
     object["periods"] = orbits.search.periods;
     object["box"] = orbits.search.box;
     if (orbits.search.neighbours > 0) object["neighbours"] = orbits.search.neighbours;
-    object["local_map"] = local_map_names[static_cast<std::size_t>(orbits.search.order)];
+    object["local_map"] = detail::name_of(orbits.search.order, local_map_names);
     object["minimum_recurrences"] = orbits.search.minimum_recurrences;
     object["symmetry"] = orbits.search.symmetry_signs.has_value();
     object["reading_error"] = reading_error_document(orbits, job);
@@ -100,18 +90,6 @@ Json orbits_document(const Job& job, const std::filesystem::path& folder) {
     return object;
 }
 
-Json output_document(SeriesOutput series) {
-    switch (series) {
-        case SeriesOutput::h5:
-            return {{"series", "h5"}};
-        case SeriesOutput::csv:
-            return {{"series", "csv"}};
-        case SeriesOutput::none:
-            break;
-    }
-    return {{"series", "none"}};
-}
-
 }  // namespace
 
 Json job_document(const Job& job, const std::filesystem::path& folder, const Versions& versions) {
@@ -121,26 +99,22 @@ Json job_document(const Job& job, const std::filesystem::path& folder, const Ver
     document["title"] = job.title;
     document["model"] = model_document(job);
     document["seed"] = job.seed;
-    if (job.model.system->kind() == models::Kind::forced) document["section"]["phase"] = job.section_phase;
+    if (job.model.is(models::Kind::forced)) document["section"]["phase"] = job.section_phase;
     if (job.section_plane)
         document["section"] = {{"coordinate", detail::coordinate_name(job, job.section_plane->coordinate)},
                                {"value", job.section_plane->value},
                                {"direction", job.section_plane->direction}};
     // The default is not written: fingerprints and bytes of stored runs are older than this key.
     if (job.stepper != FlowStepper::verner)
-        document["flow"]["stepper"] = flow_stepper_names[static_cast<std::size_t>(job.stepper)];
+        document["flow"]["stepper"] = detail::name_of(job.stepper, flow_stepper_names);
     for (const DataJob& data : job.data)
         document["data"].push_back(detail::data_document(job, data, folder));
     if (job.orbits) document["orbits"] = orbits_document(job, folder);
     if (job.periodic) document["periodic"] = detail::periodic_document(job);
     if (job.estimate) document["estimate"] = detail::estimate_document(job);
-    if (!job.reference.empty()) {
-        Json reference = Json::object();
-        for (const ReferenceJob& entry : job.reference)
-            reference[entry.name] = entry.value;
-        document["reference"] = std::move(reference);
-    }
-    document["output"] = output_document(job.series_output);
+    for (const ReferenceJob& entry : job.reference)
+        document["reference"][entry.name] = entry.value;
+    document["output"]["series"] = detail::name_of(job.series_output, series_output_names);
     return document;
 }
 

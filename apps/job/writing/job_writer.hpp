@@ -41,13 +41,21 @@ void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::
 [[nodiscard]] nlohmann::ordered_json joint_priors_document(const std::vector<estimator::JointNormalPrior>& priors);
 /// A tied parameter has only its tie.
 [[nodiscard]] nlohmann::ordered_json tie_document(const estimator::FreeParameter& parameter);
-[[nodiscard]] std::string_view scale_name(estimator::Scale scale);
 /// [lower, upper], null where infinite.
 [[nodiscard]] nlohmann::ordered_json bounds_document(double lower, double upper);
 [[nodiscard]] std::string path_text(const std::filesystem::path& path, const std::filesystem::path& folder);
 [[nodiscard]] std::string parameter_name(const Job& job, Eigen::Index index);
 [[nodiscard]] std::string coordinate_name(const Job& job, Eigen::Index index);
-[[nodiscard]] nlohmann::ordered_json state_document(const Eigen::VectorXd& state);
+/// Names of several.
+[[nodiscard]] nlohmann::ordered_json parameter_list(const Job& job, const std::vector<Eigen::Index>& indices);
+[[nodiscard]] nlohmann::ordered_json coordinate_list(const Job& job, const std::vector<Eigen::Index>& indices);
+/// The columns of a matrix, each a list.
+[[nodiscard]] nlohmann::ordered_json columns_document(const Eigen::MatrixXd& matrix);
+/// The name of a value of an enumeration.
+template <class Enum>
+[[nodiscard]] const std::string& name_of(Enum value, const std::vector<std::string>& names) {
+    return names[static_cast<std::size_t>(value)];
+}
 
 }  // namespace detail
 

@@ -1,3 +1,5 @@
+#include "apps/documents/json_text.hpp"
+#include "apps/job/schema/block_fields.hpp"
 #include "apps/job/writing/job_writer.hpp"
 
 namespace orbid::apps::detail {
@@ -12,17 +14,13 @@ Json simulation_document(const Job& job, const SimulationJob& simulation) {
     if (simulation.sampling == Sampling::section) {
         object["sections"] = simulation.sections;
     } else {
-        object["samples"] = {{"step", simulation.step}, {"count", simulation.count}};
+        object["samples"] = fields_document(simulation, describe::samples_fields());
     }
     object["trajectories"] = simulation.trajectories;
     object["transient"] = simulation.transient;
-    if (simulation.initial.empty()) {
-        object["initial"] = "random";
-    } else {
-        object["initial"] = Json::array();
-        for (const Eigen::VectorXd& state : simulation.initial)
-            object["initial"].push_back(state_document(state));
-    }
+    object["initial"] = simulation.initial.empty()
+                            ? Json("random")
+                            : json_list(simulation.initial, [](const auto& state) { return json_list(state); });
     object["restart"] = simulation.restart ? "when_captured_or_at_rest" : "never";
     object["noise"] = Json::object();
     for (Eigen::Index i = 0; i < simulation.noise.size(); ++i) {
@@ -34,20 +32,16 @@ Json simulation_document(const Job& job, const SimulationJob& simulation) {
     return object;
 }
 
-Json column_document(const ColumnJob& column) {
-    return {{"column", column.column}, {"unit", column.unit}, {"sign", column.sign}, {"offset", column.offset}};
-}
-
 void add_file(const Job& job, const FileJob& file, const std::filesystem::path& folder, Json& object) {
     object["file"] = path_text(file.path, folder);
     if (!file.sha256.empty()) object["sha256"] = file.sha256;
-    object["kind"] = file.sampling == Sampling::section ? "section" : "samples";
+    object["kind"] = name_of(file.sampling, sampling_names);
     if (file.table) {
         Json columns = Json::object();
         if (!file.segment_column.empty()) columns["segment"] = file.segment_column;
         if (!file.time_column.empty()) columns["time"] = {{"column", file.time_column}, {"unit", file.time_unit}};
         for (const ColumnJob& column : file.columns)
-            columns[coordinate_name(job, column.coordinate)] = column_document(column);
+            columns[coordinate_name(job, column.coordinate)] = fields_document(column, describe::column_fields());
         object["columns"] = std::move(columns);
     }
     object["missing"] = file.nan_is_missing ? "nan" : "empty";
@@ -62,11 +56,10 @@ void add_inputs(const Job& job, const InputJob& input, const std::filesystem::pa
     }
     for (const ColumnJob& column : input.columns) {
         const auto& entry = job.model.system->inputs()[static_cast<std::size_t>(column.coordinate)];
-        inputs[std::string(entry.name)] = column_document(column);
+        inputs[std::string(entry.name)] = fields_document(column, describe::column_fields());
     }
     object["inputs"] = std::move(inputs);
-    const bool cubic = input.interpolation == models::InputSignal::Interpolation::cubic;
-    object["interpolation"] = cubic ? "cubic" : "linear";
+    object["interpolation"] = name_of(input.interpolation, interpolation_names);
 }
 
 Json sensor_document(const Job& job, const models::Sensor& sensor) {
@@ -85,7 +78,7 @@ Json sensor_document(const Job& job, const models::Sensor& sensor) {
         object["delay"] = sensor.delay;
     }
     object["step"] = sensor.step;
-    object["rounding"] = sensor.rounding == models::Sensor::Rounding::nearest ? "nearest" : "none";
+    object["rounding"] = name_of(sensor.rounding, rounding_names);
     return object;
 }
 
@@ -95,7 +88,7 @@ Json initial_value_document(const InitialValueJob& initial) {
     if (initial.value) object["start"] = *initial.value;
     object["prior"] = prior_document(initial.prior);
     if (!initial.is_parameter()) return object;
-    object["scale"] = scale_name(initial.scale);
+    object["scale"] = name_of(initial.scale, scale_names);
     object["bounds"] = bounds_document(initial.lower, initial.upper);
     return object;
 }
@@ -108,15 +101,11 @@ Json data_document(const Job& job, const DataJob& data, const std::filesystem::p
     if (data.file) add_file(job, *data.file, folder, object);
     if (data.inputs) add_inputs(job, *data.inputs, folder, object);
     object["sensor"] = sensor_document(job, data.sensor);
-    object["observe"] = Json::array();
-    for (const Eigen::Index i : data.observe)
-        object["observe"].push_back(coordinate_name(job, i));
+    object["observe"] = coordinate_list(job, data.observe);
     object["parameters"] = Json::object();
     for (const ParameterValue& entry : data.parameters)
         object["parameters"][parameter_name(job, entry.parameter)] = entry.value;
-    object["free"] = Json::array();
-    for (const Eigen::Index i : data.free)
-        object["free"].push_back(parameter_name(job, i));
+    object["free"] = parameter_list(job, data.free);
     object["segments"]["fit"] = data.fit ? Json(*data.fit) : Json("all");
     object["segments"]["predict"] = data.predict;
     if (data.sampling() == Sampling::samples) {

@@ -1,3 +1,4 @@
+#include "apps/job/schema/block_fields.hpp"
 #include "apps/job/writing/job_writer.hpp"
 
 namespace orbid::apps::detail {
@@ -6,27 +7,13 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-std::string_view domain_name(models::Domain domain) {
-    switch (domain) {
-        case models::Domain::positive:
-            return "positive";
-        case models::Domain::nonnegative:
-            return "nonnegative";
-        case models::Domain::real:
-            break;
-    }
-    return "any";
-}
-
 /// A number, where that says everything.
-Json parameter_document(const models::EquationText::Parameter& parameter, double value) {
+Json parameter_document(models::EquationText::Parameter parameter, double value) {
     if (parameter.unit == "1" && parameter.domain == models::Domain::real && !parameter.typical &&
         parameter.description.empty())
         return value;
-    Json object{{"value", value}, {"unit", parameter.unit}, {"domain", domain_name(parameter.domain)}};
-    if (parameter.typical) object["typical"] = *parameter.typical;
-    if (!parameter.description.empty()) object["description"] = parameter.description;
-    return object;
+    parameter.value = value;
+    return fields_document(parameter, describe::equation_parameter_fields());
 }
 
 }  // namespace

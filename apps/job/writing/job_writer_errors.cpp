@@ -1,7 +1,9 @@
+#include <tuple>
 #include <type_traits>
 #include <variant>
 
 #include "apps/documents/json_text.hpp"
+#include "apps/job/schema/block_fields.hpp"
 #include "apps/job/writing/job_writer.hpp"
 
 namespace orbid::apps::detail {
@@ -19,33 +21,10 @@ Json value_document(bool estimate, double value, bool has_start, const estimator
     return {{"estimate", std::move(options)}};
 }
 
-Json shape_document(const estimator::ErrorParameter& parameter) {
-    return value_document(parameter.estimate, parameter.value, true, parameter.prior);
-}
-
 void add_distribution(const estimator::ErrorDistribution& distribution, Json& object) {
-    std::visit(
-        [&object](const auto& errors) {
-            using Errors = std::decay_t<decltype(errors)>;
-            if constexpr (std::is_same_v<Errors, estimator::NormalErrors>) {
-                object["distribution"] = "normal";
-            } else if constexpr (std::is_same_v<Errors, estimator::StudentErrors>) {
-                object["distribution"] = "student_t";
-                object["dof"] = shape_document(errors.dof);
-            } else if constexpr (std::is_same_v<Errors, estimator::LaplaceErrors>) {
-                object["distribution"] = "laplace";
-            } else if constexpr (std::is_same_v<Errors, estimator::LogNormalErrors>) {
-                object["distribution"] = "lognormal";
-            } else if constexpr (std::is_same_v<Errors, estimator::RelativeErrors>) {
-                object["distribution"] = "relative";
-                object["relative"] = shape_document(errors.relative);
-            } else {
-                static_assert(std::is_same_v<Errors, estimator::AutoregressiveErrors>);
-                object["distribution"] = "ar1";
-                object["correlation"] = shape_document(errors.correlation);
-            }
-        },
-        distribution);
+    object["distribution"] = name_of(distribution.index(), distribution_names);
+    const auto [key, shape] = error_shape(distribution);
+    if (shape != nullptr) object[key] = value_document(shape->estimate, shape->value, true, shape->prior);
 }
 
 }  // namespace
@@ -73,15 +52,37 @@ void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::
     residual["errors"] = std::move(object);
     // The reader knows one covariance per residual.
     for (const CovarianceJob& covariance : covariances) {
-        Json of = Json::array();
-        for (const Eigen::Index coordinate : covariance.coordinates)
-            of.push_back(coordinate_name(job, coordinate));
-        residual["covariance"] = {{"of", std::move(of)}};
+        residual["covariance"]["of"] = coordinate_list(job, covariance.coordinates);
         if (covariance.dof > 0.0) {
             residual["covariance"]["prior"] = {
                 {"inverse_wishart", {{"dof", covariance.dof}, {"matrix", json_rows(covariance.psi)}}}};
         }
     }
+}
+
+Json prior_document(const estimator::Prior& prior) {
+    return std::visit(
+        []<class Density>(const Density& density) -> Json {
+            if constexpr (std::is_same_v<Density, estimator::FlatPrior>) {
+                return "flat";
+            } else {
+                const auto& form = std::get<describe::DensityForm<Density>>(describe::density_forms());
+                return {{form.name, fields_document(density, form.fields)}};
+            }
+        },
+        prior);
+}
+
+Json joint_priors_document(const std::vector<estimator::JointNormalPrior>& priors) {
+    return json_list(priors, [](const estimator::JointNormalPrior& prior) -> Json {
+        return {
+            {"normal",
+             {{"names", prior.names}, {"mean", json_list(prior.mean)}, {"covariance", json_rows(prior.covariance)}}}};
+    });
+}
+
+Json tie_document(const estimator::FreeParameter& parameter) {
+    return {{"tied", {{"to", parameter.tied_to}, {"factor", parameter.tie_factor}}}};
 }
 
 }  // namespace orbid::apps::detail

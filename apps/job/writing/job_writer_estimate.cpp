@@ -1,6 +1,7 @@
-#include <algorithm>
 #include <cmath>
 
+#include "apps/documents/json_text.hpp"
+#include "apps/job/schema/block_fields.hpp"
 #include "apps/job/writing/job_writer.hpp"
 
 namespace orbid::apps::detail {
@@ -13,18 +14,6 @@ Json bound_document(double bound) {
     return std::isfinite(bound) ? Json(bound) : Json(nullptr);
 }
 
-std::string_view variance_name(estimator::Variance variance) {
-    switch (variance) {
-        case estimator::Variance::ml:
-            return "ml";
-        case estimator::Variance::integrated:
-            return "integrated";
-        case estimator::Variance::restricted:
-            break;
-    }
-    return "restricted";
-}
-
 Json choice_document(const ParameterChoice& choice) {
     return choice.names.empty() ? Json(choice.all) : Json(choice.names);
 }
@@ -32,7 +21,7 @@ Json choice_document(const ParameterChoice& choice) {
 Json free_document(const estimator::FreeParameter& free) {
     if (!free.tied_to.empty()) return tie_document(free);
     return {{"start", free.start},
-            {"scale", scale_name(free.scale)},
+            {"scale", name_of(free.scale, scale_names)},
             {"bounds", bounds_document(free.lower, free.upper)},
             {"prior", prior_document(free.prior)}};
 }
@@ -43,25 +32,21 @@ Json unknown_document(const periodic::WaveformUnknown& unknown) {
 
 Json waveform_document(const Job& job, const WaveformResidualJob& waveform) {
     Json object{{"type", "waveform"}, {"data", Json::array()}};
-    const bool autonomous = job.model.system->kind() == models::Kind::autonomous;
+    const bool autonomous = job.model.is(models::Kind::autonomous);
     for (std::size_t i = 0; i < waveform.data.size(); ++i) {
         const WaveformResidualJob::Experiment& experiment = waveform.experiments[i];
         const std::string& name = job.data[waveform.data[i]].name;
         object["data"].push_back(name);
         object[autonomous ? "time" : "period"][name] = autonomous ? Json(experiment.time) : Json(experiment.period);
         object["phase"][name] = unknown_document(experiment.phase);
-        Json start = Json::array();
-        for (Eigen::Index j = 0; j < experiment.start.cols(); ++j)
-            start.push_back(state_document(experiment.start.col(j)));
-        if (!start.empty()) object["start"][name] = std::move(start);
+        if (experiment.start.cols() > 0) object["start"][name] = columns_document(experiment.start);
     }
     // One value for all experiments that observe a coordinate: so they are read.
     object["offset"] = Json::object();
     for (std::size_t c = 0; c < waveform.errors.size(); ++c) {
         const Eigen::Index coordinate = waveform.errors[c].coordinate;
         for (std::size_t i = 0; i < waveform.data.size(); ++i) {
-            const auto& observe = job.data[waveform.data[i]].observe;
-            if (std::count(observe.begin(), observe.end(), coordinate) == 0) continue;
+            if (!job.data[waveform.data[i]].observes(coordinate)) continue;
             object["offset"][coordinate_name(job, coordinate)] = unknown_document(waveform.experiments[i].offsets[c]);
             break;
         }
@@ -91,20 +76,14 @@ Json interval_document(const std::optional<std::size_t>& interval) {
 
 Json stage_document(const StageJob& stage) {
     if (stage.kind != StageJob::Kind::residuals || stage.residuals.size() == 1) return stage.name();
-    Json together = Json::array();
-    for (const ResidualType type : stage.residuals)
-        together.push_back(residual_type_names[static_cast<std::size_t>(type)]);
-    return together;
+    return json_list(stage.residuals, [](ResidualType type) { return name_of(type, residual_type_names); });
 }
 
 Json criticism_document(const Job& job, const CriticismJob& criticism) {
-    Json without = Json::array();
-    for (const Eigen::Index parameter : criticism.without)
-        without.push_back(parameter_name(job, parameter));
     Json object = Json::object();
     // An empty list of variants names nothing, and a model that has none refuses the key.
     if (!criticism.variants.empty()) object["variants"] = criticism.variants;
-    object["without"] = std::move(without);
+    object["without"] = parameter_list(job, criticism.without);
     object["held_out"] = criticism.held_out;
     return object;
 }
@@ -124,9 +103,8 @@ Json residuals_document(const Job& job, const EstimateJob& estimate) {
         residuals.push_back(std::move(cycles));
     }
     if (estimate.series) {
-        Json series{{"type", "series"}, {"data", Json::array()}};
-        for (const std::size_t index : estimate.series->data)
-            series["data"].push_back(job.data[index].name);
+        Json series{{"type", "series"}};
+        series["data"] = json_list(estimate.series->data, [&](std::size_t index) { return job.data[index].name; });
         series["matching"] = matching_document(estimate.series->matching);
         series["interval"] = interval_document(estimate.series->interval);
         add_errors(job, estimate.series->errors, estimate.series->covariances, series);
@@ -151,15 +129,12 @@ Json estimate_document(const Job& job) {
     for (const DerivedJob& derived : estimate.derived)
         object["derived"][derived.name] = derived.expression.text();
     object["residuals"] = residuals_document(job, estimate);
-    object["variance"] = variance_name(estimate.variance);
-    object["strategy"] = Json::array();
-    for (const StageJob& stage : estimate.strategy)
-        object["strategy"].push_back(stage_document(stage));
+    object["variance"] = name_of(estimate.variance, variance_names);
+    object["strategy"] = json_list(estimate.strategy, stage_document);
     if (estimate.scan) object["scan"] = true;
     if (estimate.criticism.any()) object["criticism"] = criticism_document(job, estimate.criticism);
-    object["multi_start"] = {{"starts", estimate.multi_start.starts}, {"seed", estimate.multi_start.seed}};
-    const SampleJob& sample = estimate.sample;
-    object["posterior"]["sample"] = {{"draws", sample.draws}, {"chains", sample.chains}, {"warm_up", sample.warm_up}};
+    object["multi_start"] = fields_document(estimate.multi_start, describe::multi_start_fields());
+    object["posterior"]["sample"] = fields_document(estimate.sample, describe::sample_fields());
     object["profile"] = choice_document(estimate.profile);
     object["marginals"] = choice_document(estimate.marginals);
     return object;

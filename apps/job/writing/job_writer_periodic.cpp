@@ -1,5 +1,5 @@
-#include <cmath>
-
+#include "apps/documents/json_text.hpp"
+#include "apps/job/schema/block_fields.hpp"
 #include "apps/job/writing/job_writer.hpp"
 
 namespace orbid::apps::detail {
@@ -9,23 +9,13 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 Json starts_document(const std::vector<OrbitStart>& orbits) {
-    Json starts = Json::array();
-    for (const OrbitStart& orbit : orbits) {
+    return json_list(orbits, [](const OrbitStart& orbit) {
         Json start{{"period", orbit.period}};
         if (orbit.time > 0.0) start["time"] = orbit.time;
         if (!orbit.rotation.empty()) start["rotation"] = orbit.rotation;
-        start["points"] = Json::array();
-        for (Eigen::Index j = 0; j < orbit.points.cols(); ++j)
-            start["points"].push_back(state_document(orbit.points.col(j)));
-        starts.push_back(std::move(start));
-    }
-    return starts;
-}
-
-void add_solver(const periodic::ShootingOptions& solver, Json& object) {
-    object["tolerance"] = solver.tolerance;
-    object["maximum_iterations"] = solver.maximum_iterations;
-    if (std::isfinite(solver.maximum_distance)) object["maximum_distance"] = solver.maximum_distance;
+        start["points"] = columns_document(orbit.points);
+        return start;
+    });
 }
 
 /// The method with its own options.
@@ -34,24 +24,22 @@ struct AddMethod {
 
     void operator()(const periodic::ShootingOptions& options) const {
         object["accuracy"] = options.flow.relative_tolerance;
-        add_solver(options, object);
+        write_fields(options, describe::solver_fields(), object);
     }
     void operator()(const periodic::FiniteDifferenceOptions& options) const {
         object["nodes"] = options.nodes;
-        add_solver(options.solver, object);
+        write_fields(options.solver, describe::solver_fields(), object);
     }
     void operator()(const periodic::CollocationOptions& options) const {
         object["order"] = 2 * options.stages;
         object["intervals"] = options.intervals;
         object["accuracy"] = options.accuracy;
-        add_solver(options.solver, object);
+        write_fields(options.solver, describe::solver_fields(), object);
     }
 };
 
 Json search_document(const periodic::OrbitSearchOptions& search) {
-    Json initial = Json::array();
-    for (Eigen::Index j = 0; j < search.initial.cols(); ++j)
-        initial.push_back(state_document(search.initial.col(j)));
+    const Json initial = columns_document(search.initial);
     return {{"periods", search.periods},   {"points", search.points},     {"trajectories", search.trajectories},
             {"initial", initial},          {"symmetry", search.symmetry}, {"stabilised", search.stabilised},
             {"patience", search.patience}, {"seed", search.seed}};
@@ -59,35 +47,26 @@ Json search_document(const periodic::OrbitSearchOptions& search) {
 
 Json continuation_document(const Job& job, const ContinuationJob& continuation) {
     const periodic::ContinuationOptions& options = continuation.options;
-    Json switches = Json::array();
-    if (options.switch_doublings) switches.push_back("period_doubling");
-    if (options.switch_symmetry) switches.push_back("symmetry_breaking");
-    return {{"parameter", parameter_name(job, options.parameter)},
-            {"range", {options.lower, options.upper}},
-            {"direction", options.direction},
-            {"orbit", continuation.orbit},
-            {"step",
-             {{"first", options.first_step}, {"smallest", options.smallest_step}, {"largest", options.largest_step}}},
-            {"points", options.maximum_points},
-            {"branches", options.maximum_branches},
-            {"switch", switches},
-            {"maximum_period", options.maximum_period},
-            {"maximum_time", options.longest},
-            {"plot", continuation.plotted ? coordinate_name(job, *continuation.plotted) : "time"}};
+    Json object{{"parameter", parameter_name(job, options.parameter)},
+                {"range", {options.lower, options.upper}},
+                {"direction", options.direction},
+                {"orbit", continuation.orbit},
+                {"step", fields_document(options, describe::step_fields())}};
+    write_fields(options, describe::branch_fields(), object);
+    object["plot"] = continuation.plotted ? coordinate_name(job, *continuation.plotted) : "time";
+    return object;
 }
 
 }  // namespace
 
 Json periodic_document(const Job& job) {
     const PeriodicJob& periodic = *job.periodic;
-    Json object{{"method", periodic_method_names[periodic.method.index()]}};
+    Json object{{"method", name_of(periodic.method.index(), periodic_method_names)}};
     std::visit(AddMethod{object}, periodic.method);
     if (!periodic.orbits.empty()) object["orbits"] = starts_document(periodic.orbits);
     if (periodic.search) object["search"] = search_document(*periodic.search);
     if (periodic.continuation) object["continuation"] = continuation_document(job, *periodic.continuation);
-    object["free"] = Json::array();
-    for (const Eigen::Index index : periodic.free)
-        object["free"].push_back(parameter_name(job, index));
+    object["free"] = parameter_list(job, periodic.free);
     object["stability"] = periodic.stability;
     return object;
 }

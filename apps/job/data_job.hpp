@@ -1,0 +1,137 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "apps/job/model_job.hpp"
+#include "estimator/interface/estimate_options.hpp"
+#include "estimator/interface/prior.hpp"
+#include "models/definition/input_signal.hpp"
+#include "models/definition/sensor.hpp"
+#include "orbits/records/series.hpp"
+
+namespace orbid::apps {
+
+/// As jobs write them, in the order of orbits::Series::Sampling.
+inline const std::vector<std::string> sampling_names{"section", "samples"};
+/// In the order of models::InputSignal::Interpolation.
+inline const std::vector<std::string> interpolation_names{"linear", "cubic"};
+/// In the order of models::Sensor::Rounding.
+inline const std::vector<std::string> rounding_names{"none", "nearest"};
+
+struct SimulationJob {
+    /// Default of `transient` for random starts of a section series; 0 for given starts and for samples. A contraction
+    /// of only 10 % per period leaves 1e-14 of the distance to the attractor after 300 periods.
+    static constexpr std::size_t transient_of_random_sections = 300;
+
+    orbits::Series::Sampling sampling = orbits::Series::Sampling::section;
+    std::size_t sections = 0;              ///< section: points of all trajectories together, >= trajectories
+    double step = 0.0;                     ///< samples: [s], > 0
+    std::size_t count = 0;                 ///< samples: per trajectory, >= 2, the first at the end of the transient
+    std::size_t trajectories = 1;          ///< >= 1; one segment each
+    std::size_t transient = 0;             ///< section: periods, samples: steps; discarded before the first point
+    std::vector<Eigen::VectorXd> initial;  ///< one state per trajectory; empty = random
+    bool restart = true;                   ///< a captured or resting trajectory is restarted; false = only reported
+    Eigen::VectorXd noise;                 ///< shape (n): sd of a reading in the coordinate's unit, >= 0
+    Eigen::VectorXd noise_correlation;     ///< shape (n): of the errors of successive readings, in (-1, 1)
+};
+
+/// One coordinate read from a column of a table:  model value = sign * (column * unit - offset).
+struct ColumnJob {
+    Eigen::Index coordinate = 0;  ///< index into System::coordinates()
+    std::string column;           ///< header in the file
+    std::string unit;             ///< of the column; one that orbits::unit_factor knows for the coordinate
+    int sign = 1;                 ///< +1 or -1
+    double offset = 0.0;          ///< in the coordinate's unit
+};
+
+/// A recorded series: a text table (.csv, .tsv, .txt), or a file written by orbid (.h5, .hdf5), which describes its
+/// columns itself.
+struct FileJob {
+    std::filesystem::path path;  ///< absolute
+    orbits::Series::Sampling sampling = orbits::Series::Sampling::section;
+    bool table = true;           ///< text with columns; false: HDF5, `columns` and the two names are empty
+    std::string segment_column;  ///< empty: the whole file is one segment
+    std::string time_column;     ///< samples need one
+    std::string time_unit = "s";
+    std::vector<ColumnJob> columns;  ///< in the order of the coordinates
+    bool nan_is_missing = false;     ///< "nan" in a cell is a missing sample too, not only an empty cell
+    std::string sha256;              ///< expected, lower-case hex; empty: not given
+};
+
+/// Measured inputs of the model, from the experiment's own table or a separate one.
+struct InputJob {
+    std::optional<std::filesystem::path> file;  ///< absolute; empty: the table of the data
+    std::string sha256;                         ///< of `file`, expected; empty: not given
+    std::string time_column = "t";              ///< of `file`
+    std::string time_unit = "s";
+    std::vector<ColumnJob> columns;  ///< one per input of the model, in its order; `coordinate` is the input's index
+    models::InputSignal::Interpolation interpolation = models::InputSignal::Interpolation::linear;
+};
+
+/// Where one coordinate of a segment's initial state comes from.
+struct InitialValueJob {
+    bool estimate = true;
+    std::optional<double> value;  ///< fixed value, or start when estimated; empty: start from the data
+    estimator::Prior prior = estimator::FlatPrior{};
+    estimator::Scale scale = estimator::Scale::linear;
+    double lower = -std::numeric_limits<double>::infinity();
+    double upper = std::numeric_limits<double>::infinity();
+
+    /// It has settings that a latent state cannot have. It becomes a parameter of the estimate, one per segment, named
+    /// by initial_parameter_name.
+    [[nodiscard]] bool is_parameter() const {
+        const bool plain = std::holds_alternative<estimator::FlatPrior>(prior) ||
+                           std::holds_alternative<estimator::NormalPrior>(prior);
+        return estimate && !(plain && scale == estimator::Scale::linear && std::isinf(lower) && std::isinf(upper));
+    }
+};
+
+/// "u_0@run1": a coordinate's value at the first sample of an experiment. With several fitted segments ".LABEL"
+/// follows.
+[[nodiscard]] inline std::string initial_parameter_name(const std::string& coordinate, const std::string& experiment) {
+    return coordinate + "_0@" + experiment;
+}
+
+/// One experiment.
+struct DataJob {
+    std::string name;
+    std::optional<SimulationJob> simulation;  ///< exactly one of simulation and file
+    std::optional<FileJob> file;
+    std::optional<InputJob> inputs;  ///< of a model that has some
+    models::Sensor sensor;
+    std::vector<Eigen::Index> observe;            ///< coordinates used as data, ascending
+    std::vector<ParameterValue> parameters;       ///< values for this experiment only
+    std::vector<Eigen::Index> free;               ///< parameters estimated for this experiment only (name@experiment)
+    std::optional<std::vector<std::string>> fit;  ///< labels of segments; empty = all not in `predict`
+    std::vector<std::string> predict;             ///< labels of segments predicted, not fitted
+    std::vector<InitialValueJob> initial_state;   ///< one per coordinate
+
+    [[nodiscard]] orbits::Series::Sampling sampling() const {
+        return simulation ? simulation->sampling : file->sampling;
+    }
+    [[nodiscard]] bool observes(Eigen::Index coordinate) const {
+        return std::find(observe.begin(), observe.end(), coordinate) != observe.end();
+    }
+    /// Whether a parameter is estimated for this experiment only.
+    [[nodiscard]] bool has_own(Eigen::Index parameter) const {
+        return std::find(free.begin(), free.end(), parameter) != free.end();
+    }
+    /// All parameters, with its own values among these.
+    [[nodiscard]] Eigen::VectorXd with_own(Eigen::VectorXd values) const {
+        for (const ParameterValue& own : parameters)
+            values[own.parameter] = own.value;
+        return values;
+    }
+};
+
+}  // namespace orbid::apps

@@ -1,0 +1,191 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/estimate_options.hpp"
+#include "estimator/interface/prior.hpp"
+#include "estimator/interface/residual.hpp"
+#include "models/formulas/expression.hpp"
+#include "periodic/waveforms/waveform_record.hpp"
+
+namespace orbid::apps {
+
+/// As jobs write them, in the order of estimator::Scale.
+inline const std::vector<std::string> scale_names{"linear", "log", "log10", "logit"};
+/// In the order of estimator::Variance.
+inline const std::vector<std::string> variance_names{"ml", "restricted", "integrated"};
+/// In the order of estimator::ErrorDistribution.
+inline const std::vector<std::string> distribution_names{"normal",    "student_t", "laplace",
+                                                         "lognormal", "relative",  "ar1"};
+
+/// Key and value of the parameter that an error distribution has beside its scale; nullptr: none.
+template <class Distribution>
+[[nodiscard]] auto error_shape(Distribution& distribution) {
+    using Parameter =
+        std::conditional_t<std::is_const_v<Distribution>, const estimator::ErrorParameter, estimator::ErrorParameter>;
+    std::pair<std::string, Parameter*> shape{"", nullptr};
+    if (auto* student = std::get_if<estimator::StudentErrors>(&distribution)) shape = {"dof", &student->dof};
+    if (auto* relative = std::get_if<estimator::RelativeErrors>(&distribution))
+        shape = {"relative", &relative->relative};
+    if (auto* chain = std::get_if<estimator::AutoregressiveErrors>(&distribution))
+        shape = {"correlation", &chain->correlation};
+    return shape;
+}
+
+struct FreeParameterJob {
+    Eigen::Index parameter;          ///< index into System::parameters()
+    estimator::FreeParameter value;  ///< start, scale, bounds, prior, tie; name and unit of the model
+};
+
+struct DerivedJob {
+    std::string name;
+    models::Expression expression;  ///< in System::parameters(), in that order
+};
+
+/// Errors of one coordinate. ErrorScale::value is 0 while estimated without a start: "start from the residuals".
+struct ErrorJob {
+    Eigen::Index coordinate = 0;
+    estimator::ErrorScale scale;  ///< with `sd_column` a factor on the sds there
+    estimator::ErrorDistribution distribution = estimator::NormalErrors{};
+    double floor = 0.0;     ///< least value of an estimated scale
+    std::string sd_column;  ///< header in the table of the data; empty: one sd for all readings
+};
+
+/// Several coordinates with one full covariance, estimated.
+struct CovarianceJob {
+    std::vector<Eigen::Index> coordinates;  ///< two or more, normal
+    double dof = 0.0;                       ///< of its inverse-Wishart prior; 0: none
+    Eigen::MatrixXd psi;                    ///< shape (m, m), with a prior
+};
+
+struct CyclesResidualJob {
+    std::vector<int> periods;
+    bool covariance = true;        ///< weights: the analysis' covariance times a factor; false: equal, a sd
+    bool positions = true;         ///< the points are data
+    bool multipliers = false;      ///< ln|multiplier| is data; at least one of the two
+    std::vector<ErrorJob> errors;  ///< one per coordinate of the model, in their order
+    std::vector<CovarianceJob> covariances;
+    estimator::ErrorScale multiplier_error{true, 0.0, estimator::FlatPrior{}};  ///< as ErrorJob::scale
+};
+
+/// How closely the end of an interval of a series must agree with the beginning of the next.
+struct MatchingJob {
+    enum class Kind {
+        automatic,  ///< exact
+        exact,      ///< to far below the errors of the readings
+        given,      ///< normal errors of a known sd
+        estimated   ///< normal errors, their sd estimated
+    };
+    Kind kind = Kind::automatic;
+    double sd = 0.0;  ///< given: share of each coordinate's range, > 0
+};
+
+/// A recorded series, by single or multiple shooting.
+struct SeriesResidualJob {
+    static constexpr std::size_t automatic_interval = 0;  ///< chosen by how errors grow
+    /// Sampling intervals (sections) from node to node. Nothing: one free initial state per segment (single shooting).
+    std::optional<std::size_t> interval;
+    MatchingJob matching;           ///< ignored without an interval
+    std::vector<std::size_t> data;  ///< indices into Job::data
+    std::vector<ErrorJob> errors;   ///< one per coordinate observed in any of them, ascending
+    std::vector<CovarianceJob> covariances;
+};
+
+/// Measured periodic steady states, one per fitted segment.
+struct WaveformResidualJob {
+    struct Experiment {
+        int period = 1;     ///< in periods of the forcing
+        double time = 0.0;  ///< autonomous: a guess of T [s]
+        periodic::WaveformUnknown phase{true, 0.0};
+        std::vector<periodic::WaveformUnknown> offsets;  ///< one per entry of `errors`
+        Eigen::MatrixXd start;                           ///< shape (n, period): states at phase 0; empty: found
+    };
+    std::vector<std::size_t> data;        ///< indices into Job::data
+    std::vector<Experiment> experiments;  ///< one per entry of `data`
+    std::vector<ErrorJob> errors;         ///< one per coordinate observed in any of them, ascending
+    std::vector<CovarianceJob> covariances;
+};
+
+enum class ResidualType { cycles, series, waveform };
+
+/// As jobs write them, in the order of ResidualType.
+inline const std::vector<std::string> residual_type_names{"cycles", "series", "waveform"};
+
+/// One step of an estimate; it starts from the best earlier one.
+struct StageJob {
+    enum class Kind {
+        prediction,  ///< parameters only, by predictions over one interval from measured states
+        residuals,   ///< the residuals named, together
+        harvest      ///< adds cycles found with the present model, then as the stage of the cycles
+    };
+    Kind kind = Kind::residuals;
+    std::vector<ResidualType> residuals;  ///< in their order; empty for `prediction`
+
+    [[nodiscard]] bool uses(ResidualType type) const {
+        return std::find(residuals.begin(), residuals.end(), type) != residuals.end();
+    }
+    /// "prediction", "harvest", "series", "cycles + series".
+    [[nodiscard]] std::string name() const;
+};
+
+/// Other models that the estimate is compared with.
+struct CriticismJob {
+    std::vector<std::string> variants;  ///< of the model, other than the job's
+    std::vector<Eigen::Index> without;  ///< parameters of the estimate, set to 0 one at a time
+    double held_out = 0.0;              ///< share of the data left out in turn and predicted; 0: none
+
+    [[nodiscard]] bool any() const { return !variants.empty() || !without.empty() || held_out > 0.0; }
+};
+
+/// Estimates from several starts; 1 = only the job's.
+struct MultiStartJob {
+    std::size_t starts = 1;
+    std::uint64_t seed = 1;  ///< the job's, unless another is given
+};
+
+/// Draws from the posterior density; 0 draws: none.
+struct SampleJob {
+    std::size_t draws = 0;   ///< per chain, after the warm-up
+    std::size_t chains = 4;  ///< >= 2: their agreement is tested
+    std::size_t warm_up = 500;
+};
+
+/// A selection of estimated parameters.
+struct ParameterChoice {
+    bool all = false;
+    std::vector<std::string> names;  ///< of the estimate's parameters, unless all
+
+    [[nodiscard]] bool any() const { return all || !names.empty(); }
+    /// Also for every segment of an initial value named without one.
+    [[nodiscard]] bool contains(const std::string& name) const;
+};
+
+struct EstimateJob {
+    std::vector<FreeParameterJob> parameters;
+    std::vector<estimator::JointNormalPrior> joint_priors;
+    std::vector<DerivedJob> derived;
+    std::optional<CyclesResidualJob> cycles;
+    std::optional<SeriesResidualJob> series;
+    std::optional<WaveformResidualJob> waveform;
+    bool automatic = false;          ///< "strategy": "auto"
+    std::vector<StageJob> strategy;  ///< in this order; each residual is used in at least one of them
+    bool scan = false;               ///< the prediction starts with a coarse scan of the parameters over their bounds
+    CriticismJob criticism;
+    estimator::Variance variance = estimator::Variance::restricted;
+    MultiStartJob multi_start;
+    SampleJob sample;
+    ParameterChoice profile;
+    ParameterChoice marginals;
+};
+
+}  // namespace orbid::apps

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "periodic/branches/continuation.hpp"
+#include "periodic/search/orbit_search.hpp"
+#include "periodic/solution/solve_orbit.hpp"
+
+namespace orbid::apps {
+
+struct OrbitStart {
+    int period = 1;
+    std::vector<int> rotation;  ///< one per angle coordinate; empty: from the points
+    Eigen::MatrixXd points;     ///< shape (n, p)
+    double time = 0.0;          ///< T [s], > 0: autonomous models without a section, which have one point; else 0
+};
+
+/// Methods of the "periodic" block, in the order of periodic::OrbitMethod.
+inline const std::vector<std::string> periodic_method_names{"multiple_shooting", "finite_difference", "collocation"};
+
+/// A branch of orbits over one parameter, from the orbit that the job names.
+struct ContinuationJob {
+    std::size_t orbit = 0;  ///< of the list in orbits.json where it starts
+    periodic::ContinuationOptions options;
+    std::optional<Eigen::Index> plotted;  ///< coordinate shown in branch.svg; empty: the time T
+};
+
+struct PeriodicJob {
+    periodic::OrbitMethod method;
+    std::vector<OrbitStart> orbits;
+    std::optional<periodic::OrbitSearchOptions> search;  ///< phase and section are the job's
+    std::optional<ContinuationJob> continuation;
+    std::vector<Eigen::Index> free;  ///< parameters for sensitivities, different
+    bool stability = false;          ///< directions, and derivatives of the multipliers to the free parameters
+};
+
+}  // namespace orbid::apps
