@@ -1,7 +1,10 @@
 #pragma once
 
 #include <array>
+#include <optional>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "apps/estimation/cycle_start.hpp"
 #include "apps/estimation/recorded_residual.hpp"
@@ -9,10 +12,11 @@
 #include "apps/results/posterior_results.hpp"
 #include "apps/results/strategy_results.hpp"
 #include "estimator/estimate/estimate.hpp"
+#include "estimator/exploration/multi_start.hpp"
 #include "orbits/cycles/cycle.hpp"
 
-/// The archive fields of every struct in a checkpoint: all members. Structured bindings name them, so that a new member
-/// does not compile until it is added here. Then increase `format` in checkpoint.cpp.
+/// What checkpoints hold. The archive fields of every struct are all members. Structured bindings name them, so that a
+/// new member does not compile until it is added here. Then increase `format` in checkpoint.cpp.
 
 namespace orbid::estimator {
 
@@ -193,6 +197,25 @@ inline void fields(Archive& archive, AlternativeResult& value) {
 inline void fields(Archive& archive, CriticismResult& value) {
     auto& [model, stage, large_defects, intervals, score, score_error, alternatives] = value;
     archive(model, stage, large_defects, intervals, score, score_error, alternatives);
+}
+
+/// The costly results of a finished stage of a strategy, for a run that continues from it. Residuals are rebuilt from
+/// them and taken through the same changes.
+struct StageCheckpoint {
+    std::string skipped;                        ///< the reason; empty: it ran
+    std::optional<orbits::CycleSearch> search;  ///< of a harvest: all cycles, new ones included
+    Eigen::VectorXd prediction;                 ///< start of a prediction
+    CycleStart cycles;                          ///< start from cycles
+    Eigen::VectorXd best_start;                 ///< of several starts; empty: only one
+    std::vector<estimator::Optimum> optima;
+    std::vector<estimator::StartedRun> runs;
+    estimator::Estimate estimate;                      ///< as the estimator returned it
+    std::vector<std::vector<ResidualChange>> changes;  ///< per residual
+};
+
+inline void fields(Archive& archive, StageCheckpoint& value) {
+    auto& [skipped, search, prediction, cycles, best_start, optima, runs, estimate, changes] = value;
+    archive(skipped, search, prediction, cycles, best_start, optima, runs, estimate, changes);
 }
 
 }  // namespace orbid::apps

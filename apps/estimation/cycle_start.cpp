@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "apps/estimation/parameter_column.hpp"
+#include "apps/estimation/estimated_values.hpp"
 #include "orbits/cycle_residuals/lifted_cycle_residual.hpp"
 #include "orbits/cycle_residuals/one_period_residual.hpp"
 #include "orbits/cycle_residuals/start_scan.hpp"

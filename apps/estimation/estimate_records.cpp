@@ -6,20 +6,13 @@
 
 #include <fmt/format.h>
 
-#include "apps/estimation/group_scale.hpp"
+#include "apps/estimation/estimated_values.hpp"
 #include "apps/job/segment_choice.hpp"
 #include "estimator/interface/not_finite.hpp"
 
 namespace orbid::apps {
 
 namespace {
-
-Eigen::VectorXd values(const estimator::Estimate& estimate) {
-    Eigen::VectorXd theta(static_cast<Eigen::Index>(estimate.parameters.size()));
-    for (Eigen::Index i = 0; i < theta.size(); ++i)
-        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
-    return theta;
-}
 
 /// Relative part of a group's errors; 0 where there is none.
 double relative_of(const estimator::EstimatedScale& scale) {
@@ -85,7 +78,7 @@ void add_series_rows(const Job& job, std::size_t experiment, const orbits::Serie
         for (Eigen::Index i = 0; i < values[b].e.size(); ++i) {
             const auto& record = records[static_cast<std::size_t>(i)];
             if (record.sample < 0) continue;
-            const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(record.coordinate)];
+            const auto& coordinate = job.model.coordinate(record.coordinate);
             Eigen::Index row = 0;
             while (series.coordinates[static_cast<std::size_t>(row)].name != coordinate.name)
                 ++row;
@@ -107,7 +100,7 @@ void add_shooting_rows(const Job& job, std::size_t experiment, const orbits::Sho
                        std::vector<ResidualRow>& rows) {
     const orbits::Series& series = residual.series();
     const orbits::ShootingPlan& plan = residual.plan();
-    const bool forced = job.model.system->kind() == models::Kind::forced;
+    const bool forced = job.model.is(models::Kind::forced);
     for (std::size_t b = 0; b < values.size(); ++b) {
         if (values[b].e.size() == 0) continue;
         const orbits::PlannedNode& node = plan.nodes[b];
@@ -115,7 +108,7 @@ void add_shooting_rows(const Job& job, std::size_t experiment, const orbits::Sho
         const auto readings = plan.of(b);
         for (std::size_t r = 0; r < readings.size(); ++r) {
             const orbits::PlannedReading& reading = readings[r];
-            const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(reading.coordinate)];
+            const auto& coordinate = job.model.coordinate(reading.coordinate);
             const auto count = static_cast<double>(reading.sample);
             double at = forced ? series.phase + 2.0 * std::numbers::pi * count : count;
             if (segment.times.size() > 0) at = segment.times[reading.sample];
@@ -152,7 +145,7 @@ void add_initial_states(const Job& job, std::size_t experiment, const orbits::Se
     const auto coordinates = job.model.system->coordinates();
     for (std::size_t b = 0; b < latents.size(); ++b) {
         InitialState initial{job.data[experiment].name, residual.series().segments[residual.segment(b)].label, {}};
-        const Eigen::VectorXd state = residual.state(b, values(estimate), latents[b]);
+        const Eigen::VectorXd state = residual.state(b, estimated_theta(estimate), latents[b]);
         for (Eigen::Index i = 0; i < state.size(); ++i) {
             const auto& free = residual.free_coordinates();
             const auto at = std::find(free.begin(), free.end(), i);

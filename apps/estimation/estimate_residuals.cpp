@@ -17,23 +17,6 @@ orbits::ErrorForm error_form(const ErrorJob& error) {
 
 namespace {
 
-/// Groups of a residual that has one per coordinate of `coordinates`, in that order.
-std::vector<estimator::JointCovariance> joint_covariances(const std::vector<CovarianceJob>& jobs,
-                                                          const std::vector<Eigen::Index>& coordinates) {
-    std::vector<estimator::JointCovariance> covariances;
-    for (const CovarianceJob& job : jobs) {
-        estimator::JointCovariance covariance;
-        for (const Eigen::Index coordinate : job.coordinates) {
-            const auto at = std::find(coordinates.begin(), coordinates.end(), coordinate);
-            covariance.groups.push_back(static_cast<int>(at - coordinates.begin()));
-        }
-        covariance.dof = job.dof;
-        covariance.psi = job.psi;
-        covariances.push_back(std::move(covariance));
-    }
-    return covariances;
-}
-
 orbits::InitialStateRule initial_rule(const InitialValueJob& job, const std::vector<Eigen::Index>& parameters) {
     orbits::InitialStateRule rule;
     using Kind = orbits::InitialStateRule::Kind;
@@ -87,7 +70,7 @@ std::unique_ptr<orbits::SeriesResidual> single_shooting(const Job& job, std::siz
     options.sensor = data.sensor;
     options.inputs = measured.inputs;
     for (const Eigen::Index coordinate : data.observe) {
-        options.observe.emplace_back(job.model.system->coordinates()[static_cast<std::size_t>(coordinate)].name);
+        options.observe.emplace_back(job.model.coordinate(coordinate).name);
         const auto& errors = job.estimate->series->errors;
         const auto error = std::find_if(errors.begin(), errors.end(),
                                         [&](const ErrorJob& one) { return one.coordinate == coordinate; });
@@ -168,27 +151,26 @@ void check_enough_readings(const Job& job, const EstimateSetup& setup, const Job
     std::size_t readings = 0;
     std::size_t initial_values = 0;
     std::string names;
+    const auto add_name = [&](std::size_t experiment) {
+        names += (names.empty() ? "" : ", ") + job.data[experiment].name;
+    };
+    const auto add_block = [&](const estimator::BlockLayout& block) {
+        // Matched nodes are no unknowns of their own: only those that end a segment are.
+        readings += block.linked_from < 0 ? block.group.size() : static_cast<std::size_t>(block.linked_from);
+        if (block.next < 0) initial_values += static_cast<std::size_t>(block.latents);
+    };
     for (std::size_t i = 0; i < residuals.series.size(); ++i) {
-        names += (names.empty() ? "" : ", ") + job.data[residuals.experiments[i]].name;
-        for (const estimator::BlockLayout& block : residuals.series[i]->layout()) {
-            readings += block.group.size();
-            initial_values += static_cast<std::size_t>(block.latents);
-        }
+        add_name(residuals.experiments[i]);
+        std::for_each(residuals.series[i]->layout().begin(), residuals.series[i]->layout().end(), add_block);
     }
     for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
-        names += (names.empty() ? "" : ", ") + job.data[residuals.shooting_experiments[i]].name;
-        for (const estimator::BlockLayout& block : residuals.shooting[i]->layout()) {
-            // Matched nodes are no unknowns of their own: only those that end a segment are.
-            readings += block.linked_from < 0 ? block.group.size() : static_cast<std::size_t>(block.linked_from);
-            if (block.next < 0) initial_values += static_cast<std::size_t>(block.latents);
-        }
+        add_name(residuals.shooting_experiments[i]);
+        std::for_each(residuals.shooting[i]->layout().begin(), residuals.shooting[i]->layout().end(), add_block);
     }
     for (std::size_t b = 0; b < residuals.waveform.places.size(); ++b) {
-        const std::string& name = job.data[residuals.waveform.places[b].experiment].name;
-        if (names.find(name) == std::string::npos) names += (names.empty() ? "" : ", ") + name;
-        const estimator::BlockLayout& block = residuals.waveform.residual->layout()[b];
-        readings += block.group.size();
-        initial_values += static_cast<std::size_t>(block.latents);
+        const std::size_t experiment = residuals.waveform.places[b].experiment;
+        if (names.find(job.data[experiment].name) == std::string::npos) add_name(experiment);
+        add_block(residuals.waveform.residual->layout()[b]);
     }
     const auto free = std::count_if(setup.parameters.begin(), setup.parameters.end(),
                                     [](const auto& parameter) { return !estimator::is_proper(parameter.prior); });

@@ -6,25 +6,23 @@
 
 #include <fmt/format.h>
 
+#include "apps/estimation/estimated_values.hpp"
+
 namespace orbid::apps {
 
 namespace {
 
-bool has_own(const DataJob& data, Eigen::Index parameter) {
-    return std::find(data.free.begin(), data.free.end(), parameter) != data.free.end();
-}
-
 /// What the parameter that another one follows is called in an experiment.
 std::string name_in(const Job& job, const DataJob& data, const std::string& name) {
     for (const FreeParameterJob& free : job.estimate->parameters)
-        if (free.value.name == name && has_own(data, free.parameter)) return fmt::format("{}@{}", name, data.name);
+        if (free.value.name == name && data.has_own(free.parameter)) return fmt::format("{}@{}", name, data.name);
     return name;
 }
 
 /// All experiments have it for themselves: nothing is left to share.
 bool is_shared(const Job& job, Eigen::Index parameter) {
-    return job.data.empty() || !std::all_of(job.data.begin(), job.data.end(),
-                                            [&](const DataJob& data) { return has_own(data, parameter); });
+    return job.data.empty() ||
+           !std::all_of(job.data.begin(), job.data.end(), [&](const DataJob& data) { return data.has_own(parameter); });
 }
 
 void bind(models::ParameterBinding& binding, Eigen::Index parameter, std::size_t estimated) {
@@ -72,34 +70,43 @@ estimator::DerivedQuantity derived_quantity(const DerivedJob& derived, const mod
 
 }  // namespace
 
+std::vector<estimator::JointCovariance> joint_covariances(const std::vector<CovarianceJob>& jobs,
+                                                          const std::vector<Eigen::Index>& coordinates) {
+    std::vector<estimator::JointCovariance> covariances;
+    for (const CovarianceJob& job : jobs) {
+        estimator::JointCovariance& covariance = covariances.emplace_back();
+        for (const Eigen::Index coordinate : job.coordinates) {
+            const auto at = std::find(coordinates.begin(), coordinates.end(), coordinate);
+            covariance.groups.push_back(static_cast<int>(at - coordinates.begin()));
+        }
+        covariance.dof = job.dof;
+        covariance.psi = job.psi;
+    }
+    return covariances;
+}
+
 Eigen::VectorXd EstimateSetup::start() const {
-    Eigen::VectorXd theta(static_cast<Eigen::Index>(parameters.size()));
-    for (std::size_t i = 0; i < parameters.size(); ++i)
-        theta[static_cast<Eigen::Index>(i)] = parameters[i].start;
-    return theta;
+    return starts(parameters);
 }
 
 EstimateSetup estimate_setup(const Job& job, const std::vector<std::vector<std::string>>& segments) {
     EstimateSetup setup;
     setup.model.base = job.model.values;
     setup.experiments.resize(job.data.size());
-    for (std::size_t e = 0; e < job.data.size(); ++e) {
-        setup.experiments[e].base = job.model.values;
-        // A simulated experiment's own values made its data; what is estimated there starts elsewhere.
-        for (const ParameterValue& own : job.data[e].parameters)
-            setup.experiments[e].base[own.parameter] = own.value;
-    }
+    // A simulated experiment's own values made its data; what is estimated there starts elsewhere.
+    for (std::size_t e = 0; e < job.data.size(); ++e)
+        setup.experiments[e].base = job.data[e].with_own(job.model.values);
     for (const FreeParameterJob& free : job.estimate->parameters) {
         if (!is_shared(job, free.parameter)) continue;
         bind(setup.model, free.parameter, setup.parameters.size());
         for (std::size_t e = 0; e < job.data.size(); ++e)
-            if (!has_own(job.data[e], free.parameter))
+            if (!job.data[e].has_own(free.parameter))
                 bind(setup.experiments[e], free.parameter, setup.parameters.size());
         setup.parameters.push_back(free.value);
     }
     for (std::size_t e = 0; e < job.data.size(); ++e) {
         for (const FreeParameterJob& free : job.estimate->parameters) {
-            if (!has_own(job.data[e], free.parameter)) continue;
+            if (!job.data[e].has_own(free.parameter)) continue;
             bind(setup.experiments[e], free.parameter, setup.parameters.size());
             if (e == 0 && !is_shared(job, free.parameter)) bind(setup.model, free.parameter, setup.parameters.size());
             setup.parameters.push_back(free.value);

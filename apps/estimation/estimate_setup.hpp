@@ -5,6 +5,7 @@
 
 #include "apps/job/job.hpp"
 #include "estimator/estimate/estimate.hpp"
+#include "estimator/interface/residual.hpp"
 #include "models/system/system.hpp"
 
 namespace orbid::apps {
@@ -29,5 +30,9 @@ struct EstimateSetup {
 ///
 /// @param segments  labels of the fitted segments of every experiment; empty for experiments that are not series.
 [[nodiscard]] EstimateSetup estimate_setup(const Job& job, const std::vector<std::vector<std::string>>& segments);
+
+/// Full covariances of a residual that has one group per coordinate of `coordinates`, in that order.
+[[nodiscard]] std::vector<estimator::JointCovariance> joint_covariances(const std::vector<CovarianceJob>& jobs,
+                                                                        const std::vector<Eigen::Index>& coordinates);
 
 }  // namespace orbid::apps

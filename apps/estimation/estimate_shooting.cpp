@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "apps/estimation/parameter_column.hpp"
+#include "apps/estimation/estimated_values.hpp"
 #include "apps/job/segment_choice.hpp"
 #include "orbits/cycle_residuals/start_scan.hpp"
 #include "orbits/records/data_error.hpp"
@@ -48,7 +48,7 @@ orbits::ShootingOptions shooting_options(const Job& job, std::size_t experiment,
     options.name = asked.data.size() > 1 ? "series." + data.name : "series";
     options.sensor = data.sensor;
     for (const Eigen::Index coordinate : data.observe) {
-        options.observe.emplace_back(job.model.system->coordinates()[static_cast<std::size_t>(coordinate)].name);
+        options.observe.emplace_back(job.model.coordinate(coordinate).name);
         // A rate that is a difference of two readings has the errors of the angle.
         const bool second = data.sensor.type == models::Sensor::Type::angle_difference &&
                             coordinate == static_cast<Eigen::Index>(data.sensor.rate);
@@ -74,10 +74,7 @@ std::unique_ptr<orbits::PredictionResidual> prediction_residual(const Job& job, 
     const DataJob& data = job.data[experiment];
     const orbits::Series& series = measured.series;
     const models::System& system = *job.model.system;
-    std::vector<std::shared_ptr<const models::System>> systems;
-    for (const auto& input : measured.inputs)
-        systems.push_back(system.with_input(input));
-    if (systems.empty()) systems.push_back(job.model.system);
+    auto systems = systems_with(job, measured.inputs);
     try {
         const auto segments = fitted_segments(series, data);
         const Eigen::VectorXd values = binding.values(theta);

@@ -10,13 +10,14 @@
 #include "apps/estimation/estimate_residuals.hpp"
 #include "apps/estimation/estimate_setup.hpp"
 #include "apps/estimation/estimate_strategy.hpp"
+#include "apps/estimation/estimated_values.hpp"
 #include "apps/estimation/matching_check.hpp"
 #include "apps/estimation/model_comparison.hpp"
 #include "apps/estimation/posterior_stage.hpp"
 #include "apps/results/cycle_file.hpp"
 #include "apps/results/orbit_file.hpp"
 #include "apps/stages/orbits_stage.hpp"
-#include "apps/stages/stage_fingerprint.hpp"
+#include "apps/stages/workspace.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/series_residuals/series_residual.hpp"
@@ -53,7 +54,7 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
                   const Fingerprint& fingerprint) {
     std::vector<std::string> names;
     for (const Eigen::Index parameter : binding.parameter)
-        names.emplace_back(work.system().parameters()[static_cast<std::size_t>(parameter)].name);
+        names.emplace_back(work.job.model.parameter(parameter).name);
     ComputedOrbits orbits;
     const auto found = residual.orbits(theta);
     for (std::size_t b = 0; b < found.size(); ++b) {
@@ -82,9 +83,7 @@ std::vector<ResidualRow> describe_records(const StageInput& input, const StageRu
     const JobResiduals& residuals = run.residuals;
     std::vector<ResidualRow> rows;
     if (!is_evaluated(run)) return rows;
-    Eigen::VectorXd theta(static_cast<Eigen::Index>(estimate.parameters.size()));
-    for (Eigen::Index i = 0; i < theta.size(); ++i)
-        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
+    const Eigen::VectorXd theta = estimated_theta(estimate);
     const auto sds = [&](std::size_t index) {
         return index < estimate.latent_sds.size() ? estimate.latent_sds[index] : std::vector<Eigen::VectorXd>{};
     };
@@ -148,28 +147,67 @@ void criticise_result(const StageInput& input, const StrategyRun& strategy, Stra
     results.criticism = criticise(input, stage, best);
 }
 
+estimator::EstimateOptions estimate_options(const Workspace& work) {
+    estimator::EstimateOptions options;
+    options.variance = work.job.estimate->variance;
+    options.joint_priors = work.job.estimate->joint_priors;
+    // A thousandth of a posterior sd is below what anybody can see. Much less is below the rounding of clean data,
+    // whose sds reach down to 1e-10 of the value: the minimiser would only grope about there.
+    options.step_tolerance = 1e-3;
+    options.interrupted = [&work] { return work.interruption.asked(); };
+    options.progress = [&work](int iteration, double objective) {
+        work.progress.at(iteration, fmt::format("objective {:.6g}", objective));
+    };
+    return options;
+}
+
+/// Runs the stages; what they have come to is stored after each, and shown if the run is left.
+StrategyRun run_stored_strategy(StageInput& input, EstimateOutcome& outcome) {
+    const Workspace& work = input.work;
+    const std::vector<StageJob>& stages = work.job.estimate->strategy;
+    const bool staged = stages.size() > 1;
+    return run_strategy(input, stages, input.setup.parameters, [&, staged](const StrategyRun& run) {
+        if (staged) outcome.context.strategy.stages = run.stages;
+        work.departure.shows(interrupted_result(run, outcome.context));
+        if (!staged) return;
+        work.folder.store("result.json",
+                          result_text(strategy_estimate(run, work.interruption.asked()), outcome.context));
+    });
+}
+
+/// What the best stage says beyond its estimate: records, other models, posterior.
+void describe_best(const StageInput& input, const StrategyRun& strategy, EstimateOutcome& outcome) {
+    const Workspace& work = input.work;
+    const StageRun& best = *strategy.best;
+    ResultContext& context = outcome.context;
+    count_cycles(input.search, context);
+    context.evidence.reason = "there is no estimate";
+    work.folder.store("residuals.csv", residuals_text(describe_records(input, best, context)));
+    const auto all = best.residuals.all();
+    if (is_evaluated(best)) {
+        context.posterior.diagnostics = diagnose_residuals(all, best.estimate);
+        context.evidence = evidence_of(work.job, best.parameters, all, input.options, best.estimate);
+    }
+    // Stored before what may take long, and again with it.
+    work.folder.store("result.json", result_text(outcome.estimate, context));
+    criticise_result(input, strategy, context.strategy);
+    explore_posterior(work, best.parameters, all, input.setup.derived, input.options, outcome.estimate,
+                      *input.checkpoint, context.posterior);
+    if (!work.interruption.asked() || outcome.estimate.status == estimator::EstimateStatus::interrupted) return;
+    outcome.estimate.status = estimator::EstimateStatus::interrupted;
+    outcome.estimate.message = "interrupted after the estimate, which is complete";
+}
+
 }  // namespace
 
 EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment>& data, const SearchedSection* section,
                              const orbits::CycleSearch& search) {
     const Job& job = work.job;
-    const bool staged = job.estimate->strategy.size() > 1;
     EstimateSetup setup = estimate_setup(job, fitted_labels(job, data));
     EstimateOutcome outcome;
     describe_data(work, data, search, outcome.context);
 
-    if (!staged) work.progress.begin("estimate");
-    estimator::EstimateOptions options;
-    options.variance = job.estimate->variance;
-    options.joint_priors = job.estimate->joint_priors;
-    // A thousandth of a posterior sd is below what anybody can see. Much less is below the rounding of clean data,
-    // whose sds reach down to 1e-10 of the value: the minimiser would only grope about there.
-    options.step_tolerance = 1e-3;
-    options.interrupted = [&] { return work.interruption.asked(); };
-    options.progress = [&](int iteration, double objective) {
-        work.progress.at(iteration, fmt::format("objective {:.6g}", objective));
-    };
-
+    if (job.estimate->strategy.size() <= 1) work.progress.begin("estimate");
     JobResiduals prepared;
     add_series(job, data, setup, prepared);
     for (const std::string& lost : add_waveform(job, data, setup, setup.start(), prepared.waveform))
@@ -183,41 +221,18 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
         posterior.parameters.push_back(parameter.name);
     work.departure.shows(interrupted_result({}, outcome.context));
     Checkpoint checkpoint(work.folder, outcome.context.fingerprint);
-    StageInput input{work, data, section, setup, cycle_binding, prepared, options, search, &posterior, {}, &checkpoint};
-    const StrategyRun strategy =
-        run_strategy(input, job.estimate->strategy, setup.parameters, [&](const StrategyRun& run) {
-            if (staged) outcome.context.strategy.stages = run.stages;
-            work.departure.shows(interrupted_result(run, outcome.context));
-            if (!staged) return;
-            work.folder.store("result.json",
-                              result_text(strategy_estimate(run, work.interruption.asked()), outcome.context));
-        });
-    estimator::Estimate& estimate = outcome.estimate;
-    estimate = strategy_estimate(strategy, work.interruption.asked());
-    if (!strategy.best || strategy.best->residuals.all().empty()) {
-        work.progress.end(estimate.message);
-        work.folder.store("result.json", result_text(estimate, outcome.context));
-        return outcome;
+    StageInput input{work,   data,       section, setup,      cycle_binding, prepared, estimate_options(work),
+                     search, &posterior, {},      &checkpoint};
+    const StrategyRun strategy = run_stored_strategy(input, outcome);
+    outcome.estimate = strategy_estimate(strategy, work.interruption.asked());
+    const bool estimated = strategy.best && !strategy.best->residuals.all().empty();
+    if (estimated) {
+        describe_best(input, strategy, outcome);
+    } else {
+        work.progress.end(outcome.estimate.message);
     }
-    count_cycles(input.search, outcome.context);
-    const StageRun& best = *strategy.best;
-    outcome.context.evidence.reason = "there is no estimate";
-    work.folder.store("residuals.csv", residuals_text(describe_records(input, best, outcome.context)));
-    const auto all = best.residuals.all();
-    if (is_evaluated(best)) {
-        posterior.diagnostics = diagnose_residuals(all, best.estimate);
-        outcome.context.evidence = evidence_of(job, best.parameters, all, options, best.estimate);
-    }
-    // Stored before what may take long, and again with it.
-    work.folder.store("result.json", result_text(estimate, outcome.context));
-    criticise_result(input, strategy, outcome.context.strategy);
-    explore_posterior(work, best.parameters, all, setup.derived, options, estimate, checkpoint, posterior);
-    if (work.interruption.asked() && estimate.status != estimator::EstimateStatus::interrupted) {
-        estimate.status = estimator::EstimateStatus::interrupted;
-        estimate.message = "interrupted after the estimate, which is complete";
-    }
-    work.folder.store("result.json", result_text(estimate, outcome.context));
-    if (!work.interruption.asked()) checkpoint.remove();
+    work.folder.store("result.json", result_text(outcome.estimate, outcome.context));
+    if (estimated && !work.interruption.asked()) checkpoint.remove();
     return outcome;
 }
 

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "apps/drawing/waveform_plot.hpp"
+#include "apps/estimation/estimated_values.hpp"
 #include "apps/job/segment_choice.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "models/definition/parameter.hpp"
@@ -36,7 +37,7 @@ void take_readings(const Job& job, const DataJob& data, const orbits::Series& se
     if (sds) record.deviations = record.values;
     for (std::size_t c = 0; c < errors.size(); ++c) {
         if (std::count(data.observe.begin(), data.observe.end(), errors[c].coordinate) == 0) continue;
-        const auto name = job.model.system->coordinates()[static_cast<std::size_t>(errors[c].coordinate)].name;
+        const auto name = job.model.coordinate(errors[c].coordinate).name;
         const auto at = std::find_if(series.coordinates.begin(), series.coordinates.end(),
                                      [&](const orbits::SeriesCoordinate& one) { return one.name == name; });
         if (at == series.coordinates.end())
@@ -57,54 +58,59 @@ double sd_of(const estimator::EstimatedScale& scale, const periodic::WaveformCha
     return s;
 }
 
+periodic::WaveformOptions waveform_options(const WaveformResidualJob& asked, const Eigen::VectorXd& start) {
+    periodic::WaveformOptions options;
+    std::vector<Index> coordinates;
+    for (const ErrorJob& error : asked.errors) {
+        options.channels.push_back(
+            {error.coordinate, error.scale, error.distribution, error.floor, !error.sd_column.empty()});
+        coordinates.push_back(error.coordinate);
+    }
+    options.covariances = joint_covariances(asked.covariances, coordinates);
+    options.start = start;
+    return options;
+}
+
+/// The record of one segment.
+periodic::WaveformRecord waveform_record(const Job& job, const orbits::Series& series, const EstimateSetup& setup,
+                                         const WaveformResidualJob::Experiment& own, JobWaveform::Place place) {
+    const DataJob& data = job.data[place.experiment];
+    periodic::WaveformRecord record;
+    record.label = block_label(job, series, place.experiment, place.segment);
+    record.binding = setup.experiments[place.experiment];
+    record.sensor = data.sensor;
+    take_readings(job, data, series, place.segment, record);
+    record.period = own.period;
+    record.time = own.time;
+    record.phase = own.phase;
+    record.offsets = own.offsets;
+    if (own.start.size() > 0) {
+        record.start.emplace();
+        record.start->points = own.start;
+        record.start->time = own.time;
+    }
+    return record;
+}
+
 }  // namespace
 
 std::vector<std::string> add_waveform(const Job& job, const std::vector<Experiment>& data, const EstimateSetup& setup,
                                       const Eigen::VectorXd& start, JobWaveform& waveform) {
     if (!job.estimate->waveform) return {};
     const WaveformResidualJob& asked = *job.estimate->waveform;
-    periodic::WaveformOptions options;
-    for (const ErrorJob& error : asked.errors)
-        options.channels.push_back(
-            {error.coordinate, error.scale, error.distribution, error.floor, !error.sd_column.empty()});
-    for (const CovarianceJob& one : asked.covariances) {
-        estimator::JointCovariance covariance{{}, one.dof, one.psi};
-        for (const Index coordinate : one.coordinates) {
-            const auto at = std::find_if(asked.errors.begin(), asked.errors.end(),
-                                         [&](const ErrorJob& error) { return error.coordinate == coordinate; });
-            covariance.groups.push_back(static_cast<int>(at - asked.errors.begin()));
-        }
-        options.covariances.push_back(std::move(covariance));
-    }
-    options.start = start;
     waveform.places.clear();
     std::vector<periodic::WaveformRecord> records;
     for (std::size_t i = 0; i < asked.data.size(); ++i) {
         const std::size_t experiment = asked.data[i];
-        const WaveformResidualJob::Experiment& own = asked.experiments[i];
         const orbits::Series& series = data[experiment].series;
         for (const std::size_t segment : fitted_segments(series, job.data[experiment])) {
-            periodic::WaveformRecord record;
-            record.label = block_label(job, series, experiment, segment);
-            record.binding = setup.experiments[experiment];
-            record.sensor = job.data[experiment].sensor;
-            take_readings(job, job.data[experiment], series, segment, record);
-            record.period = own.period;
-            record.time = own.time;
-            record.phase = own.phase;
-            record.offsets = own.offsets;
-            if (own.start.size() > 0) {
-                record.start.emplace();
-                record.start->points = own.start;
-                record.start->time = own.time;
-            }
-            records.push_back(std::move(record));
             waveform.places.push_back({experiment, segment});
+            records.push_back(waveform_record(job, series, setup, asked.experiments[i], waveform.places.back()));
         }
     }
     try {
-        waveform.residual =
-            std::make_unique<periodic::WaveformResidual>(job.model.system, std::move(records), std::move(options));
+        waveform.residual = std::make_unique<periodic::WaveformResidual>(job.model.system, std::move(records),
+                                                                         waveform_options(asked, start));
     } catch (const std::invalid_argument& error) {
         throw orbits::DataError(error.what());
     }
@@ -133,16 +139,14 @@ void add_waveform_rows(const Job& job, const JobWaveform& waveform, const estima
             const auto& source = residual.sources(b)[static_cast<std::size_t>(i)];
             const auto& channel = residual.channels()[static_cast<std::size_t>(source.channel)];
             const auto& group = residual.groups()[static_cast<std::size_t>(source.channel)];
-            const auto scale = std::find_if(estimate.scales.begin(), estimate.scales.end(),
-                                            [&](const auto& one) { return one.group == group.name; });
+            const auto* scale = scale_of(estimate, group.name);
             const double observed = record.values(source.channel, source.sample);
             const double predicted = observed - values[b].e[i];
             const double deviation = channel.known_sds ? record.deviations(source.channel, source.sample) : 1.0;
-            rows.push_back(
-                {data.name, waveform.residual->records()[b].label,
-                 std::string(job.model.system->coordinates()[static_cast<std::size_t>(channel.coordinate)].name),
-                 record.times[source.sample], observed, predicted,
-                 scale != estimate.scales.end() ? sd_of(*scale, channel, deviation, predicted) : estimator::nan_value});
+            rows.push_back({data.name, waveform.residual->records()[b].label,
+                            std::string(job.model.coordinate(channel.coordinate).name), record.times[source.sample],
+                            observed, predicted,
+                            scale != nullptr ? sd_of(*scale, channel, deviation, predicted) : estimator::nan_value});
         }
     }
 }
@@ -172,8 +176,7 @@ void add_steady_states(const Job& job, const JobWaveform& waveform, const Eigen:
         // Several periods of the forcing: the phase says in which of them the record begins.
         if (residual.records()[b].period > 1) state.phase.value = place.phase;
         for (Index c = 0; c < place.offsets.size(); ++c) {
-            const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(
-                residual.channels()[static_cast<std::size_t>(c)].coordinate)];
+            const auto& coordinate = job.model.coordinate(residual.channels()[static_cast<std::size_t>(c)].coordinate);
             state.offsets.push_back({std::string(coordinate.name), std::string(coordinate.unit), place.offsets[c],
                                      sd_at(c), is_estimated(c)});
         }

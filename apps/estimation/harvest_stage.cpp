@@ -6,9 +6,10 @@
 
 #include <fmt/format.h>
 
+#include "apps/estimation/estimated_values.hpp"
 #include "apps/results/cycle_file.hpp"
 #include "apps/stages/orbits_stage.hpp"
-#include "apps/stages/stage_fingerprint.hpp"
+#include "apps/stages/workspace.hpp"
 #include "orbits/cycles/model_guided_search.hpp"
 
 namespace orbid::apps {
@@ -51,14 +52,12 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
     options.covariance = *covariance;
     options.free = input.cycle_binding.parameter;
     input.work.progress.begin("more cycles");
-    Eigen::VectorXd theta(static_cast<Eigen::Index>(before.estimate.parameters.size()));
-    for (Eigen::Index i = 0; i < theta.size(); ++i)
-        theta[i] = before.estimate.parameters[static_cast<std::size_t>(i)].value;
     orbits::ModelGuidedSearch found;
     try {
         const Departure::Allowed leaving(input.work.departure);
-        found = orbits::model_guided_search(input.section->series(), *job.model.system,
-                                            input.cycle_binding.values(theta), input.search.cycles, options);
+        const Eigen::VectorXd values = input.cycle_binding.values(estimated_theta(before.estimate));
+        found = orbits::model_guided_search(input.section->series(), *job.model.system, values, input.search.cycles,
+                                            options);
     } catch (const std::invalid_argument& error) {
         input.work.progress.end(error.what());
         return error.what();

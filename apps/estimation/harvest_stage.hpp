@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "apps/estimation/estimate_strategy.hpp"
+#include "apps/estimation/strategy_stage.hpp"
 
 namespace orbid::apps {
 

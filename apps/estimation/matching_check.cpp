@@ -4,8 +4,7 @@
 
 #include <fmt/format.h>
 
-#include "apps/estimation/group_scale.hpp"
-#include "apps/estimation/model_fit.hpp"
+#include "apps/estimation/estimated_values.hpp"
 #include "orbits/series_residuals/continuity_report.hpp"
 
 namespace orbid::apps {
@@ -30,10 +29,7 @@ std::size_t first_shooting(const JobResiduals& residuals) {
 }
 
 Eigen::VectorXd laplace_sds(const estimator::Estimate& estimate) {
-    Eigen::VectorXd sds(static_cast<Eigen::Index>(estimate.parameters.size()));
-    for (Eigen::Index i = 0; i < sds.size(); ++i)
-        sds[i] = estimate.parameters[static_cast<std::size_t>(i)].laplace_sd;
-    return sds;
+    return column(estimate.parameters, &estimator::Estimated::laplace_sd);
 }
 
 /// The same estimate with looser matching, from its own nodes.
@@ -65,13 +61,6 @@ void compare_looser(const StageInput& input, const StageRun& run, std::vector<or
 }
 
 }  // namespace
-
-Eigen::VectorXd estimated_theta(const estimator::Estimate& estimate) {
-    Eigen::VectorXd theta(static_cast<Eigen::Index>(estimate.parameters.size()));
-    for (Eigen::Index i = 0; i < theta.size(); ++i)
-        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
-    return theta;
-}
 
 std::vector<MatchingResult> matching_results(const StageInput& input, const StageRun& run, bool compared) {
     const Job& job = input.work.job;

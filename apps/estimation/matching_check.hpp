@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "apps/estimation/estimate_strategy.hpp"
+#include "apps/estimation/strategy_stage.hpp"
 #include "apps/results/strategy_results.hpp"
 
 namespace orbid::apps {

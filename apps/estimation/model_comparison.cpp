@@ -279,8 +279,7 @@ CriticismResult criticise(const StageInput& input, const StageJob& stage, const 
     for (const std::string& variant : asked.variants)
         add(with_variant(comparison.job(), variant), "variant " + variant);
     for (const Eigen::Index parameter : asked.without)
-        add(without(comparison.job(), parameter),
-            fmt::format("without {}", job.model.system->parameters()[static_cast<std::size_t>(parameter)].name));
+        add(without(comparison.job(), parameter), fmt::format("without {}", job.model.parameter(parameter).name));
     if (!input.work.interruption.asked()) input.checkpoint->keep("criticism", result);
     input.work.progress.end(fmt::format("{} models compared", result.alternatives.size() + 1));
     return result;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "apps/estimation/estimate_strategy.hpp"
+#include "apps/estimation/strategy_stage.hpp"
 #include "apps/results/strategy_results.hpp"
 
 namespace orbid::apps {

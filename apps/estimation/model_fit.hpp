@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "apps/estimation/estimate_strategy.hpp"
+#include "apps/estimation/strategy_stage.hpp"
 
 namespace orbid::apps {
 
@@ -36,8 +36,5 @@ private:
     JobResiduals prepared_;
     StageInput input_;
 };
-
-/// Values of an estimate, as the estimator's vector.
-[[nodiscard]] Eigen::VectorXd estimated_theta(const estimator::Estimate& estimate);
 
 }  // namespace orbid::apps

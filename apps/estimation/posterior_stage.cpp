@@ -1,7 +1,9 @@
 #include "apps/estimation/posterior_stage.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
+#include <string>
 
 #include <fmt/format.h>
 
@@ -49,6 +51,88 @@ void name_as_elsewhere(estimator::PosteriorSample& sample) {
         rename(name);
 }
 
+/// The parts of an exploration, each recalled from the checkpoint or computed and kept. An interruption keeps finished
+/// parts.
+class Exploration {
+public:
+    Exploration(const Workspace& work, const estimator::Estimate& estimate, Checkpoint& checkpoint,
+                PosteriorResults& results)
+        : work_(work), estimate_(estimate), checkpoint_(checkpoint), results_(results) {}
+
+    /// What is found of single unknowns.
+    template <class Found, class Compute>
+    void unknowns(const std::string& block, std::vector<Found>& found, const Compute& compute) {
+        attempt(block, [&] {
+            const auto count = [&] { return fmt::format("{} unknowns", found.size()); };
+            if (checkpoint_.recall(block, found)) return work_.progress.reused(block, count());
+            work_.progress.begin(block);
+            found = compute();
+            keep(block, found);
+            work_.progress.end(count());
+        });
+    }
+
+    /// @param compute  draws with these options.
+    template <class Compute>
+    void sample(const SampleJob& job, const Compute& compute) {
+        attempt("posterior", [&] {
+            std::optional<estimator::PosteriorSample>& found = results_.sample;
+            if (checkpoint_.recall("posterior", found)) {
+                work_.folder.store("posterior.csv", draws_text(*found));
+                work_.progress.reused("posterior", fmt::format("{} chains", found->chains.size()));
+                return;
+            }
+            estimator::SampleOptions options;
+            options.draws = static_cast<int>(job.draws);
+            options.chains = static_cast<int>(job.chains);
+            options.warm_up = static_cast<int>(job.warm_up);
+            options.seed = work_.job.seed;
+            options.interrupted = [this] { return work_.interruption.asked(); };
+            options.progress = [this](int done, int) { work_.progress.at(done); };
+            const std::size_t iterations = job.chains * (job.draws + job.warm_up);
+            work_.progress.begin("posterior", static_cast<double>(iterations), "iterations");
+            found = compute(options);
+            name_as_elsewhere(*found);
+            work_.folder.store("posterior.csv", draws_text(*found));
+            keep("posterior", found);
+            work_.progress.end(fmt::format("{} chains: {}{}", found->chains.size(), name(found->status),
+                                           found->trusted ? "" : ", not trusted"));
+        });
+    }
+
+private:
+    /// A wrong call would be our bug, but a posterior without an integral is the job's: it is named, and the run goes
+    /// on.
+    template <class Action>
+    void attempt(const std::string& block, const Action& action) {
+        if (work_.interruption.asked()) return;
+        const bool useful = estimate_.status == estimator::EstimateStatus::converged ||
+                            estimate_.status == estimator::EstimateStatus::singular;
+        if (!useful) {
+            results_.refused.emplace_back(
+                block, fmt::format("the estimate has not converged ({})", estimator::name(estimate_.status)));
+            return;
+        }
+        try {
+            action();
+        } catch (const std::invalid_argument& error) {
+            results_.refused.emplace_back(block, error.what());
+            work_.progress.end(error.what());
+        }
+    }
+
+    /// Before it is told.
+    template <class Found>
+    void keep(const std::string& block, Found& found) {
+        if (!work_.interruption.asked()) checkpoint_.keep(block, found);
+    }
+
+    const Workspace& work_;
+    const estimator::Estimate& estimate_;
+    Checkpoint& checkpoint_;
+    PosteriorResults& results_;
+};
+
 }  // namespace
 
 void search_starts(const Workspace& work, const JobResiduals& residuals,
@@ -82,81 +166,23 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
     const EstimateJob& job = *work.job.estimate;
     estimator::EstimateOptions quiet = options;
     quiet.progress = {};
-    // A wrong call would be our bug, but a posterior without an integral is the job's: it is named, and the run goes
-    // on.
-    const auto attempt = [&](std::string_view block, const auto& action) {
-        if (work.interruption.asked()) return;
-        const bool useful = estimate.status == estimator::EstimateStatus::converged ||
-                            estimate.status == estimator::EstimateStatus::singular;
-        if (!useful) {
-            results.refused.emplace_back(
-                block, fmt::format("the estimate has not converged ({})", estimator::name(estimate.status)));
-            return;
-        }
-        try {
-            action();
-        } catch (const std::invalid_argument& error) {
-            results.refused.emplace_back(block, error.what());
-            work.progress.end(error.what());
-        }
-    };
-    // What a run before this one has finished is taken from it. Kept before it is told.
-    const auto keep = [&](const std::string& name, auto& found) {
-        if (!work.interruption.asked()) checkpoint.keep(name, found);
-    };
-    if (job.profile.any()) {
-        attempt("profile", [&] {
-            if (checkpoint.recall("profile", results.profiles)) {
-                work.progress.reused("profile", fmt::format("{} unknowns", results.profiles.size()));
-                return;
-            }
-            work.progress.begin("profile");
+    Exploration exploration(work, estimate, checkpoint, results);
+    if (job.profile.any())
+        exploration.unknowns("profile", results.profiles, [&] {
             estimator::ProfileOptions profile;
             profile.names = chosen(job.profile, parameters);
-            results.profiles = estimator::profiles(parameters, residuals, quiet, estimate, profile);
-            keep("profile", results.profiles);
-            work.progress.end(fmt::format("{} unknowns", results.profiles.size()));
+            return estimator::profiles(parameters, residuals, quiet, estimate, profile);
         });
-    }
-    if (job.marginals.any()) {
-        attempt("marginals", [&] {
-            if (checkpoint.recall("marginals", results.marginals)) {
-                work.progress.reused("marginals", fmt::format("{} unknowns", results.marginals.size()));
-                return;
-            }
-            work.progress.begin("marginals");
+    if (job.marginals.any())
+        exploration.unknowns("marginals", results.marginals, [&] {
             estimator::MarginalOptions marginal;
             marginal.names = chosen(job.marginals, parameters);
-            results.marginals = estimator::marginals(parameters, residuals, quiet, estimate, marginal);
-            keep("marginals", results.marginals);
-            work.progress.end(fmt::format("{} unknowns", results.marginals.size()));
+            return estimator::marginals(parameters, residuals, quiet, estimate, marginal);
         });
-    }
-    if (job.sample.draws > 0) {
-        attempt("posterior", [&] {
-            if (checkpoint.recall("posterior", results.sample)) {
-                work.folder.store("posterior.csv", draws_text(*results.sample));
-                work.progress.reused("posterior", fmt::format("{} chains", results.sample->chains.size()));
-                return;
-            }
-            estimator::SampleOptions sample;
-            sample.draws = static_cast<int>(job.sample.draws);
-            sample.chains = static_cast<int>(job.sample.chains);
-            sample.warm_up = static_cast<int>(job.sample.warm_up);
-            sample.seed = work.job.seed;
-            sample.interrupted = [&] { return work.interruption.asked(); };
-            sample.progress = [&](int done, int) { work.progress.at(done); };
-            const std::size_t iterations = job.sample.chains * (job.sample.draws + job.sample.warm_up);
-            work.progress.begin("posterior", static_cast<double>(iterations), "iterations");
-            results.sample = estimator::sample_posterior(parameters, residuals, derived, quiet, estimate, sample);
-            name_as_elsewhere(*results.sample);
-            work.folder.store("posterior.csv", draws_text(*results.sample));
-            keep("posterior", results.sample);
-            work.progress.end(fmt::format("{} chains: {}{}", results.sample->chains.size(),
-                                          name(results.sample->status),
-                                          results.sample->trusted ? "" : ", not trusted"));
+    if (job.sample.draws > 0)
+        exploration.sample(job.sample, [&](const estimator::SampleOptions& sample) {
+            return estimator::sample_posterior(parameters, residuals, derived, quiet, estimate, sample);
         });
-    }
 }
 
 LogEvidence evidence_of(const Job& job, const std::vector<estimator::FreeParameter>& parameters,

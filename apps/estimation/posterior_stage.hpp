@@ -16,7 +16,7 @@ void search_starts(const Workspace& work, const JobResiduals& residuals,
                    std::vector<estimator::FreeParameter>& parameters, PosteriorResults& results);
 
 /// Profiles, marginals and draws requested by the job, at the estimate of the same parameters and residuals.
-/// `results.refused` names what cannot be computed. An interruption keeps finished parts.
+/// `results.refused` names what cannot be computed.
 void explore_posterior(const Workspace& work, const std::vector<estimator::FreeParameter>& parameters,
                        const std::vector<estimator::Residual*>& residuals,
                        const std::vector<estimator::DerivedQuantity>& derived,

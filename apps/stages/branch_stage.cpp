@@ -12,7 +12,7 @@
 #include "apps/results/cycle_reader.hpp"
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/periodic_stage.hpp"
-#include "apps/stages/stage_fingerprint.hpp"
+#include "apps/stages/workspace.hpp"
 #include "periodic/branches/continuation.hpp"
 
 namespace orbid::apps {
@@ -31,7 +31,7 @@ std::optional<FollowedBranches> branches_from_folder(const Workspace& work, cons
 /// Points as lists hold them: where no section says which points are meant, the first one stands for the orbit.
 /// Jacobians are not stored.
 void thin_out(const Job& job, std::vector<periodic::Branch>& branches) {
-    const bool free_mesh = job.model.system->kind() == models::Kind::autonomous && !job.section_plane;
+    const bool free_mesh = job.model.is(models::Kind::autonomous) && !job.section_plane;
     for (periodic::Branch& branch : branches) {
         for (periodic::BranchPoint& point : branch.points) {
             point.orbit.jacobians.clear();
@@ -90,7 +90,7 @@ FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits
                                   followed.branches.size() == 1 ? "" : "es", points));
     if (!followed.message.empty()) work.progress.say(followed.message);
 
-    const auto& parameter = work.system().parameters()[static_cast<std::size_t>(continuation.options.parameter)];
+    const auto& parameter = work.job.model.parameter(continuation.options.parameter);
     CycleFileHead head = cycle_file_head(job, work.interruption.asked() ? Fingerprint{} : wanted);
     head.coordinates = series_coordinates(work.system());
     work.folder.store("branch.json",

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "apps/results/counted_noun.hpp"
-#include "apps/stages/stage_fingerprint.hpp"
+#include "apps/stages/periodic_stage.hpp"
 #include "models/arithmetic/splitmix64.hpp"
 #include "orbits/records/series_file.hpp"
 #include "orbits/simulation/virtual_experiment.hpp"
@@ -18,13 +18,6 @@ namespace orbid::apps {
 namespace {
 
 using Kind = orbits::TrajectoryEvent::Kind;
-
-Eigen::VectorXd experiment_values(const Job& job, const DataJob& data) {
-    Eigen::VectorXd values = job.model.values;
-    for (const ParameterValue& own : data.parameters)
-        values[own.parameter] = own.value;
-    return values;
-}
 
 /// Random numbers of an experiment: experiments of one job must not repeat each other's errors.
 std::uint64_t experiment_seed(const Job& job, std::size_t index) {
@@ -39,10 +32,7 @@ orbits::VirtualExperimentOptions simulation_options(const Job& job, std::size_t 
         orbits::SectionPlan plan;
         plan.sections = simulation.sections;
         plan.transient = simulation.transient;
-        if (job.section_plane)
-            plan.section =
-                models::Section{Eigen::VectorXd::Unit(job.model.system->dimension(), job.section_plane->coordinate),
-                                job.section_plane->value, job.section_plane->direction};
+        plan.section = job_section(job);
         options.plan = plan;
     } else {
         options.plan = orbits::SamplePlan{simulation.step, simulation.count, simulation.transient};
@@ -178,7 +168,7 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     work.progress.begin("simulate");
     const auto run_experiment = [&] {
         const Departure::Allowed leaving(work.departure);
-        return orbits::simulate(*system_with(job, inputs), experiment_values(job, data),
+        return orbits::simulate(*system_with(job, inputs), data.with_own(job.model.values),
                                 simulation_options(job, index));
     };
     auto run = run_experiment();

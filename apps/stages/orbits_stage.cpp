@@ -6,7 +6,7 @@
 
 #include "apps/results/cycle_reader.hpp"
 #include "apps/results/invariants_file.hpp"
-#include "apps/stages/stage_fingerprint.hpp"
+#include "apps/stages/workspace.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
@@ -52,11 +52,11 @@ CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint) {
     head.model = job.model.name;
     head.coordinates = section_coordinates(job);
     head.plane = section_plane(job);
-    if (job.model.system->kind() == models::Kind::forced) {
+    if (job.model.is(models::Kind::forced)) {
         head.phase = job.section_phase;
         head.forcing_period_s = job.model.system->period(job.model.values, models::Clock::time);
     }
-    head.own_time = job.model.system->kind() == models::Kind::autonomous;
+    head.own_time = job.model.is(models::Kind::autonomous);
     head.fingerprint = std::move(fingerprint);
     return head;
 }

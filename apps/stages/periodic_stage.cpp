@@ -12,7 +12,7 @@
 #include "apps/results/orbit_file.hpp"
 #include "apps/stages/model_section_plot.hpp"
 #include "apps/stages/orbits_stage.hpp"
-#include "apps/stages/stage_fingerprint.hpp"
+#include "apps/stages/workspace.hpp"
 #include "periodic/search/index_sum.hpp"
 #include "periodic/solution/solve_orbit.hpp"
 
@@ -174,7 +174,7 @@ std::optional<models::Section> job_section(const Job& job) {
 }
 
 periodic::StartingSolution starting_solution(const Job& job, const periodic::PeriodicOrbit& orbit) {
-    const bool free_mesh = job.model.system->kind() == models::Kind::autonomous && !job.section_plane;
+    const bool free_mesh = job.model.is(models::Kind::autonomous) && !job.section_plane;
     return starting_solution(job, OrbitStart{orbit.period, orbit.rotation, orbit.points, free_mesh ? orbit.time : 0.0});
 }
 

@@ -53,9 +53,7 @@ void cut_samples(const Job& job, SearchedSection& section) {
             const SectionPlaneJob& plane = *job.section_plane;
             cut = plane_section(*section.record, {plane.coordinate, plane.value, plane.direction});
         } else {
-            Eigen::VectorXd values = job.model.values;
-            for (const ParameterValue& own : data.parameters)
-                values[own.parameter] = own.value;
+            const Eigen::VectorXd values = data.with_own(job.model.values);
             cut = stroboscopic_section(*section.record, job.model.system->period(values, models::Clock::time),
                                        job.section_phase);
         }
@@ -120,7 +118,7 @@ std::vector<orbits::SeriesCoordinate> section_coordinates(const Job& job) {
 
 std::optional<SectionPlane> section_plane(const Job& job) {
     if (!job.section_plane) return std::nullopt;
-    const auto& coordinate = job.model.system->coordinates()[static_cast<std::size_t>(job.section_plane->coordinate)];
+    const auto& coordinate = job.model.coordinate(job.section_plane->coordinate);
     return SectionPlane{std::string(coordinate.name), job.section_plane->value, job.section_plane->direction};
 }
 

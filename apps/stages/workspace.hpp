@@ -3,10 +3,12 @@
 #include <filesystem>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "apps/documents/fingerprint.hpp"
 #include "apps/job/job.hpp"
 #include "apps/results/output_folder.hpp"
 #include "apps/results/result_file.hpp"
@@ -43,5 +45,12 @@ struct Workspace {
 /// @throws StaleFile naming file and key when they differ and only a later stage was requested.
 [[nodiscard]] bool reusable(const Workspace& work, Stage stage, const std::filesystem::path& file,
                             const std::string& stored_fingerprint, const Fingerprint& wanted);
+
+/// What the file of a stage depends on: the program's version and every value below the given places of the complete
+/// job, in the order given. A place that the job lacks counts as absent; the job holds hashes of its data files.
+///
+/// @param job     the complete job, as job.json holds it.
+/// @param places  JSON Pointers: "/model", "/data".
+[[nodiscard]] Fingerprint stage_fingerprint(const nlohmann::json& job, const std::vector<std::string_view>& places);
 
 }  // namespace orbid::apps
