@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <string>
@@ -74,6 +75,11 @@ struct Forecast {
 [[nodiscard]] Forecast forecast(const PredictionJob& job, const Experiment& record);
 
 namespace detail {
+
+/// Root of the mean of `count` squares, from their sum; nan without any.
+[[nodiscard]] inline double root_mean_square(double squares, std::size_t count) {
+    return count > 0 ? std::sqrt(squares / static_cast<double>(count)) : std::numeric_limits<double>::quiet_NaN();
+}
 
 /// The part of forecast() for sections: fills in `steps`, `rows` and `known_errors`.
 void forecast_sections(const PredictionJob& job, const Experiment& record, Forecast& out);

@@ -177,6 +177,50 @@ Job read_made_job(const StoredRun& run, const Json& document) {
     throw orbits::DataError(text);
 }
 
+/// Puts the estimates that hold for an experiment into the model or the entry of the experiment. The model's become the
+/// parameters of an estimate from there on, `free`.
+/// @return their rows in the stored covariance.
+std::vector<std::size_t> put_estimates(const Json& estimates, const std::string& experiment, Json& values, Json& entry,
+                                       Json& free) {
+    std::vector<std::size_t> rows;
+    std::size_t row = 0;
+    for (const auto& [parameter, estimate] : estimates.items()) {
+        const std::size_t own_row = row++;
+        if (!estimate.contains("value") || !estimate["value"].is_number()) continue;
+        const auto at = parameter.find('@');
+        const std::string base = parameter.substr(0, at);
+        // A value at the beginning of a record is called u_0@run1: it belongs to that record.
+        if (!values.contains(base)) continue;
+        if (at != std::string::npos) {
+            if (parameter.substr(at + 1) == experiment) entry["parameters"][base] = estimate["value"];
+            continue;
+        }
+        values[base] = estimate["value"];
+        free[base] = {{"start", estimate["value"]}, {"scale", "linear"}};
+        rows.push_back(own_row);
+    }
+    return rows;
+}
+
+/// These rows and columns of the stored covariance; empty where one of them is not known.
+Eigen::MatrixXd stored_covariance(const Json& result, const std::vector<std::size_t>& rows) {
+    const auto pointer = Json::json_pointer("/covariance/matrix");
+    if (!result.contains(pointer)) return {};
+    const Json& matrix = result.at(pointer);
+    const auto count = static_cast<Eigen::Index>(rows.size());
+    Eigen::MatrixXd covariance(count, count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        for (Eigen::Index j = 0; j < count; ++j) {
+            const std::size_t a = rows[static_cast<std::size_t>(i)];
+            const std::size_t b = rows[static_cast<std::size_t>(j)];
+            // A direction that the data do not determine has no covariance.
+            if (a >= matrix.size() || b >= matrix[a].size() || !matrix[a][b].is_number()) return {};
+            covariance(i, j) = matrix[a][b].get<double>();
+        }
+    }
+    return covariance;
+}
+
 }  // namespace
 
 PredictionJob prediction_job(const StoredRun& run, const std::filesystem::path& data, const std::string& experiment) {
@@ -194,28 +238,8 @@ PredictionJob prediction_job(const StoredRun& run, const std::filesystem::path& 
     for (const char* key : {"seed", "section"})
         if (run.job.contains(key)) document[key] = run.job[key];
     Json entry = experiment_entry(run, like, data);
-    Json& values = document["model"]["parameters"];
     Json free = Json::object();
-    std::vector<std::size_t> rows;  // of the stored covariance
-    std::size_t row = 0;
-    for (const auto& [parameter, estimate] : (*run.result)["parameters"].items()) {
-        const std::size_t own_row = row++;
-        if (!estimate.contains("value") || !estimate["value"].is_number()) continue;
-        const auto at = parameter.find('@');
-        const std::string base = parameter.substr(0, at);
-        // A value at the beginning of a record is called u_0@run1: it belongs to that record.
-        if (!values.contains(base)) continue;
-        if (at == std::string::npos) {
-            values[base] = estimate["value"];
-        } else if (parameter.substr(at + 1) == name) {
-            entry["parameters"][base] = estimate["value"];
-            continue;
-        } else {
-            continue;
-        }
-        free[base] = {{"start", estimate["value"]}, {"scale", "linear"}};
-        rows.push_back(own_row);
-    }
+    const auto rows = put_estimates((*run.result)["parameters"], name, document["model"]["parameters"], entry, free);
     document["data"] = Json::array({entry});
     PredictionJob job;
     Json residual{{"type", "series"}, {"data", Json::array({name})}, {"interval", "segment"}};
@@ -228,22 +252,7 @@ PredictionJob prediction_job(const StoredRun& run, const std::filesystem::path& 
     // A derivative does not ask how sections would be matched: predictions of one step need parameters alone.
     document["estimate"]["parameters"] = free;
     job.derived = read_made_job(run, document);
-
-    const auto pointer = Json::json_pointer("/covariance/matrix");
-    if (!run.result->contains(pointer)) return job;
-    const Json& matrix = run.result->at(pointer);
-    const auto count = static_cast<Eigen::Index>(rows.size());
-    Eigen::MatrixXd covariance(count, count);
-    for (Eigen::Index i = 0; i < count; ++i) {
-        for (Eigen::Index j = 0; j < count; ++j) {
-            const std::size_t a = rows[static_cast<std::size_t>(i)];
-            const std::size_t b = rows[static_cast<std::size_t>(j)];
-            // A direction that the data do not determine has no covariance.
-            if (a >= matrix.size() || b >= matrix[a].size() || !matrix[a][b].is_number()) return job;
-            covariance(i, j) = matrix[a][b].get<double>();
-        }
-    }
-    job.covariance = std::move(covariance);
+    job.covariance = stored_covariance(*run.result, rows);
     return job;
 }
 

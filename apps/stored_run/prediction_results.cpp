@@ -14,7 +14,6 @@ namespace orbid::apps {
 namespace {
 
 using Json = nlohmann::ordered_json;
-using Align = SummaryTable::Align;
 
 /// A change of the initial state that grows by less than a thousand (e^7) over the record is no chaos worth a Lyapunov
 /// time: transients and drifts of a phase do as much.
@@ -30,7 +29,7 @@ Json rms_json(const std::vector<CoordinateForecast>& list) {
 Json segment_json(const SegmentForecast& one) {
     Json out;
     out["segment"] = one.segment;
-    out["message"] = one.message.empty() ? Json(nullptr) : Json(one.message);
+    out["message"] = json_or_null(one.message);
     out["readings"] = one.readings;
     out["duration"] = one.duration;
     Json course = Json::object();
@@ -57,12 +56,8 @@ std::string rms_words(const std::vector<CoordinateForecast>& list) {
 }
 
 std::string sections_table(const StepForecast& steps) {
-    SummaryTable table({{"coordinate", Align::left},
-                        {"rms of errors"},
-                        {"sd of readings"},
-                        {"rms that they explain"},
-                        {"ratio"},
-                        {"unit", Align::left}});
+    SummaryTable table({left_aligned("coordinate"), "rms of errors", "sd of readings", "rms that they explain", "ratio",
+                        left_aligned("unit")});
     for (std::size_t c = 0; c < steps.coordinates.size(); ++c) {
         const CoordinateForecast& one = steps.coordinates[c];
         table.add({one.name, significant(one.rms, 4), significant(one.sd, 3), significant(steps.expected[c], 4),
@@ -83,13 +78,9 @@ std::string horizon_words(const SegmentForecast& one) {
 }
 
 std::string samples_tables(const Forecast& forecast) {
-    SummaryTable course({{"segment", Align::left}, {"readings"}, {"rms of errors", Align::left}, {"rms / error sd"}});
-    SummaryTable ahead({{"segment", Align::left},
-                        {"fitted to"},
-                        {"of"},
-                        {"rms / error sd"},
-                        {"within 2 sds for", Align::left},
-                        {"in the 95 % band", Align::left}});
+    SummaryTable course({left_aligned("segment"), "readings", left_aligned("rms of errors"), "rms / error sd"});
+    SummaryTable ahead({left_aligned("segment"), "fitted to", "of", "rms / error sd", left_aligned("within 2 sds for"),
+                        left_aligned("in the 95 % band")});
     std::string failures;
     for (const SegmentForecast& one : forecast.segments) {
         if (std::isfinite(one.course_normalised))
@@ -166,9 +157,7 @@ std::string prediction_text(const Forecast& forecast) {
     out["kind"] = forecast.samples ? "samples" : "section";
     out["known_errors"] = forecast.known_errors;
     if (forecast.samples) {
-        out["segments"] = Json::array();
-        for (const SegmentForecast& one : forecast.segments)
-            out["segments"].push_back(segment_json(one));
+        out["segments"] = json_list(forecast.segments, segment_json);
         return json_text(out);
     }
     const StepForecast& steps = forecast.steps;

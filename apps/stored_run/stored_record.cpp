@@ -37,7 +37,7 @@ std::string time_unit(const ModelJob& model) {
 orbits::SeriesCoordinate coordinate_of(const ModelJob& model, const std::string& name) {
     const Eigen::Index index = model.system->coordinate_index(name);
     if (index < 0) return {name, "", false};
-    const auto& coordinate = model.system->coordinates()[static_cast<std::size_t>(index)];
+    const auto& coordinate = model.coordinate(index);
     return {name, coordinate.unit == "1" ? std::string() : std::string(coordinate.unit), coordinate.angle};
 }
 
