@@ -11,22 +11,9 @@ namespace orbid::apps {
 
 namespace {
 
-std::string space_separated(const std::vector<std::string>& names) {
-    std::string text;
-    for (const std::string& name : names)
-        text += (text.empty() ? "" : " ") + name;
-    return text;
-}
-
-std::vector<CommandOption> options_of(const Command& command) {
-    std::vector<CommandOption> all = command.options;
-    all.insert(all.end(), common_options().begin(), common_options().end());
-    return all;
-}
-
 /// What bash offers for a word; empty: nothing is known of it.
 std::string bash_offer(WordKind kind, std::vector<std::string> (*choices)()) {
-    if (choices != nullptr) return fmt::format("_orbid_words '{}'", space_separated(choices()));
+    if (choices != nullptr) return fmt::format("_orbid_words '{}'", fmt::join(choices(), " "));
     switch (kind) {
         case WordKind::job_file:
             return "_orbid_files json";
@@ -83,7 +70,7 @@ std::string bash_script() {
     for (const Command& command : command_table()) {
         names += " " + command.name;
         std::string list;
-        for (const CommandOption& option : options_of(command)) {
+        for (const CommandOption& option : all_options(command)) {
             list += (list.empty() ? "--" : " --") + option.name;
             if (option.value.empty()) continue;
             values += fmt::format("        '{} --{}') {}; return ;;\n", command.name, option.name,
@@ -120,7 +107,7 @@ std::string zsh_text(const std::string& text) {
 }
 
 std::string zsh_offer(WordKind kind, std::vector<std::string> (*choices)()) {
-    if (choices != nullptr) return fmt::format("({})", space_separated(choices()));
+    if (choices != nullptr) return fmt::format("({})", fmt::join(choices(), " "));
     switch (kind) {
         case WordKind::job_file:
             return "_files -g \"*.json\"";
@@ -139,7 +126,7 @@ std::string zsh_script() {
     for (const Command& command : command_table()) {
         names += fmt::format("        '{}:{}'\n", command.name, zsh_text(command.summary));
         cases += fmt::format("        {})\n            _arguments", command.name);
-        for (const CommandOption& option : options_of(command)) {
+        for (const CommandOption& option : all_options(command)) {
             cases += fmt::format(" \\\n                '--{}{}[{}]", option.name, option.value.empty() ? "" : "=",
                                  zsh_text(option.meaning));
             if (!option.value.empty()) cases += ":" + option.value + ":" + zsh_offer(option.kind, option.choices);

@@ -35,13 +35,6 @@ std::string wrapped(const std::string& text, std::size_t indent) {
     return result;
 }
 
-std::string comma_separated(const std::vector<std::string>& names) {
-    std::string text;
-    for (const std::string& name : names)
-        text += (text.empty() ? "" : ", ") + name;
-    return text;
-}
-
 // What a new user does first.
 const std::array<CommandExample, 4> first_steps{{{"orbid models", "what can be identified"},
                                                  {"orbid new free_pendulum series > swing.json", "a commented job"},
@@ -51,10 +44,8 @@ constexpr std::size_t step_width = 44;
 
 std::string option_text(const CommandOption& option) {
     const std::string left = "--" + option.name + (option.value.empty() ? "" : " " + option.value);
-    std::string meaning = option.meaning;
-    if (option.choices != nullptr) meaning += ": " + comma_separated(option.choices());
     constexpr std::size_t indent = 19;
-    return fmt::format("  {:<16} {}\n", left, wrapped(meaning, indent));
+    return fmt::format("  {:<16} {}\n", left, wrapped(with_choices(option.meaning, option.choices), indent));
 }
 
 }  // namespace
@@ -66,6 +57,10 @@ std::string usage_words(const Command& command) {
         text += word.optional ? "[" + word.name + "]" : word.name;
     }
     return text;
+}
+
+std::string with_choices(const std::string& meaning, std::vector<std::string> (*choices)()) {
+    return choices == nullptr ? meaning : fmt::format("{}: {}", meaning, fmt::join(choices(), ", "));
 }
 
 std::string program_help() {
@@ -136,12 +131,11 @@ std::string command_help(const Command& command) {
     for (const CommandWord& word : command.words) {
         if (word.choices == nullptr) continue;
         constexpr std::size_t indent = 19;
-        text += fmt::format("  {:<16} {}\n", word.name, wrapped(comma_separated(word.choices()), indent));
+        text += fmt::format("  {:<16} {}\n", word.name,
+                            wrapped(fmt::format("{}", fmt::join(word.choices(), ", ")), indent));
     }
     text += "options:\n";
-    for (const CommandOption& option : command.options)
-        text += option_text(option);
-    for (const CommandOption& option : common_options())
+    for (const CommandOption& option : all_options(command))
         text += option_text(option);
     if (!command.details.empty()) text += "\n" + command.details + "\n";
     text += command.examples.size() > 1 ? "\nexamples:\n" : "\nexample:\n";

@@ -10,6 +10,9 @@ namespace orbid::apps {
 /// The words of a command as in its usage: "MODEL [TASK]".
 [[nodiscard]] std::string usage_words(const Command& command);
 
+/// A meaning with what may be chosen: "shells: bash, zsh".
+[[nodiscard]] std::string with_choices(const std::string& meaning, std::vector<std::string> (*choices)());
+
 /// All commands, exit codes; what `orbid --help` prints.
 [[nodiscard]] std::string program_help();
 

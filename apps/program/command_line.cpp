@@ -18,16 +18,7 @@ namespace orbid::apps {
 
 namespace {
 
-constexpr int wrong_command_line = 2;
-
 namespace options = boost::program_options;
-
-/// The options of a command and those that all have.
-std::vector<CommandOption> all_options(const Command& command) {
-    std::vector<CommandOption> all = command.options;
-    all.insert(all.end(), common_options().begin(), common_options().end());
-    return all;
-}
 
 options::options_description description(const std::vector<CommandOption>& all) {
     options::options_description list;
@@ -106,9 +97,7 @@ int run_known(const std::vector<std::string>& arguments, const Console& console)
         console.out << '\n';
         return 0;
     }
-    std::vector<std::string> names;
     for (const Command& command : command_table()) {
-        names.push_back(command.name);
         if (command.name != first) continue;
         CommandCall call = parsed(command, {arguments.begin() + 1, arguments.end()}, console);
         if (call.has("help")) {
@@ -118,7 +107,7 @@ int run_known(const std::vector<std::string>& arguments, const Console& console)
         need_words(command, call);
         return command.run(call);
     }
-    throw CommandLineError(fmt::format("there is no command \"{}\"{}", first, suggestion(first, names)));
+    throw CommandLineError(fmt::format("there is no command \"{}\"{}", first, suggestion(first, command_names())));
 }
 
 }  // namespace
@@ -139,7 +128,7 @@ int run_command(const std::vector<std::string>& arguments, const Console& consol
         return run_known(arguments, console);
     } catch (const CommandLineError& error) {
         console.error << error_text(error.what(), console.colours_error()) << '\n';
-        return wrong_command_line;
+        return wrong_call;
     }
 }
 

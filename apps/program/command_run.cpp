@@ -14,7 +14,6 @@
 #include "apps/check/work_estimate.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/program/colour.hpp"
-#include "apps/program/exit_code.hpp"
 #include "apps/program/run.hpp"
 
 namespace orbid::apps {

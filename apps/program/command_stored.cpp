@@ -9,11 +9,16 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
-#include "apps/program/exit_code.hpp"
+#include "apps/job/version.hpp"
+#include "apps/job/writing/job_writer.hpp"
 #include "apps/report/plots/picture_file.hpp"
 #include "apps/report/plots/plot_catalog.hpp"
-#include "apps/results/output_folder.hpp"
+#include "apps/report/report_page.hpp"
+#include "apps/report/run_comparison.hpp"
 #include "apps/results/summary_table.hpp"
+#include "apps/stored_run/forecast.hpp"
+#include "apps/stored_run/prediction_job.hpp"
+#include "apps/stored_run/prediction_results.hpp"
 #include "apps/stored_run/stored_run.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -35,15 +40,14 @@ double number_of(const CommandCall& call, const std::string& option, double with
 }
 
 std::string plot_list(const StoredRun& run) {
-    SummaryTable table({{"plot", SummaryTable::Align::left}, {"shows", SummaryTable::Align::left}});
+    SummaryTable table({left_aligned("plot"), left_aligned("shows")});
     for (const AvailablePlot& plot : available_plots(run))
         table.add({plot.name, plot.description});
     if (table.empty()) return fmt::format("{}: nothing to plot\n", run.folder.string());
     return table.text();
 }
 
-}  // namespace
-
+/// Runs a command on stored files; reports their problems on standard error and then returns 2 or 3.
 int with_stored_files(const CommandCall& call, const std::function<int()>& command) {
     const auto refused = [&call](const std::exception& error, int code) {
         call.console.error << error.what() << '\n';
@@ -61,6 +65,8 @@ int with_stored_files(const CommandCall& call, const std::function<int()>& comma
         return refused(error, unusable_data);
     }
 }
+
+}  // namespace
 
 std::vector<std::string> plot_formats() {
     return {"svg", "pdf", "png"};
@@ -107,6 +113,57 @@ int plot_run(const CommandCall& call) {
         }
         return 0;
     });
+}
+
+int predict_run(const CommandCall& call) {
+    const int threads = call.whole_number("threads", 0, 0);
+    const auto predict = [&] {
+        const StoredRun run = read_stored_run(call.words[0]);
+        const std::filesystem::path data = call.words[1];
+        const PredictionJob job = prediction_job(run, data, call.value("experiment", ""));
+        const std::filesystem::path out =
+            call.value("out", (run.folder / ("predict_" + data.stem().string())).string());
+        const nlohmann::json document = nlohmann::json::parse(job_document(job.stored, out, versions()).dump());
+        OutputFolder folder(out, document, job_text(job.stored, out, versions()), call.has("force"));
+        Experiment record;
+        record.series = recorded_series(job.stored, 0);
+        record.inputs = by_segment(load_inputs(job.stored, job.stored.data[0]), record.series.segments.size());
+        const Forecast result = forecast(job, record);
+        folder.store("prediction.json", prediction_text(result));
+        folder.store("residuals.csv", residuals_text(result.rows));
+        call.console.out << prediction_summary(result, job.stored.title);
+        return 0;
+    };
+    return with_stored_files(call, [&] { return with_thread_limit(threads, call.console, predict); });
+}
+
+int compare_runs(const CommandCall& call) {
+    return with_stored_files(call, [&] {
+        const StoredRun first = read_stored_run(call.words[0]);
+        const StoredRun second = read_stored_run(call.words[1]);
+        call.console.out << comparison_text(first, second);
+        return 0;
+    });
+}
+
+int write_report(const CommandCall& call) {
+    return with_stored_files(call, [&] {
+        const StoredRun run = read_stored_run(call.words.at(0));
+        const std::filesystem::path file = run.folder / "report.html";
+        write_atomically(file, report_html(run));
+        call.console.out << file.string() << '\n';
+        return 0;
+    });
+}
+
+void store_report(OutputFolder& folder, std::ostream& complaints) {
+    try {
+        folder.store("report.html", report_html(read_stored_run(folder.file(""))));
+    } catch (const StoredRunRefused& error) {
+        complaints << "report.html: " << error.what() << '\n';
+    } catch (const orbits::DataError& error) {
+        complaints << "report.html: " << error.what() << '\n';
+    }
 }
 
 }  // namespace orbid::apps

@@ -1,10 +1,11 @@
 #pragma once
 
-#include <functional>
+#include <iosfwd>
 #include <string>
 #include <vector>
 
 #include "apps/program/command.hpp"
+#include "apps/results/output_folder.hpp"
 
 namespace orbid::apps {
 
@@ -20,8 +21,13 @@ namespace orbid::apps {
 /// compared.
 [[nodiscard]] int compare_runs(const CommandCall& call);
 
-/// Runs a command on stored files; reports their problems on standard error and then returns 2 or 3.
-[[nodiscard]] int with_stored_files(const CommandCall& call, const std::function<int()>& command);
+/// `orbid report DIR`: writes DIR/report.html anew from the files there.
+/// @return 0; 2 when DIR is no output folder; 3 when a file in it cannot be read.
+[[nodiscard]] int write_report(const CommandCall& call);
+
+/// Stores report.html of a finished run beside its results. `complaints` tells what cannot be reported; the stored
+/// results stay valid.
+void store_report(OutputFolder& folder, std::ostream& complaints);
 
 /// Formats of plots.
 [[nodiscard]] std::vector<std::string> plot_formats();

@@ -11,5 +11,7 @@ namespace orbid::apps {
 
 /// Options of every command.
 [[nodiscard]] const std::vector<CommandOption>& common_options();
+/// The options of a command and those of every command.
+[[nodiscard]] std::vector<CommandOption> all_options(const Command& command);
 
 }  // namespace orbid::apps

@@ -27,4 +27,10 @@ struct Console {
 /// The streams and signals of this process.
 [[nodiscard]] Console standard_console(bool own_process = false);
 
+/// Calls `compute` with a limit on the threads of its loops. The limit is for the whole process if that serves this
+/// command only or takes its signals from the terminal, else for this call.
+/// @param threads  0: no limit.
+/// @return what `compute` returns.
+int with_thread_limit(int threads, const Console& console, const std::function<int()>& compute);
+
 }  // namespace orbid::apps

@@ -11,6 +11,7 @@
 #include "apps/check/data_check.hpp"
 #include "apps/documents/atomic_file.hpp"
 #include "apps/job/reading/job_reader.hpp"
+#include "apps/program/command.hpp"
 #include "apps/program/run.hpp"
 
 namespace orbid::apps {
@@ -19,8 +20,7 @@ namespace {
 
 /// Whether a run with this exit code has stored a result; otherwise that in the folder is of another job.
 bool was_run(int exit_code) {
-    constexpr int done = 0, no_valid_answer = 1, interrupted = 130;
-    return exit_code == done || exit_code == no_valid_answer || exit_code == interrupted;
+    return exit_code == success || exit_code == no_valid_answer || exit_code == interrupted;
 }
 
 std::vector<JobProblem> problems_of(const JobReading& reading, const std::filesystem::path& source) {

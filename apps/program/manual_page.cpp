@@ -33,10 +33,6 @@ void add_entry(std::string& page, const std::string& bold, const std::string& it
             "\n" + troff_text(meaning) + "\n";
 }
 
-std::string with_choices(const std::string& meaning, std::vector<std::string> (*choices)()) {
-    return choices == nullptr ? meaning : fmt::format("{}: {}", meaning, fmt::join(choices(), ", "));
-}
-
 void add_command(std::string& page, const Command& command) {
     page +=
         ".SS \"orbid " + command.name + (command.words.empty() ? "" : " ") + troff_text(usage_words(command)) + "\"\n";

@@ -18,10 +18,8 @@
 #include "apps/job/version.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/program/colour.hpp"
-#include "apps/program/command_report.hpp"
-#include "apps/program/exit_code.hpp"
+#include "apps/program/command_stored.hpp"
 #include "apps/program/summary.hpp"
-#include "apps/program/thread_limit.hpp"
 #include "apps/results/invariants_file.hpp"
 #include "apps/results/output_folder.hpp"
 #include "apps/results/periodic_summary.hpp"
@@ -59,14 +57,8 @@ bool is_section_search(const Job& job) {
 }
 
 int exit_code(estimator::EstimateStatus status) {
-    switch (status) {
-        case estimator::EstimateStatus::converged:
-            return success;
-        case estimator::EstimateStatus::interrupted:
-            return interrupted;
-        default:
-            return no_valid_answer;
-    }
+    if (status == estimator::EstimateStatus::converged) return success;
+    return status == estimator::EstimateStatus::interrupted ? interrupted : no_valid_answer;
 }
 
 /// result.json of a run that is left before its estimate.
@@ -113,9 +105,8 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
         if (orbits.converged() == 0) code = no_valid_answer;
         if (job.periodic->continuation && !work.interruption.asked()) {
             const FollowedBranches followed = follow_job_branches(work, orbits);
-            console.out << branches_summary(
-                followed, job.model.system
-                              ->parameters()[static_cast<std::size_t>(job.periodic->continuation->options.parameter)]);
+            console.out << branches_summary(followed,
+                                            job.model.parameter(job.periodic->continuation->options.parameter));
             if (followed.branches.empty()) code = no_valid_answer;
         }
     }
@@ -147,6 +138,54 @@ std::optional<std::string> missing_block(const Job& job, Stage stage) {
     return std::nullopt;
 }
 
+/// Stores the times and the log of a run.
+void store_times(OutputFolder& folder, const Progress& progress, const RunOptions& options) {
+    const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::thread::hardware_concurrency());
+    folder.store("timing.json", timing_text(progress.times(), threads, versions()));
+    folder.store("log.txt", progress.log_text());
+}
+
+/// Ends the program with what there is of a run.
+[[noreturn]] void leave(const std::string& result, OutputFolder& folder, Progress& progress,
+                        const RunOptions& options) {
+    int code = interrupted;
+    try {
+        if (!result.empty()) folder.store("result.json", result);
+        progress.end("interrupted");
+        store_times(folder, progress, options);
+    } catch (const std::runtime_error& error) {
+        // Nobody is above this thread: a full disk is told here.
+        fmt::print(stderr, "orbid: {}\n", error.what());
+        code = not_stored;
+    }
+    std::fflush(nullptr);
+    // No destructors: threads still compute with what they would destroy.
+    std::_Exit(code);
+}
+
+/// Runs a job whose files are signed first.
+int run_signed(Job job, const RunOptions& options, const Console& console, std::string_view color, Progress& progress,
+               const InterruptionGuard* signals) {
+    const AskedCaller caller(console.stopped);
+    const Interruption& interruption = signals != nullptr ? static_cast<const Interruption&>(*signals) : caller;
+    sign_files(job);
+    const std::string evaluation = settle_evaluation(job);
+    if (!evaluation.empty()) progress.say(evaluation);
+    const nlohmann::ordered_json ordered = job_document(job, options.out, versions());
+    const nlohmann::json document = nlohmann::json::parse(ordered.dump());
+    OutputFolder folder(options.out, document, job_text(job, options.out, versions()), options.force);
+    std::function<void(const std::string&)> leaving;
+    if (signals != nullptr && console.own_process)
+        leaving = [&](const std::string& result) { leave(result, folder, progress, options); };
+    Departure departure(signals, leaving);
+    const Workspace work{job, options, document, progress, interruption, folder, departure};
+    const int code = with_thread_limit(options.threads, console,
+                                       [&] { return run_stages(work, console, console.colours_out(color)); });
+    store_times(folder, progress, options);
+    store_report(folder, console.error);
+    return code;
+}
+
 }  // namespace
 
 int run_job(const Job& asked, const RunOptions& options, const Console& console, std::string_view color) {
@@ -154,60 +193,23 @@ int run_job(const Job& asked, const RunOptions& options, const Console& console,
         console.error << fmt::format("{}: {}\n", asked.source.string(), *missing);
         return wrong_call;
     }
+    const auto refused = [&console](const std::exception& error, int code) {
+        console.error << error.what() << '\n';
+        return code;
+    };
     Progress progress(options.quiet, console.error, console.error_terminal);
-    const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::thread::hardware_concurrency());
     std::optional<InterruptionGuard> signals;
     if (console.signals) signals.emplace();
-    const AskedCaller caller(console.stopped);
-    const Interruption& interruption = signals ? static_cast<const Interruption&>(*signals) : caller;
     try {
-        Job job = asked;
-        sign_files(job);
-        const std::string evaluation = settle_evaluation(job);
-        if (!evaluation.empty()) progress.say(evaluation);
-        const nlohmann::ordered_json ordered = job_document(job, options.out, versions());
-        const nlohmann::json document = nlohmann::json::parse(ordered.dump());
-        OutputFolder folder(options.out, document, job_text(job, options.out, versions()), options.force);
-        const auto store_times = [&] {
-            folder.store("timing.json", timing_text(progress.times(), threads, versions()));
-            folder.store("log.txt", progress.log_text());
-        };
-        const auto leave = [&](const std::string& result) {
-            int code = interrupted;
-            try {
-                if (!result.empty()) folder.store("result.json", result);
-                progress.end("interrupted");
-                store_times();
-            } catch (const std::runtime_error& error) {
-                // Nobody is above this thread: a full disk is told here.
-                fmt::print(stderr, "orbid: {}\n", error.what());
-                code = not_stored;
-            }
-            std::fflush(nullptr);
-            // No destructors: threads still compute with what they would destroy.
-            std::_Exit(code);
-        };
-        Departure departure(signals ? &*signals : nullptr, signals && console.own_process
-                                                               ? std::function<void(const std::string&)>(leave)
-                                                               : std::function<void(const std::string&)>());
-        const Workspace work{job, options, document, progress, interruption, folder, departure};
-        const int code = with_thread_limit(options.threads, console,
-                                           [&] { return run_stages(work, console, console.colours_out(color)); });
-        store_times();
-        store_report(folder, console.error);
-        return code;
+        return run_signed(asked, options, console, color, progress, signals ? &*signals : nullptr);
     } catch (const FolderRefused& error) {
-        console.error << error.what() << '\n';
-        return wrong_call;
+        return refused(error, wrong_call);
     } catch (const StaleFile& error) {
-        console.error << error.what() << '\n';
-        return wrong_call;
+        return refused(error, wrong_call);
     } catch (const WrongModel& error) {
-        console.error << error.what() << '\n';
-        return wrong_call;
+        return refused(error, wrong_call);
     } catch (const orbits::DataError& error) {
-        console.error << error.what() << '\n';
-        return unusable_data;
+        return refused(error, unusable_data);
     }
 }
 

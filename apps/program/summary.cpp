@@ -14,7 +14,6 @@
 namespace orbid::apps {
 namespace {
 
-using Align = SummaryTable::Align;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 std::string interval(const estimator::Estimated& x) {
@@ -23,14 +22,8 @@ std::string interval(const estimator::Estimated& x) {
 }
 
 std::string estimated_table(const std::vector<estimator::Estimated>& list) {
-    SummaryTable table({{"name", Align::left},
-                        {"unit", Align::left},
-                        {"start"},
-                        {"value"},
-                        {"± sd"},
-                        {"95 % interval", Align::left},
-                        {"method", Align::left},
-                        {"bound", Align::left}});
+    SummaryTable table({left_aligned("name"), left_aligned("unit"), "start", "value", "± sd",
+                        left_aligned("95 % interval"), left_aligned("method"), left_aligned("bound")});
     for (const auto& x : list)
         table.add({x.name, x.unit, significant(x.start, 4), with_digits_of(x.value, x.sd),
                    std::isfinite(x.sd) ? significant(x.sd, 2) : "undefined", interval(x), x.interval_method,
@@ -40,8 +33,7 @@ std::string estimated_table(const std::vector<estimator::Estimated>& list) {
 
 /// How far start and value are from known values, in percent as the literature gives it, and in standard deviations.
 std::string reference_table(const estimator::Estimate& estimate, const ResultContext& context) {
-    SummaryTable table(
-        {{"name", Align::left}, {"reference"}, {"value"}, {"start deviates"}, {"value deviates"}, {"in sds"}});
+    SummaryTable table({left_aligned("name"), "reference", "value", "start deviates", "value deviates", "in sds"});
     for (const auto* list : {&estimate.parameters, &estimate.derived}) {
         for (const auto& x : *list) {
             const auto known = context.reference.find(x.name);
@@ -68,16 +60,8 @@ std::string errors_text(const estimator::EstimatedScale& scale) {
 }
 
 std::string scale_table(const std::vector<estimator::EstimatedScale>& scales) {
-    SummaryTable table({{"group", Align::left},
-                        {"records"},
-                        {"rms"},
-                        {"unit", Align::left},
-                        {"errors", Align::left},
-                        {"sd"},
-                        {"factor"},
-                        {"±"},
-                        {"lag-1"},
-                        {"worth about"}});
+    SummaryTable table({left_aligned("group"), "records", "rms", left_aligned("unit"), left_aligned("errors"), "sd",
+                        "factor", "±", "lag-1", "worth about"});
     for (const auto& scale : scales) {
         const bool ordered = std::isfinite(scale.lag1);
         table.add({scale.group, fmt::format("{}", scale.count), significant(scale.rms, 4), scale.unit,
@@ -91,7 +75,7 @@ std::string scale_table(const std::vector<estimator::EstimatedScale>& scales) {
 }
 
 std::string covariance_table(const std::vector<estimator::EstimatedCovariance>& covariances) {
-    SummaryTable table({{"groups", Align::left}, {"covariance"}, {"±"}, {"correlation"}});
+    SummaryTable table({left_aligned("groups"), "covariance", "±", "correlation"});
     for (const auto& covariance : covariances) {
         const Eigen::MatrixXd& v = covariance.value;
         for (Eigen::Index j = 0; j < v.cols(); ++j) {
@@ -167,7 +151,7 @@ std::string null_directions(const estimator::Estimate& estimate) {
 }
 
 std::string counts_table(const std::vector<estimator::ResidualCount>& counts) {
-    SummaryTable table({{"residuals", Align::left}, {"used"}, {"lost"}, {"rejected"}, {"added"}});
+    SummaryTable table({left_aligned("residuals"), "used", "lost", "rejected", "added"});
     for (const auto& count : counts)
         table.add({count.type, std::to_string(count.used), std::to_string(count.lost), std::to_string(count.rejected),
                    std::to_string(count.added)});
@@ -185,11 +169,8 @@ std::string orbits_line(const ResultContext& context) {
 }
 
 std::string prediction_table(const std::vector<Prediction>& predictions) {
-    SummaryTable table({{"experiment", Align::left},
-                        {"segment", Align::left},
-                        {"", Align::left},
-                        {"rms", Align::left},
-                        {"rms / error sd"}});
+    SummaryTable table(
+        {left_aligned("experiment"), left_aligned("segment"), left_aligned(""), left_aligned("rms"), "rms / error sd"});
     for (const auto& prediction : predictions) {
         std::string rms;
         for (const auto& [coordinate, value] : prediction.rms)
@@ -253,8 +234,7 @@ std::string cycles_summary(const orbits::CycleSearch& search) {
             row.largest = std::max(row.largest, std::abs(cycle.multipliers.front()));
         }
     }
-    SummaryTable table(
-        {{"period"}, {"cycles"}, {"points"}, {"recurrences"}, {"largest |multiplier|"}, {"worst sd of a point"}});
+    SummaryTable table({"period", "cycles", "points", "recurrences", "largest |multiplier|", "worst sd of a point"});
     for (const auto& [period, row] : rows)
         table.add({std::to_string(period), std::to_string(row.cycles),
                    std::to_string(row.cycles * static_cast<std::size_t>(period)),
