@@ -70,9 +70,9 @@ std::string job_schema_text() {
 std::string job_reference_text() {
     return reference_page(
         job_description(), "All keys of a job",
-        "What a job may hold; written by `orbid schema --markdown` from the descriptions that jobs are "
-        "read by. How editors are told of them: [jobs.md](jobs.md). A value of a list is shown as `[]`, "
-        "of an object whose keys are names as `NAME`.");
+        "What a job may hold; written by `orbid schema --markdown` from the descriptions that jobs are read by.\n"
+        "How editors are told of them: [jobs.md](jobs.md). A value of a list is shown as `[]`, of an object whose\n"
+        "keys are names as `NAME`.");
 }
 
 int show_schema(const CommandCall& call) {
