@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "orbits/records/refusal.hpp"
 #include "orbits/records/series_file.hpp"
 
 namespace orbid::orbits {
@@ -14,9 +15,8 @@ namespace {
 
 /// Text in quotes where a reader would take it apart otherwise.
 std::string cell(const std::string& text) {
-    if (text.find_first_of("\r\n") != std::string::npos) {
-        throw std::invalid_argument(fmt::format("\"{}\" holds a line break and cannot be a cell of a table", text));
-    }
+    refuse_if(text.find_first_of("\r\n") != std::string::npos,
+              "\"{}\" holds a line break and cannot be a cell of a table", text);
     const bool plain = !text.empty() && text.find_first_of(",;\t\" #") == std::string::npos;
     if (plain) return text;
     std::string quoted = "\"";
@@ -56,9 +56,7 @@ void write_csv(const std::filesystem::path& file, const Series& series) {
         void operator()(std::FILE* stream) const { std::fclose(stream); }
     };
     const std::string header = header_of(series);
-    if (series.origin.find_first_of("\r\n") != std::string::npos) {
-        throw std::invalid_argument("origin of a series must be one line of text");
-    }
+    refuse_if(series.origin.find_first_of("\r\n") != std::string::npos, "origin of a series must be one line of text");
     std::unique_ptr<std::FILE, Closer> stream(std::fopen(file.c_str(), "wb"));
     if (!stream) throw DataError(fmt::format("{}: cannot be opened for writing", file.string()));
     bool good = true;

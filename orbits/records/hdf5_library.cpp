@@ -7,7 +7,6 @@
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 /// @return what dlopen gave; null with the reason in dlerror().

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "orbits/records/hdf5_handle.hpp"
+#include "orbits/records/hdf5_library.hpp"
 #include "orbits/records/series_file.hpp"
 
 namespace orbid::orbits {
@@ -22,9 +22,8 @@ public:
     [[noreturn]] void fail(const std::string& what) const { throw DataError(fmt::format("{}: {}", file_, what)); }
 
     Hdf5Handle open_attribute(hid_t owner, const std::string& name) const {
-        if (H5Aexists(owner, name.c_str()) <= 0) {
+        if (H5Aexists(owner, name.c_str()) <= 0)
             fail(fmt::format("attribute \"{}\" is missing; format {} needs it", name, known_format));
-        }
         Hdf5Handle attribute(H5Aopen(owner, name.c_str(), H5P_DEFAULT), H5Aclose);
         if (!attribute.valid()) fail(fmt::format("attribute \"{}\" cannot be opened", name));
         return attribute;
@@ -69,18 +68,15 @@ public:
         const Hdf5Handle type(H5Aget_type(attribute.id()), H5Tclose);
         const auto kind = H5Tget_class(type.id());
         std::vector<double> values(count_of(attribute));
-        if ((kind != H5T_FLOAT && kind != H5T_INTEGER) ||
-            H5Aread(attribute.id(), H5T_NATIVE_DOUBLE, values.data()) < 0) {
+        if ((kind != H5T_FLOAT && kind != H5T_INTEGER) || H5Aread(attribute.id(), H5T_NATIVE_DOUBLE, values.data()) < 0)
             fail(fmt::format("attribute \"{}\" must hold numbers", name));
-        }
         return values;
     }
 
     /// Number of objects in a group; the group must exist.
     std::size_t members(hid_t file, const std::string& name) const {
-        if (H5Lexists(file, name.c_str(), H5P_DEFAULT) <= 0) {
+        if (H5Lexists(file, name.c_str(), H5P_DEFAULT) <= 0)
             fail(fmt::format("group \"{}\" is missing; format {} needs it", name, known_format));
-        }
         const Hdf5Handle group(H5Gopen2(file, name.c_str(), H5P_DEFAULT), H5Gclose);
         H5G_info_t info{};
         if (!group.valid() || H5Gget_info(group.id(), &info) < 0) fail(fmt::format("\"{}\" must be a group", name));
@@ -88,12 +84,9 @@ public:
     }
 
     Hdf5Handle open_dataset(hid_t file, const std::string& path) const {
-        if (H5Lexists(file, path.c_str(), H5P_DEFAULT) <= 0) {
+        if (H5Lexists(file, path.c_str(), H5P_DEFAULT) <= 0)
             fail(fmt::format("dataset \"{}\" is missing; segments are numbered from 000000 without gaps", path));
-        }
-        Hdf5Handle dataset(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
-        if (!dataset.valid()) fail(fmt::format("\"{}\" must be a dataset", path));
-        return dataset;
+        return existing_dataset(file, path);
     }
 
     std::vector<hsize_t> shape(const Hdf5Handle& dataset) const {
@@ -107,18 +100,15 @@ public:
     /// The text of a dataset; empty when there is none.
     std::string text_dataset(hid_t file, const std::string& path) const {
         if (H5Lexists(file, path.c_str(), H5P_DEFAULT) <= 0) return {};
-        const Hdf5Handle dataset(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
-        if (!dataset.valid()) fail(fmt::format("\"{}\" must be a dataset", path));
+        const Hdf5Handle dataset = existing_dataset(file, path);
         const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
         const Hdf5Handle space(H5Dget_space(dataset.id()), H5Sclose);
         if (H5Tget_class(type.id()) != H5T_STRING || H5Tis_variable_str(type.id()) > 0 ||
-            H5Sget_simple_extent_npoints(space.id()) != 1) {
+            H5Sget_simple_extent_npoints(space.id()) != 1)
             fail(fmt::format("dataset \"{}\" must hold one text of fixed length", path));
-        }
         std::string text(H5Tget_size(type.id()), '\0');
-        if (H5Dread(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()) < 0) {
+        if (H5Dread(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()) < 0)
             fail(fmt::format("dataset \"{}\" cannot be read; the file is damaged", path));
-        }
         text.resize(std::min(text.find('\0'), text.size()));
         return text;
     }
@@ -128,12 +118,17 @@ public:
         const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
         if (H5Tget_class(type.id()) != H5T_FLOAT) fail(fmt::format("dataset \"{}\" must hold floating numbers", path));
         if (values.empty()) return;
-        if (H5Dread(dataset.id(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
+        if (H5Dread(dataset.id(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
             fail(fmt::format("dataset \"{}\" cannot be read; the file is damaged", path));
-        }
     }
 
 private:
+    Hdf5Handle existing_dataset(hid_t file, const std::string& path) const {
+        Hdf5Handle dataset(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
+        if (!dataset.valid()) fail(fmt::format("\"{}\" must be a dataset", path));
+        return dataset;
+    }
+
     static std::size_t count_of(const Hdf5Handle& attribute) {
         const Hdf5Handle space(H5Aget_space(attribute.id()), H5Sclose);
         return static_cast<std::size_t>(std::max<hssize_t>(H5Sget_simple_extent_npoints(space.id()), 0));
@@ -144,13 +139,11 @@ private:
 
 void read_header(const Reader& read, hid_t file, Series& series) {
     const std::string format = read.text(file, "format");
-    if (format != known_format) {
+    if (format != known_format)
         read.fail(fmt::format("attribute \"format\" is \"{}\", only \"{}\" can be read", format, known_format));
-    }
     const std::string sampling = read.text(file, "sampling");
-    if (sampling != "section" && sampling != "samples") {
+    if (sampling != "section" && sampling != "samples")
         read.fail(fmt::format("attribute \"sampling\" is \"{}\", must be \"section\" or \"samples\"", sampling));
-    }
     series.sampling = sampling == "section" ? Series::Sampling::section : Series::Sampling::samples;
     const auto phase = read.numbers(file, "phase");
     if (phase.size() != 1 || !std::isfinite(phase.front())) read.fail("attribute \"phase\" must be one finite number");
@@ -182,11 +175,9 @@ Segment read_segment(const Reader& read, hid_t file, std::size_t index, Eigen::I
     segment.values.resize(dimension, points);
     read.values(values, path, {segment.values.data(), static_cast<std::size_t>(segment.values.size())});
     for (Eigen::Index k = 0; k < points; ++k) {
-        for (Eigen::Index i = 0; i < dimension; ++i) {
-            if (std::isinf(segment.values(i, k))) {
+        for (Eigen::Index i = 0; i < dimension; ++i)
+            if (std::isinf(segment.values(i, k)))
                 read.fail(fmt::format("dataset \"{}\", point {}: infinite value; a missing sample is nan", path, k));
-            }
-        }
     }
     segment.label = read.text(values.id(), "label");
     if (!timed) return segment;
@@ -200,11 +191,9 @@ Segment read_segment(const Reader& read, hid_t file, std::size_t index, Eigen::I
     }
     segment.times.resize(points);
     read.values(times, times_path, {segment.times.data(), static_cast<std::size_t>(points)});
-    for (Eigen::Index k = 0; k < points; ++k) {
-        if (!std::isfinite(segment.times[k]) || (k > 0 && !(segment.times[k] > segment.times[k - 1]))) {
+    for (Eigen::Index k = 0; k < points; ++k)
+        if (!std::isfinite(segment.times[k]) || (k > 0 && !(segment.times[k] > segment.times[k - 1])))
             read.fail(fmt::format("dataset \"{}\", point {}: times must be finite and ascend", times_path, k));
-        }
-    }
     return segment;
 }
 

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "orbits/records/hdf5_handle.hpp"
+#include "orbits/records/hdf5_library.hpp"
 #include "orbits/records/series_file.hpp"
 
 namespace orbid::orbits {
@@ -42,10 +42,7 @@ public:
         std::string padded;
         for (const std::string& value : values)
             padded += value + std::string(length - value.size(), '\0');
-        const Hdf5Handle type = checked(H5Tcopy(H5T_C_S1), H5Tclose, name);
-        check(H5Tset_size(type.id(), length), name);
-        check(H5Tset_strpad(type.id(), H5T_STR_NULLPAD), name);
-        check(H5Tset_cset(type.id(), H5T_CSET_UTF8), name);
+        const Hdf5Handle type = text_type(length, name);
         attribute(owner, name, type.id(), scalar ? single(name) : simple({values.size()}, name), padded.data());
     }
 
@@ -55,15 +52,13 @@ public:
     }
 
     Hdf5Handle group(hid_t file, const char* name) const {
-        const Hdf5Handle properties = checked(H5Pcreate(H5P_GROUP_CREATE), H5Pclose, name);
-        check(H5Pset_obj_track_times(properties.id(), false), name);
+        const Hdf5Handle properties = untimed(H5P_GROUP_CREATE, name);
         return checked(H5Gcreate2(file, name, H5P_DEFAULT, properties.id(), H5P_DEFAULT), H5Gclose, name);
     }
 
     Hdf5Handle dataset(hid_t group, const std::string& name, const std::vector<hsize_t>& shape,
                        const double* data) const {
-        const Hdf5Handle properties = checked(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
-        check(H5Pset_obj_track_times(properties.id(), false), name);
+        const Hdf5Handle properties = untimed(H5P_DATASET_CREATE, name);
         const Hdf5Handle space = simple(shape, name);
         Hdf5Handle made = checked(
             H5Dcreate2(group, name.c_str(), H5T_IEEE_F64LE, space.id(), H5P_DEFAULT, properties.id(), H5P_DEFAULT),
@@ -74,12 +69,8 @@ public:
 
     /// A text of any length: attributes end at 64 KiB.
     void text_dataset(hid_t group, const char* name, const std::string& text) const {
-        const Hdf5Handle properties = checked(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
-        check(H5Pset_obj_track_times(properties.id(), false), name);
-        const Hdf5Handle type = checked(H5Tcopy(H5T_C_S1), H5Tclose, name);
-        check(H5Tset_size(type.id(), text.size()), name);
-        check(H5Tset_strpad(type.id(), H5T_STR_NULLPAD), name);
-        check(H5Tset_cset(type.id(), H5T_CSET_UTF8), name);
+        const Hdf5Handle properties = untimed(H5P_DATASET_CREATE, name);
+        const Hdf5Handle type = text_type(text.size(), name);
         const Hdf5Handle made =
             checked(H5Dcreate2(group, name, type.id(), single(name).id(), H5P_DEFAULT, properties.id(), H5P_DEFAULT),
                     H5Dclose, name);
@@ -87,6 +78,21 @@ public:
     }
 
 private:
+    Hdf5Handle text_type(std::size_t length, const std::string& name) const {
+        Hdf5Handle type = checked(H5Tcopy(H5T_C_S1), H5Tclose, name);
+        check(H5Tset_size(type.id(), length), name);
+        check(H5Tset_strpad(type.id(), H5T_STR_NULLPAD), name);
+        check(H5Tset_cset(type.id(), H5T_CSET_UTF8), name);
+        return type;
+    }
+
+    /// Properties of objects that do not store when they were made.
+    Hdf5Handle untimed(hid_t kind, const std::string& name) const {
+        Hdf5Handle properties = checked(H5Pcreate(kind), H5Pclose, name);
+        check(H5Pset_obj_track_times(properties.id(), false), name);
+        return properties;
+    }
+
     std::string file_;
 };
 

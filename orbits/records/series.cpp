@@ -7,7 +7,6 @@
 #include <functional>
 #include <limits>
 #include <numbers>
-#include <vector>
 
 #include <tbb/blocked_range.h>
 #include <tbb/enumerable_thread_specific.h>
@@ -159,7 +158,7 @@ Eigen::VectorXd Series::scale() const {
     Eigen::VectorXd scale(dimension());
     for (Eigen::Index i = 0; i < dimension(); ++i) {
         scale[i] = 2.0 * std::numbers::pi;
-        if (coordinates[static_cast<std::size_t>(i)].angle) continue;
+        if (coordinate(i).angle) continue;
         const CoordinateValues values(*this, i);
         Extent extent;
         values.visit(

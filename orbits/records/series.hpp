@@ -41,6 +41,9 @@ struct Series {
     std::string origin;  ///< what made it: one line of free text, stored in files; may be empty
 
     [[nodiscard]] Eigen::Index dimension() const { return static_cast<Eigen::Index>(coordinates.size()); }
+    [[nodiscard]] const SeriesCoordinate& coordinate(Eigen::Index i) const {
+        return coordinates[static_cast<std::size_t>(i)];
+    }
     [[nodiscard]] std::size_t size() const;  ///< points of all segments
     /// Every point has a time: samples, and sections whose crossings were timed.
     [[nodiscard]] bool timed() const;

@@ -33,9 +33,8 @@ std::string whole_file(const std::filesystem::path& path) {
     std::error_code error;
     const auto status = std::filesystem::status(path, error);
     if (!std::filesystem::exists(status)) throw DataError(fmt::format("{}: no such file", path.string()));
-    if (std::filesystem::is_directory(status)) {
+    if (std::filesystem::is_directory(status))
         throw DataError(fmt::format("{}: is a folder; a file with data is needed", path.string()));
-    }
     std::ifstream stream(path, std::ios::binary);
     if (!stream) throw DataError(fmt::format("{}: cannot be opened for reading", path.string()));
     std::string text;
@@ -81,13 +80,11 @@ std::string shown(std::string_view cell) {
 
 TextTable::TextTable(const std::filesystem::path& file) : file_(file.string()), text_(whole_file(file)) {
     if (text_.starts_with(byte_order_mark)) position_ = byte_order_mark.size();
-    if (std::memchr(text_.data(), '\0', std::min<std::size_t>(text_.size(), 4096)) != nullptr) {
+    if (std::memchr(text_.data(), '\0', std::min<std::size_t>(text_.size(), 4096)) != nullptr)
         throw DataError(fmt::format("{}: is not a text file (it holds zero bytes)", file_));
-    }
     std::string_view line;
-    if (!next_line(line)) {
+    if (!next_line(line))
         throw DataError(fmt::format("{}: is empty; a header line and at least one row are needed", file_));
-    }
     delimiter_ = delimiter_of(line);
     std::vector<std::string_view> cells;
     cut(line, cells);
@@ -102,9 +99,8 @@ std::size_t TextTable::column(const std::string& name) const {
                                     nearest ? fmt::format(" (did you mean \"{}\"?)", *nearest) : "",
                                     fmt::join(header_, "\", \"")));
     }
-    if (std::find(found + 1, header_.end(), name) != header_.end()) {
+    if (std::find(found + 1, header_.end(), name) != header_.end())
         throw DataError(fmt::format("{}: column \"{}\" appears twice in the header; names must differ", file_, name));
-    }
     return static_cast<std::size_t>(found - header_.begin());
 }
 
@@ -133,9 +129,7 @@ std::string_view TextTable::quoted(std::string_view line, std::size_t& end) {
     bool doubled = false;
     while (true) {
         close = line.find('"', close);
-        if (close == std::string_view::npos) {
-            throw DataError(place(line_, "a quote is opened and not closed on the same line"));
-        }
+        if (close == std::string_view::npos) fail("a quote is opened and not closed on the same line");
         if (close + 1 >= line.size() || line[close + 1] != '"') break;
         doubled = true;
         close += 2;
@@ -166,8 +160,7 @@ void TextTable::cut(std::string_view line, std::vector<std::string_view>& cells)
             cells.push_back(quoted(line, start));
             while (start < line.size() && line[start] != delimiter_) {
                 if (!blank(line[start])) {
-                    throw DataError(
-                        place(line_, "text follows a closing quote; a delimiter or the end of the line must"));
+                    fail("text follows a closing quote; a delimiter or the end of the line must");
                 }
                 ++start;
             }
@@ -188,11 +181,9 @@ bool TextTable::next(std::vector<std::string_view>& cells) {
     cut(line, cells);
     if (cells.size() != header_.size()) {
         std::string hint;
-        if (delimiter_ == ',' && cells.size() > header_.size() && cells.size() % header_.size() == 0) {
+        if (delimiter_ == ',' && cells.size() > header_.size() && cells.size() % header_.size() == 0)
             hint = " (decimal commas? numbers are written with a point)";
-        }
-        throw DataError(
-            place(line_, fmt::format("has {} cells, the header has {} columns{}", cells.size(), header_.size(), hint)));
+        fail(fmt::format("has {} cells, the header has {} columns{}", cells.size(), header_.size(), hint));
     }
     return true;
 }
@@ -202,25 +193,23 @@ double TextTable::number(std::string_view cell, std::size_t column) const {
     if (digits.starts_with('+') && digits.size() > 1 && digits[1] != '-') digits.remove_prefix(1);
     double value = 0.0;
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-    if (error == std::errc::result_out_of_range && end == digits.data() + digits.size()) {
-        throw DataError(place(line_, column, fmt::format("\"{}\" is outside the range of a double", shown(cell))));
-    }
+    if (error == std::errc::result_out_of_range && end == digits.data() + digits.size())
+        fail(column, fmt::format("\"{}\" is outside the range of a double", shown(cell)));
     if (error != std::errc{} || end != digits.data() + digits.size()) {
         const bool decimal_comma = cell.find(',') != std::string_view::npos;
-        throw DataError(place(line_, column,
-                              fmt::format("\"{}\" is not a number; {}", shown(cell),
-                                          decimal_comma ? "numbers are written with a decimal point"
-                                                        : "a missing sample is an empty cell")));
+        fail(column, fmt::format("\"{}\" is not a number; {}", shown(cell),
+                                 decimal_comma ? "numbers are written with a decimal point"
+                                               : "a missing sample is an empty cell"));
     }
     return value;
 }
 
-std::string TextTable::place(std::size_t line, std::size_t column, std::string_view what) const {
-    return fmt::format("{}:{}, column \"{}\": {}", file_, line, header_[column], what);
+void TextTable::fail(std::size_t line, std::size_t column, std::string_view what) const {
+    throw DataError(fmt::format("{}:{}, column \"{}\": {}", file_, line, header_[column], what));
 }
 
-std::string TextTable::place(std::size_t line, std::string_view what) const {
-    return fmt::format("{}:{}: {}", file_, line, what);
+void TextTable::fail(std::string_view what) const {
+    throw DataError(fmt::format("{}:{}: {}", file_, line_, what));
 }
 
 }  // namespace orbid::orbits

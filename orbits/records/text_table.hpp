@@ -18,7 +18,6 @@ public:
 
     [[nodiscard]] const std::string& file() const { return file_; }
     [[nodiscard]] const std::vector<std::string>& header() const { return header_; }
-    [[nodiscard]] char delimiter() const { return delimiter_; }
     /// Index of the column with this header.
     /// @throws DataError when there is none (listing what exists, and the nearest) or more than one.
     [[nodiscard]] std::size_t column(const std::string& name) const;
@@ -28,17 +27,17 @@ public:
     /// @throws DataError when the number of cells differs from the header's, or a quote does not end on its line.
     bool next(std::vector<std::string_view>& cells);
     [[nodiscard]] std::size_t line() const { return line_; }  ///< of the last row, from 1
-    [[nodiscard]] std::size_t bytes_left() const { return text_.size() - position_; }
 
     /// The number in a cell.
     /// @throws DataError naming line, column and rule when the cell holds no number or one beyond the range of double.
     [[nodiscard]] double number(std::string_view cell, std::size_t column) const;
 
-    /// "file:line, column \"name\": what"
-    [[nodiscard]] std::string place(std::size_t line, std::size_t column, std::string_view what) const;
-    [[nodiscard]] std::string place(std::size_t line, std::string_view what) const;
+    /// Throws DataError "file:line, column \"name\": what"; without a line that of the last row.
+    [[noreturn]] void fail(std::size_t line, std::size_t column, std::string_view what) const;
+    [[noreturn]] void fail(std::size_t column, std::string_view what) const { fail(line_, column, what); }
 
 private:
+    [[noreturn]] void fail(std::string_view what) const;
     bool next_line(std::string_view& line);
     void cut(std::string_view line, std::vector<std::string_view>& cells);
     std::string_view quoted(std::string_view line, std::size_t& end);

@@ -46,9 +46,8 @@ constexpr std::array units{Unit{"rad", Quantity::angle, 1.0},
                            Unit{"g", Quantity::acceleration, 9.80665}};  // standard gravity, as accelerometers show
 
 const Unit* find(std::string_view name) {
-    for (const Unit& unit : units) {
+    for (const Unit& unit : units)
         if (unit.name == name) return &unit;
-    }
     return nullptr;
 }
 

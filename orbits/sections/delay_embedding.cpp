@@ -2,16 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
+#include "orbits/records/refusal.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 constexpr std::size_t least_samples = 500;
@@ -168,25 +166,22 @@ double false_share(const Series& samples, Eigen::Index coordinate, int delay, in
 }
 
 void validate(const Series& samples, const DelayEmbeddingOptions& options) {
-    if (samples.sampling != Series::Sampling::samples)
-        throw std::invalid_argument("embed: the series holds sections; it needs samples in time");
-    if (!(options.coordinate >= 0 && options.coordinate < samples.dimension()))
-        throw std::invalid_argument(
-            fmt::format("embed: the coordinate must be in [0, {}), got {}", samples.dimension(), options.coordinate));
-    if (samples.coordinates[static_cast<std::size_t>(options.coordinate)].angle)
-        throw std::invalid_argument(
-            fmt::format("embed: '{}' is an angle and jumps at the end of its turn; embed its sine or cosine",
-                        samples.coordinates[static_cast<std::size_t>(options.coordinate)].name));
-    if (!(options.delay >= 0 && options.dimension >= 0 && options.largest_delay >= 1 && options.largest_dimension >= 1))
-        throw std::invalid_argument(
-            fmt::format("embed: delay and dimension must be at least 0, the largest at least 1; got {}, {}, {}, {}",
-                        options.delay, options.dimension, options.largest_delay, options.largest_dimension));
+    refuse_if(samples.sampling != Series::Sampling::samples,
+              "embed: the series holds sections; it needs samples in time");
+    refuse_if(!(options.coordinate >= 0 && options.coordinate < samples.dimension()),
+              "embed: the coordinate must be in [0, {}), got {}", samples.dimension(), options.coordinate);
+    refuse_if(samples.coordinate(options.coordinate).angle,
+              "embed: '{}' is an angle and jumps at the end of its turn; embed its sine or cosine",
+              samples.coordinate(options.coordinate).name);
+    refuse_if(
+        !(options.delay >= 0 && options.dimension >= 0 && options.largest_delay >= 1 && options.largest_dimension >= 1),
+        "embed: delay and dimension must be at least 0, the largest at least 1; got {}, {}, {}, {}", options.delay,
+        options.dimension, options.largest_delay, options.largest_dimension);
     std::size_t present = 0;
     for (const Segment& segment : samples.segments)
         present += static_cast<std::size_t>(
             segment.values.row(options.coordinate).array().isFinite().cast<Eigen::Index>().sum());
-    if (!(present >= least_samples))
-        throw std::invalid_argument(fmt::format("embed: needs at least {} samples, got {}", least_samples, present));
+    refuse_if(!(present >= least_samples), "embed: needs at least {} samples, got {}", least_samples, present);
 }
 
 }  // namespace
@@ -206,7 +201,7 @@ DelayEmbedding embed(const Series& samples, const DelayEmbeddingOptions& options
         }
     }
 
-    const SeriesCoordinate& observable = samples.coordinates[static_cast<std::size_t>(options.coordinate)];
+    const SeriesCoordinate& observable = samples.coordinate(options.coordinate);
     embedding.series.sampling = Series::Sampling::samples;
     embedding.series.phase = samples.phase;
     embedding.series.origin = samples.origin;
@@ -225,8 +220,7 @@ DelayEmbedding embed(const Series& samples, const DelayEmbeddingOptions& options
         piece.times = segment.times.head(count);
         embedding.series.segments.push_back(std::move(piece));
     }
-    if (embedding.series.segments.empty())
-        throw std::invalid_argument(fmt::format("embed: no segment has the {} samples of a vector", reach + 1));
+    refuse_if(embedding.series.segments.empty(), "embed: no segment has the {} samples of a vector", reach + 1);
     return embedding;
 }
 

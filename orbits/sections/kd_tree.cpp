@@ -1,14 +1,13 @@
 #include "orbits/sections/kd_tree.hpp"
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include <tbb/parallel_invoke.h>
 
-namespace orbid::orbits {
+#include "orbits/sections/point_records.hpp"
 
+namespace orbid::orbits {
 namespace {
 
 // Points of a leaf at most, at least half as many. Fewer mean more boxes to ask, more mean more distances to compute:
@@ -23,64 +22,6 @@ constexpr float float_rounding = 4e-6F;
 
 // Below this many points a task costs more than it saves.
 constexpr std::size_t task_points = 1 << 13;
-
-// Records of n + 1 numbers in a row; n = 0: known at run time only.
-template <int n>
-struct Records {
-    std::uint32_t* data;
-    std::size_t stride;  // n + 1
-
-    [[nodiscard]] std::size_t width() const { return n > 0 ? static_cast<std::size_t>(n) + 1 : stride; }
-    [[nodiscard]] std::uint32_t* at(std::size_t i) const { return data + i * width(); }
-    [[nodiscard]] std::uint32_t key(std::size_t i, std::size_t axis) const { return at(i)[axis]; }
-    void swap(std::size_t i, std::size_t j) const {
-        std::uint32_t* a = at(i);
-        std::uint32_t* b = at(j);
-        for (std::size_t c = 0; c < width(); ++c)
-            std::swap(a[c], b[c]);
-    }
-};
-
-// Floyd and Rivest's selection: afterwards no record of [left, middle) is above, none of (middle, right] below the one
-// at `middle`. About 1.5 comparisons per record: the pivot comes from a sample in which the answer's place is known.
-template <int n>
-void select(const Records<n>& records, std::size_t axis, std::ptrdiff_t left, std::ptrdiff_t right,
-            std::ptrdiff_t middle) {
-    const auto key = [&](std::ptrdiff_t i) { return records.key(static_cast<std::size_t>(i), axis); };
-    const auto swap = [&](std::ptrdiff_t i, std::ptrdiff_t j) {
-        records.swap(static_cast<std::size_t>(i), static_cast<std::size_t>(j));
-    };
-    while (right > left) {
-        if (right - left > 600) {  // sample sizes of the authors' algorithm 489
-            const auto size = static_cast<double>(right - left + 1);
-            const auto place = static_cast<double>(middle - left + 1);
-            const double z = std::log(size);
-            const double s = 0.5 * std::exp(2.0 * z / 3.0);
-            const double spread = 0.5 * std::sqrt(z * s * (size - s) / size) * (place < 0.5 * size ? -1.0 : 1.0);
-            const auto from = static_cast<std::ptrdiff_t>(static_cast<double>(middle) - place * s / size + spread);
-            const auto to =
-                static_cast<std::ptrdiff_t>(static_cast<double>(middle) + (size - place) * s / size + spread);
-            select(records, axis, std::max(left, from), std::min(right, to), middle);
-        }
-        const std::uint32_t pivot = key(middle);
-        std::ptrdiff_t i = left, j = right;
-        swap(left, middle);
-        if (key(right) > pivot) swap(left, right);
-        while (i < j) {
-            swap(i++, j--);
-            while (key(i) < pivot)
-                ++i;
-            while (key(j) > pivot)
-                --j;
-        }
-        if (key(left) == pivot)
-            swap(left, j);
-        else
-            swap(++j, right);
-        if (j <= middle) left = j + 1;
-        if (middle <= j) right = j - 1;
-    }
-}
 
 }  // namespace
 
@@ -215,7 +156,7 @@ KdTree::KdTree(std::vector<float> quanta, std::unique_ptr<std::uint32_t[]> recor
 template <int n>
 void KdTree::sort(std::size_t node, std::size_t first_leaf, std::size_t leaves) {
     const std::size_t width = n > 0 ? static_cast<std::size_t>(n) : dimension();
-    const Records<n> records{records_.get(), width + 1};
+    const PointRecords<n> records{records_.get(), width + 1};
     const std::size_t first = first_point(first_leaf), last = first_point(first_leaf + leaves);
     std::uint32_t* const box = boxes_.data() + node * 2 * width;
     std::size_t widest = 0;
@@ -237,8 +178,8 @@ void KdTree::sort(std::size_t node, std::size_t first_leaf, std::size_t leaves) 
     }
     if (leaves > 1) {
         const std::size_t middle = first_point(first_leaf + leaves / 2);
-        select(records, widest, static_cast<std::ptrdiff_t>(first), static_cast<std::ptrdiff_t>(last) - 1,
-               static_cast<std::ptrdiff_t>(middle));
+        select_record(records, widest, static_cast<std::ptrdiff_t>(first), static_cast<std::ptrdiff_t>(last) - 1,
+                      static_cast<std::ptrdiff_t>(middle));
         const auto lower = [&] { sort<n>(2 * node, first_leaf, leaves / 2); };
         const auto upper = [&] { sort<n>(2 * node + 1, first_leaf + leaves / 2, leaves / 2); };
         if (last - first > task_points) {

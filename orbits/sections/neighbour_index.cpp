@@ -1,18 +1,16 @@
 #include "orbits/sections/neighbour_index.hpp"
+#include "orbits/records/refusal.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <stdexcept>
 #include <utility>
 
-#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 namespace orbid::orbits {
-
 namespace {
 
 constexpr double circle = 4294967296.0;  // 2^32 quanta, on which the tree's coordinates live
@@ -44,8 +42,7 @@ void each_block(std::size_t count, const Body& body) {
 }  // namespace
 
 NeighbourIndex::NeighbourIndex(const SectionPoints& points) : points_(&points) {
-    if (points.size() >= std::numeric_limits<std::uint32_t>::max())
-        throw std::invalid_argument("find_cycles: more than 2^32 - 2 points");
+    refuse_if(points.size() >= std::numeric_limits<std::uint32_t>::max(), "find_cycles: more than 2^32 - 2 points");
     const auto n = static_cast<std::size_t>(points.dimension());
     const std::size_t blocks = (points.size() + points_per_task - 1) / points_per_task;
     // Per block: points with an image, lowest and highest coordinates.

@@ -3,85 +3,20 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <optional>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
+#include "models/definition/parameter.hpp"
+#include "orbits/records/refusal.hpp"
 #include "periodic/orbit/full_turn.hpp"
 
 namespace orbid::orbits {
-
 namespace {
-
-// Sampling intervals may differ by this part of one: times in files have a few digits.
-constexpr double uneven = 1e-3;
-
-// An instant this near to a sample (in sampling intervals) is that sample's.
-constexpr double on_sample = 1e-6;
 
 // Standard deviations of the smoothed coordinate by which a crossing must pass the plane on either side.
 constexpr double passed = 3.0;
-
-// Samples looked at on either side of a crossing when a window is chosen, and most places used for it.
-constexpr Eigen::Index beside = 3;
-constexpr std::size_t most_places = 20000;
-
-// Polynomials that tell a value worse than this many single samples do are not used: ends of segments and holes.
-constexpr double worst_variance = 1.5;
-
-void check_samples(const Series& samples, const char* caller) {
-    if (samples.sampling != Series::Sampling::samples)
-        throw std::invalid_argument(fmt::format("{}: the series holds sections; it needs samples in time", caller));
-    for (const Segment& segment : samples.segments) {
-        if (segment.values.rows() != samples.dimension() || segment.times.size() != segment.values.cols())
-            throw std::invalid_argument(fmt::format(
-                "{}: segment '{}' has {} rows and {} times for {} samples of {} coordinates", caller, segment.label,
-                segment.values.rows(), segment.times.size(), segment.values.cols(), samples.dimension()));
-    }
-}
-
-// The common sampling interval [s].
-double sampling_interval(const Series& samples, const char* caller) {
-    double step = 0.0;
-    for (const Segment& segment : samples.segments) {
-        const Eigen::Index m = segment.times.size();
-        if (m > 1 && step == 0.0) step = (segment.times[m - 1] - segment.times[0]) / static_cast<double>(m - 1);
-    }
-    if (!(step > 0.0))
-        throw std::invalid_argument(fmt::format("{}: no segment has two samples at ascending times", caller));
-    for (const Segment& segment : samples.segments)
-        for (Eigen::Index i = 0; i + 1 < segment.times.size(); ++i)
-            if (!(std::abs(segment.times[i + 1] - segment.times[i] - step) <= uneven * step))
-                throw std::invalid_argument(fmt::format(
-                    "{}: segment '{}' goes from {} s to {} s where {} s was the sampling interval; samples must be "
-                    "equidistant, missing ones nan",
-                    caller, segment.label, segment.times[i], segment.times[i + 1], step));
-    return step;
-}
-
-// Places near given samples, thinned evenly to most_places.
-std::vector<std::vector<Eigen::Index>> places_near(const std::vector<std::vector<Eigen::Index>>& marks) {
-    std::size_t count = 0;
-    for (const auto& own : marks)
-        count += own.size() * static_cast<std::size_t>(2 * beside);
-    const std::size_t stride = count / most_places + 1;
-    std::vector<std::vector<Eigen::Index>> places(marks.size());
-    std::size_t number = 0;
-    for (std::size_t s = 0; s < marks.size(); ++s)
-        for (const Eigen::Index mark : marks[s]) {
-            if (number++ % stride != 0) continue;
-            for (Eigen::Index i = mark - beside + 1; i <= mark + beside; ++i)
-                if (i >= 0) places[s].push_back(i);
-        }
-    return places;
-}
-
-double wrapped_angle(double angle) {
-    const double r = std::remainder(angle, periodic::full_turn);
-    return r > -std::numbers::pi ? r : r + periodic::full_turn;
-}
 
 // Pieces of one segment without a break.
 class PieceWriter {
@@ -138,8 +73,7 @@ public:
         for (Eigen::Index d = 0; d < n; ++d) {
             result_.sample_deviation[d] = std::sqrt(difference_variance(samples, d));
             result_.windows.push_back(best_window(samples, d, places));
-            if (d != crossing.coordinate)
-                result_.series.coordinates.push_back(samples.coordinates[static_cast<std::size_t>(d)]);
+            if (d != crossing.coordinate) result_.series.coordinates.push_back(samples.coordinate(d));
         }
         result_.series.origin = samples.origin;
         result_.reading_covariance = Eigen::MatrixXd::Zero(n - 1, n - 1);
@@ -155,13 +89,11 @@ private:
     // Signed distance from the plane along the direction of the crossing; nan far from it on the circle.
     [[nodiscard]] double beyond(double reading) const {
         double distance = reading - crossing_.value;
-        if (samples_.coordinates[static_cast<std::size_t>(crossing_.coordinate)].angle)
-            distance = std::remainder(distance, periodic::full_turn);
+        if (samples_.coordinate(crossing_.coordinate).angle) distance = std::remainder(distance, periodic::full_turn);
         return crossing_.direction * distance;
     }
     [[nodiscard]] bool far(double distance) const {
-        return samples_.coordinates[static_cast<std::size_t>(crossing_.coordinate)].angle &&
-               !(std::abs(distance) < 0.25 * periodic::full_turn);
+        return samples_.coordinate(crossing_.coordinate).angle && !(std::abs(distance) < 0.25 * periodic::full_turn);
     }
 
     // Intervals in which the readings as they are cross the plane.
@@ -178,18 +110,15 @@ private:
                 any = true;
             }
         }
-        if (!any)
-            throw std::invalid_argument(
-                fmt::format("plane_section: {} = {} is never crossed {}",
-                            samples_.coordinates[static_cast<std::size_t>(crossing_.coordinate)].name, crossing_.value,
-                            crossing_.direction > 0 ? "from below" : "from above"));
+        refuse_if(!any, "plane_section: {} = {} is never crossed {}", samples_.coordinate(crossing_.coordinate).name,
+                  crossing_.value, crossing_.direction > 0 ? "from below" : "from above");
         return marks;
     }
 
     void cut(const Segment& segment) {
         std::vector<TimeSmoothing> smoothings;
         for (Eigen::Index d = 0; d < samples_.dimension(); ++d)
-            smoothings.emplace_back(segment, d, samples_.coordinates[static_cast<std::size_t>(d)].angle, step_,
+            smoothings.emplace_back(segment, d, samples_.coordinate(d).angle, step_,
                                     result_.windows[static_cast<std::size_t>(d)]);
         PieceWriter writer(result_, segment, samples_.dimension() - 1);
         for (const Passage& passage : passages(smoothings[static_cast<std::size_t>(crossing_.coordinate)])) {
@@ -221,7 +150,7 @@ private:
         for (Eigen::Index i = 0; i + 1 < readings.size(); ++i) {
             gap = std::isfinite(readings[i]) ? 0 : gap + 1;
             const SmoothedValue smoothed = plane.at(i, 0.0);
-            const bool known = smoothed.usable && smoothed.value_variance <= worst_variance && gap <= bridge;
+            const bool known = smoothed.reliable() && gap <= bridge;
             const double distance = known ? beyond(smoothed.value) : std::numeric_limits<double>::quiet_NaN();
             if (!known || far(distance)) {
                 // Far on the circle nothing is crossed; in a hole nobody knows.
@@ -266,9 +195,9 @@ private:
         for (Eigen::Index d = 0, k = 0; d < samples_.dimension(); ++d) {
             if (d == crossing_.coordinate) continue;
             const SmoothedValue smoothed = smoothings[static_cast<std::size_t>(d)].at(i, *u);
-            if (!smoothed.usable || !(smoothed.value_variance <= worst_variance)) return false;
-            state[k] = samples_.coordinates[static_cast<std::size_t>(d)].angle ? wrapped_angle(smoothed.value)
-                                                                               : smoothed.value;
+            if (!smoothed.reliable()) return false;
+            const bool angle = samples_.coordinate(d).angle;
+            state[k] = angle ? models::wrapped(smoothed.value) : smoothed.value;
             slope[k] = smoothed.slope;
             own[k] = std::pow(result_.sample_deviation[d], 2) * smoothed.value_variance;
             ++k;
@@ -303,128 +232,18 @@ private:
     SampledSection result_;
 };
 
-struct Instant {
-    Eigen::Index sample;
-    double u;
-};
-
-/// Per segment where a phase returns.
-struct StrobeInstants {
-    std::vector<std::vector<Instant>> instants;
-    std::vector<std::vector<Eigen::Index>> marks;  ///< samples at or before them
-    bool all_on_samples = true, any = false;
-};
-
-StrobeInstants strobe_instants(const Series& samples, double period, double offset, double step) {
-    StrobeInstants result;
-    auto& [instants, marks, all_on_samples, any] = result;
-    instants.resize(samples.segments.size());
-    marks.resize(samples.segments.size());
-    for (std::size_t s = 0; s < instants.size(); ++s) {
-        const Eigen::VectorXd& times = samples.segments[s].times;
-        if (times.size() < 2) continue;
-        for (double k = std::ceil((times[0] - offset) / period - on_sample);; k += 1.0) {
-            const double place = (offset + k * period - times[0]) / step;
-            if (place > static_cast<double>(times.size() - 1) + on_sample) break;
-            if (place < -on_sample) continue;
-            const double nearest = std::nearbyint(place);
-            const bool here = std::abs(place - nearest) <= on_sample;
-            const auto sample = static_cast<Eigen::Index>(here ? nearest : std::floor(place));
-            instants[s].push_back({sample, here ? 0.0 : place - std::floor(place)});
-            marks[s].push_back(sample);
-            all_on_samples = all_on_samples && here;
-            any = true;
-        }
-    }
-    return result;
-}
-
-/// The segment at these instants: its samples where no windows were chosen, smoothed otherwise. Variances of readings
-/// are added to the section's covariance, and counted.
-Segment piece_at(const Segment& segment, const std::vector<Instant>& instants, double step, SampledSection& section,
-                 Eigen::VectorXd& counts) {
-    const Eigen::Index n = counts.size();
-    const bool all_on_samples = section.windows.empty();
-    const auto m = static_cast<Eigen::Index>(instants.size());
-    Segment piece{segment.label, Eigen::MatrixXd::Constant(n, m, std::numeric_limits<double>::quiet_NaN()), {}, {}};
-    piece.deviations = piece.values;
-    for (Eigen::Index d = 0; d < n; ++d) {
-        const bool angle = section.series.coordinates[static_cast<std::size_t>(d)].angle;
-        const double sd = section.sample_deviation[d];
-        std::optional<TimeSmoothing> smoothing;
-        if (!all_on_samples) smoothing.emplace(segment, d, angle, step, section.windows[static_cast<std::size_t>(d)]);
-        for (Eigen::Index k = 0; k < m; ++k) {
-            const Instant& instant = instants[static_cast<std::size_t>(k)];
-            double variance = 1.0;
-            if (all_on_samples) {
-                piece.values(d, k) = segment.values(d, instant.sample);
-            } else {
-                const SmoothedValue smoothed = smoothing->at(instant.sample, instant.u);
-                if (!smoothed.usable || !(smoothed.value_variance <= worst_variance)) continue;
-                piece.values(d, k) = angle ? wrapped_angle(smoothed.value) : smoothed.value;
-                variance = smoothed.value_variance;
-            }
-            if (!std::isfinite(piece.values(d, k))) continue;
-            section.reading_covariance(d, d) += sd * sd * variance;
-            counts[d] += 1.0;
-            if (sd > 0.0) piece.deviations(d, k) = sd * std::sqrt(variance);
-        }
-    }
-    return piece;
-}
-
 }  // namespace
 
 SampledSection plane_section(const Series& samples, const PlaneCrossing& crossing) {
     check_samples(samples, "plane_section");
     const Eigen::Index n = samples.dimension();
-    if (n < 2) throw std::invalid_argument(fmt::format("plane_section: needs at least two coordinates, got {}", n));
-    if (!(crossing.coordinate >= 0 && crossing.coordinate < n))
-        throw std::invalid_argument(
-            fmt::format("plane_section: the coordinate must be in [0, {}), got {}", n, crossing.coordinate));
-    if (!(crossing.direction == 1 || crossing.direction == -1))
-        throw std::invalid_argument(
-            fmt::format("plane_section: the direction must be 1 or -1, got {}", crossing.direction));
+    refuse_if(n < 2, "plane_section: needs at least two coordinates, got {}", n);
+    refuse_if(!(crossing.coordinate >= 0 && crossing.coordinate < n),
+              "plane_section: the coordinate must be in [0, {}), got {}", n, crossing.coordinate);
+    refuse_if(!(crossing.direction == 1 || crossing.direction == -1),
+              "plane_section: the direction must be 1 or -1, got {}", crossing.direction);
     if (!std::isfinite(crossing.value)) throw std::invalid_argument("plane_section: the value must be finite");
     return PlaneSection(samples, crossing).result();
-}
-
-SampledSection stroboscopic_section(const Series& samples, double period, double phase) {
-    check_samples(samples, "stroboscopic_section");
-    const double step = sampling_interval(samples, "stroboscopic_section");
-    if (!(period >= 2.0 * step) || !std::isfinite(period))
-        throw std::invalid_argument(
-            fmt::format("stroboscopic_section: the period must be at least two sampling intervals of {} s, got {} s",
-                        step, period));
-    if (!std::isfinite(phase)) throw std::invalid_argument("stroboscopic_section: the phase must be finite");
-    const double offset = period * (phase - samples.phase) / periodic::full_turn;
-
-    const auto [instants, marks, all_on_samples, any] = strobe_instants(samples, period, offset, step);
-    if (!any)
-        throw std::invalid_argument(
-            fmt::format("stroboscopic_section: no segment reaches the phase {} rad within its samples (period {} s)",
-                        phase, period));
-
-    SampledSection section;
-    section.series.coordinates = samples.coordinates;
-    section.series.phase = phase;
-    section.series.origin = samples.origin;
-    const Eigen::Index n = samples.dimension();
-    section.sample_deviation.resize(n);
-    section.reading_covariance = Eigen::MatrixXd::Zero(n, n);
-    const auto places = places_near(marks);
-    for (Eigen::Index d = 0; d < n; ++d) {
-        section.sample_deviation[d] = std::sqrt(difference_variance(samples, d));
-        if (!all_on_samples) section.windows.push_back(best_window(samples, d, places));
-    }
-    Eigen::VectorXd counts = Eigen::VectorXd::Zero(n);
-    for (std::size_t s = 0; s < instants.size(); ++s) {
-        if (instants[s].empty()) continue;
-        section.series.segments.push_back(piece_at(samples.segments[s], instants[s], step, section, counts));
-    }
-    for (Eigen::Index d = 0; d < n; ++d)
-        section.reading_covariance(d, d) /= std::max(counts[d], 1.0);
-    return section;
 }
 
 }  // namespace orbid::orbits

@@ -9,10 +9,10 @@
 
 #include <fmt/format.h>
 
+#include "orbits/records/refusal.hpp"
 #include "periodic/orbit/full_turn.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Points looked at for steps, repetitions and jumps.
@@ -74,18 +74,16 @@ std::vector<Pair> some_pairs(const Series& series) {
 
 void check_readings(const Series& series) {
     for (Eigen::Index d = 0; d < series.dimension(); ++d) {
-        const std::string& name = series.coordinates[static_cast<std::size_t>(d)].name;
+        const std::string& name = series.coordinate(d).name;
         const Range range = range_of(series, d);
-        if (range.count == 0)
-            throw std::invalid_argument(
-                fmt::format("find_cycles: coordinate '{}' has no readings: all {} of them are missing (nan); leave it "
-                            "out, or read it from another column",
-                            name, series.size()));
-        if (!(range.span() > 0.0))
-            throw std::invalid_argument(
-                fmt::format("find_cycles: coordinate '{}' has no spread: all {} readings are {}; a coordinate must "
-                            "vary, leave this one out",
-                            name, range.count, range.low));
+        refuse_if(range.count == 0,
+                  "find_cycles: coordinate '{}' has no readings: all {} of them are missing (nan); leave it out, or "
+                  "read it from another column",
+                  name, series.size());
+        refuse_if(!(range.span() > 0.0),
+                  "find_cycles: coordinate '{}' has no spread: all {} readings are {}; a coordinate must vary, leave "
+                  "this one out",
+                  name, range.count, range.low);
     }
 }
 
@@ -114,11 +112,10 @@ Eigen::Index longest_piece(const Series& series) {
 
 void check_periods(const std::vector<int>& periods, Eigen::Index longest, std::vector<std::string>& remarks) {
     const auto [least, most] = std::minmax_element(periods.begin(), periods.end());
-    if (*least >= longest)
-        throw std::invalid_argument(
-            fmt::format("find_cycles: period {} needs pieces of at least {} successive points; the longest without a "
-                        "break has {}",
-                        *least, *least + 1, longest));
+    refuse_if(
+        *least >= longest,
+        "find_cycles: period {} needs pieces of at least {} successive points; the longest without a break has {}",
+        *least, *least + 1, longest);
     if (*most >= longest)
         remarks.push_back(fmt::format(
             "Periods from {} on cannot recur: the longest piece of the series without a break has {} points.", longest,
@@ -128,7 +125,7 @@ void check_periods(const std::vector<int>& periods, Eigen::Index longest, std::v
 // Readings in steps.
 void look_at_steps(const Series& series, const std::vector<Pair>& pairs, std::vector<std::string>& remarks) {
     for (Eigen::Index d = 0; d < series.dimension(); ++d) {
-        const SeriesCoordinate& coordinate = series.coordinates[static_cast<std::size_t>(d)];
+        const SeriesCoordinate& coordinate = series.coordinate(d);
         std::vector<double> readings;
         for (const Pair& pair : pairs)
             readings.push_back(pair.point()[d]);
@@ -144,11 +141,11 @@ void look_at_steps(const Series& series, const std::vector<Pair>& pairs, std::ve
             ++different;
             step = std::min(step, apart);
         }
-        if (different < least_different && readings.size() > 4 * least_different)
-            throw std::invalid_argument(fmt::format(
-                "find_cycles: coordinate '{}' has only {} different readings at {} points, {} to {} in "
-                "steps of {}; at least {} are needed: read it more finely, or leave it out",
-                coordinate.name, different, readings.size(), readings.front(), readings.back(), step, least_different));
+        refuse_if(different < least_different && readings.size() > 4 * least_different,
+                  "find_cycles: coordinate '{}' has only {} different readings at {} points, {} to {} in steps of {}; "
+                  "at least {} are needed: read it more finely, or leave it out",
+                  coordinate.name, different, readings.size(), readings.front(), readings.back(), step,
+                  least_different);
         const double repeated = 1.0 - static_cast<double>(different) / static_cast<double>(readings.size());
         if (repeated >= tied)
             remarks.push_back(fmt::format(
@@ -220,7 +217,7 @@ std::size_t torn_neighbours(const std::vector<Pair>& pairs, Eigen::Index d, doub
 
 void check_angles(const Series& series, const std::vector<Pair>& pairs, std::vector<std::string>& remarks) {
     for (Eigen::Index d = 0; d < series.dimension(); ++d) {
-        const SeriesCoordinate& coordinate = series.coordinates[static_cast<std::size_t>(d)];
+        const SeriesCoordinate& coordinate = series.coordinate(d);
         const double span = range_of(series, d).span();
         const bool degrees = std::abs(span / 360.0 - 1.0) <= nearly;
         if (coordinate.angle) {
@@ -262,13 +259,11 @@ std::vector<std::string> check_section(const Series& series, const std::vector<i
 }
 
 void check_neighbours(std::size_t images, int neighbours, std::size_t usual, Eigen::Index least) {
-    if (neighbours != 0 && !(neighbours >= least))
-        throw std::invalid_argument(fmt::format(
-            "find_cycles: neighbours must be at least {} for this order and dimension, got {}", least, neighbours));
+    refuse_if(neighbours != 0 && !(neighbours >= least),
+              "find_cycles: neighbours must be at least {} for this order and dimension, got {}", least, neighbours);
     const std::size_t needed = 10 * (neighbours > 0 ? static_cast<std::size_t>(neighbours) : usual);
-    if (!(images >= needed))
-        throw std::invalid_argument(fmt::format(
-            "find_cycles: needs at least 10 x neighbours = {} points with an image, got {}", needed, images));
+    refuse_if(!(images >= needed), "find_cycles: needs at least 10 x neighbours = {} points with an image, got {}",
+              needed, images);
 }
 
 }  // namespace orbid::orbits

@@ -1,16 +1,14 @@
 #include "orbits/sections/section_points.hpp"
+#include "orbits/records/refusal.hpp"
 
-#include <algorithm>
 #include <limits>
 #include <numbers>
 #include <stdexcept>
-#include <string>
 #include <utility>
 
 #include <tbb/parallel_for.h>
 
 namespace orbid::orbits {
-
 namespace {
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
@@ -85,22 +83,18 @@ Eigen::VectorXd ranges_of(const Blocks& blocks, Eigen::Index n) {
 }
 
 void check_shape(const Series& series, const std::optional<std::vector<double>>& signs) {
-    if (series.sampling != Series::Sampling::section)
-        throw std::invalid_argument("find_cycles: the series holds time samples; it needs sections");
+    refuse_if(series.sampling != Series::Sampling::section,
+              "find_cycles: the series holds time samples; it needs sections");
     const Eigen::Index n = series.dimension();
     if (n < 1) throw std::invalid_argument("find_cycles: the series has no coordinates");
     for (const Segment& segment : series.segments)
-        if (segment.values.rows() != n)
-            throw std::invalid_argument("find_cycles: segment '" + segment.label + "' has " +
-                                        std::to_string(segment.values.rows()) + " rows, the series " +
-                                        std::to_string(n) + " coordinates");
+        refuse_if(segment.values.rows() != n, "find_cycles: segment '{}' has {} rows, the series {} coordinates",
+                  segment.label, segment.values.rows(), n);
     if (!signs) return;
-    if (static_cast<Eigen::Index>(signs->size()) != n)
-        throw std::invalid_argument("find_cycles: symmetry_signs has " + std::to_string(signs->size()) +
-                                    " entries, the series " + std::to_string(n) + " coordinates");
+    refuse_if(static_cast<Eigen::Index>(signs->size()) != n,
+              "find_cycles: symmetry_signs has {} entries, the series {} coordinates", signs->size(), n);
     for (const double sign : *signs)
-        if (!(sign == 1.0 || sign == -1.0))
-            throw std::invalid_argument("find_cycles: symmetry_signs must be +1 or -1, got " + std::to_string(sign));
+        refuse_if(!(sign == 1.0 || sign == -1.0), "find_cycles: symmetry_signs must be +1 or -1, got {:f}", sign);
 }
 
 }  // namespace
@@ -123,8 +117,8 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
     const Eigen::VectorXd ranges = ranges_of(blocks, series.dimension());
     for (std::size_t d = 0; d < n; ++d) {
         const double range = ranges[static_cast<Eigen::Index>(d)];
-        if (!(range > 0.0) || !(scale_[static_cast<Eigen::Index>(d)] > 0.0))
-            throw std::invalid_argument("find_cycles: coordinate '" + series.coordinates[d].name + "' has no spread");
+        refuse_if(!(range > 0.0) || !(scale_[static_cast<Eigen::Index>(d)] > 0.0),
+                  "find_cycles: coordinate '{}' has no spread", series.coordinates[d].name);
         if (angle_[d] && !(range > wrapped_range * two_pi)) turns_known_ = false;
     }
 

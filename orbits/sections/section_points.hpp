@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -38,6 +39,7 @@ public:
     [[nodiscard]] std::size_t image_count() const { return image_count_; }
     [[nodiscard]] const Eigen::VectorXd& scale() const { return scale_; }  ///< [coordinate unit per scaled unit]
     [[nodiscard]] const std::vector<char>& angle() const { return angle_; }
+    [[nodiscard]] bool is_angle(Eigen::Index d) const { return angle_[static_cast<std::size_t>(d)] != 0; }
     [[nodiscard]] const Eigen::VectorXd& signs() const { return signs_; }  ///< empty: no symmetry
     [[nodiscard]] bool symmetric() const { return signs_.size() > 0; }
 
@@ -49,6 +51,13 @@ public:
     }
     /// a - b, shape (n).
     [[nodiscard]] Eigen::VectorXd difference(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
+    /// Largest coordinate of the difference of two points.
+    [[nodiscard]] double largest_difference(std::size_t i, std::size_t j) const {
+        double largest = 0.0;
+        for (Eigen::Index d = 0; d < dimension(); ++d)
+            largest = std::max(largest, std::abs(difference(point(i)[d], point(j)[d], d)));
+        return largest;
+    }
     /// The same value of coordinate d, an angle in [-1/2, 1/2).
     [[nodiscard]] double wrapped(double value, Eigen::Index d) const {
         if (!angle_[static_cast<std::size_t>(d)] || (value >= -0.5 && value < 0.5)) return value;

@@ -6,10 +6,10 @@
 #include <limits>
 
 #include "models/arithmetic/orthogonal_factor.hpp"
+#include "orbits/records/refusal.hpp"
 #include "periodic/orbit/full_turn.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Orders of differences beyond ten gain nothing: the noise they leave is that of ever fewer independent stretches.
@@ -17,6 +17,13 @@ constexpr int highest_difference = 10;
 
 constexpr std::array<int, 4> degrees{1, 3, 5, 7};
 constexpr int widest = 128;
+
+// Sampling intervals may differ by this part of one: times in files have a few digits.
+constexpr double uneven = 1e-3;
+
+// Samples looked at on either side of a crossing when a window is chosen, and most places used for it.
+constexpr Eigen::Index beside = 3;
+constexpr std::size_t most_places = 20000;
 
 Eigen::VectorXd unwrapped(const Segment& segment, Eigen::Index coordinate, bool angle) {
     Eigen::VectorXd readings = segment.values.row(coordinate).transpose();
@@ -57,7 +64,7 @@ Eigen::VectorXd prediction_weights(TimeWindow window) {
 }  // namespace
 
 double difference_variance(const Series& samples, Eigen::Index coordinate) {
-    const bool angle = samples.coordinates[static_cast<std::size_t>(coordinate)].angle;
+    const bool angle = samples.coordinate(coordinate).angle;
     std::array<double, highest_difference> sums{};
     std::size_t count = 0;
     for (const Segment& segment : samples.segments) {
@@ -143,9 +150,51 @@ SmoothedValue TimeSmoothing::at(Eigen::Index i, double u) const {
     return result;
 }
 
+void check_samples(const Series& samples, const char* caller) {
+    refuse_if(samples.sampling != Series::Sampling::samples, "{}: the series holds sections; it needs samples in time",
+              caller);
+    for (const Segment& segment : samples.segments) {
+        refuse_if(segment.values.rows() != samples.dimension() || segment.times.size() != segment.values.cols(),
+                  "{}: segment '{}' has {} rows and {} times for {} samples of {} coordinates", caller, segment.label,
+                  segment.values.rows(), segment.times.size(), segment.values.cols(), samples.dimension());
+    }
+}
+
+double sampling_interval(const Series& samples, const char* caller) {
+    double step = 0.0;
+    for (const Segment& segment : samples.segments) {
+        const Eigen::Index m = segment.times.size();
+        if (m > 1 && step == 0.0) step = (segment.times[m - 1] - segment.times[0]) / static_cast<double>(m - 1);
+    }
+    refuse_if(!(step > 0.0), "{}: no segment has two samples at ascending times", caller);
+    for (const Segment& segment : samples.segments)
+        for (Eigen::Index i = 0; i + 1 < segment.times.size(); ++i)
+            refuse_if(!(std::abs(segment.times[i + 1] - segment.times[i] - step) <= uneven * step),
+                      "{}: segment '{}' goes from {} s to {} s where {} s was the sampling interval; samples must be "
+                      "equidistant, missing ones nan",
+                      caller, segment.label, segment.times[i], segment.times[i + 1], step);
+    return step;
+}
+
+std::vector<std::vector<Eigen::Index>> places_near(const std::vector<std::vector<Eigen::Index>>& marks) {
+    std::size_t count = 0;
+    for (const auto& own : marks)
+        count += own.size() * static_cast<std::size_t>(2 * beside);
+    const std::size_t stride = count / most_places + 1;
+    std::vector<std::vector<Eigen::Index>> places(marks.size());
+    std::size_t number = 0;
+    for (std::size_t s = 0; s < marks.size(); ++s)
+        for (const Eigen::Index mark : marks[s]) {
+            if (number++ % stride != 0) continue;
+            for (Eigen::Index i = mark - beside + 1; i <= mark + beside; ++i)
+                if (i >= 0) places[s].push_back(i);
+        }
+    return places;
+}
+
 TimeWindow best_window(const Series& samples, Eigen::Index coordinate,
                        const std::vector<std::vector<Eigen::Index>>& places) {
-    const bool angle = samples.coordinates[static_cast<std::size_t>(coordinate)].angle;
+    const bool angle = samples.coordinate(coordinate).angle;
     std::vector<Eigen::VectorXd> readings;
     for (const Segment& segment : samples.segments)
         readings.push_back(unwrapped(segment, coordinate, angle));

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <vector>
 
 #include <Eigen/Core>
@@ -27,6 +26,9 @@ struct SmoothedValue {
     double slope = 0.0;           ///< per second
     double value_variance = 0.0;  ///< for unit variance of a sample
     bool usable = false;          ///< false: too few samples present
+
+    /// Ends of segments and holes leave variances beyond 1.5.
+    [[nodiscard]] bool reliable() const { return usable && value_variance <= 1.5; }
 };
 
 /// Local polynomials in time (Savitzky and Golay 1964) through the samples of one coordinate of one segment.
@@ -54,6 +56,17 @@ private:
     Eigen::MatrixXd solver_;             ///< shape (degree + 1, 2 h): coefficients from a complete window
     std::vector<Eigen::Index> missing_;  ///< number of missing readings before each sample
 };
+
+/// Refuses sections, and segments whose values and times do not fit the series.
+/// @param caller  begins the messages. @throws std::invalid_argument
+void check_samples(const Series& samples, const char* caller);
+
+/// The common sampling interval [s].
+/// @throws std::invalid_argument for samples that are not equidistant, or no two samples in a segment.
+[[nodiscard]] double sampling_interval(const Series& samples, const char* caller);
+
+/// Three samples on either side of the intervals after the given ones, per segment; thinned evenly to 20 000.
+[[nodiscard]] std::vector<std::vector<Eigen::Index>> places_near(const std::vector<std::vector<Eigen::Index>>& marks);
 
 /// The window whose polynomials predict held-out samples best: each of the given samples is predicted by the h samples
 /// on either side without it. Degrees 1, 3, 5, 7, half widths up to 128. Places without a complete widest window are
