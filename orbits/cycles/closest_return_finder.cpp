@@ -1,10 +1,6 @@
 #include <algorithm>
-#include <cmath>
-#include <stdexcept>
-#include <string>
 #include <utility>
 
-#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include "models/arithmetic/lu_factor.hpp"
@@ -12,11 +8,11 @@
 #include "orbits/cycles/cycle_refinement.hpp"
 #include "orbits/cycles/recurrence.hpp"
 #include "orbits/local_maps/reference_map.hpp"
+#include "orbits/records/refusal.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_check.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 using Eigen::Index;
@@ -41,9 +37,8 @@ class ClosestReturnFinder final : public CycleFinder {
 public:
     ClosestReturnFinder(const SectionPoints& section, const CycleSearchOptions& options)
         : options_(options), section_(section), grid_(section) {
-        if (options_.order > 1)
-            throw std::invalid_argument("find_cycles: closest_return fits linear maps, order must be 1 or 0, got " +
-                                        std::to_string(options_.order));
+        refuse_if(options_.order > 1, "find_cycles: closest_return fits linear maps, order must be 1 or 0, got {}",
+                  options_.order);
         check_neighbours(section.image_count(), options_.neighbours, least_map_neighbours, section.dimension() + 2);
         if (options_.neighbours == 0) options_.neighbours = least_map_neighbours;
         const MatrixXd unit = section.scale().cwiseInverse().asDiagonal();
@@ -56,26 +51,8 @@ public:
         search.candidates += seeds.size();
         std::vector<JudgedCandidate> trials(seeds.size());
         // Every start writes its own slot: the same bytes with any number of threads.
-        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, seeds.size()),
-                          [&](const tbb::blocked_range<std::size_t>& range) {
-                              for (std::size_t i = range.begin(); i < range.end(); ++i)
-                                  trials[i] = estimate(seeds[i], period);
-                          });
-        std::vector<CycleCandidate> drafts;
-        for (JudgedCandidate& trial : trials)
-            if (trial.accepted)
-                drafts.push_back(std::move(trial.draft));
-            else
-                ++search.rejected;
-        const double limit = same_cycle_boxes * options_.box;
-        drafts = merged(section_, std::move(drafts), [&](const CycleCandidate& a, const CycleCandidate& b) {
-            return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), limit);
-        });
-        std::erase_if(drafts, [&](const CycleCandidate& draft) {
-            const double sd = draft.largest_sd();
-            return !is_prime(section_, draft.points, same_cycle_tolerance(sd, sd, limit));
-        });
-        return drafts;
+        tbb::parallel_for(std::size_t{0}, seeds.size(), [&](std::size_t i) { trials[i] = estimate(seeds[i], period); });
+        return merged_by_sds(section_, accepted_drafts(std::move(trials), search), same_cycle_boxes * options_.box);
     }
 
 private:

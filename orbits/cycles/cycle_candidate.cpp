@@ -6,7 +6,6 @@
 #include <utility>
 
 namespace orbid::orbits {
-
 namespace {
 
 // Two solutions are one cycle when all points lie within this many standard deviations, or within this distance
@@ -20,7 +19,7 @@ Cycle plain(const SectionPoints& section, const CycleCandidate& draft) {
     cycle.period = static_cast<int>(p);
     cycle.points = section.scale().asDiagonal() * draft.points;
     for (Eigen::Index d = 0; d < n; ++d)
-        if (section.angle()[static_cast<std::size_t>(d)])
+        if (section.is_angle(d))
             for (Eigen::Index j = 0; j < p; ++j)
                 if (!(cycle.points(d, j) > -std::numbers::pi)) cycle.points(d, j) += 2.0 * std::numbers::pi;
     const Eigen::VectorXd unit = section.scale().replicate(p, 1);
@@ -95,6 +94,27 @@ std::vector<CycleCandidate> merged(
     return result;
 }
 
+std::vector<CycleCandidate> merged_by_sds(const SectionPoints& section, std::vector<CycleCandidate> drafts,
+                                          double limit) {
+    const auto tolerance = [&](const CycleCandidate& a, const CycleCandidate& b) {
+        return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), limit);
+    };
+    drafts = merged(section, std::move(drafts), tolerance);
+    std::erase_if(drafts,
+                  [&](const CycleCandidate& one) { return !is_prime(section, one.points, tolerance(one, one)); });
+    return drafts;
+}
+
+std::vector<CycleCandidate> accepted_drafts(std::vector<JudgedCandidate> trials, CycleSearch& search) {
+    std::vector<CycleCandidate> drafts;
+    for (JudgedCandidate& trial : trials)
+        if (trial.accepted)
+            drafts.push_back(std::move(trial.draft));
+        else
+            ++search.rejected;
+    return drafts;
+}
+
 Eigen::VectorXd count_turns(const SectionPoints& section, const NeighbourIndex& grid, const Eigen::MatrixXd& points) {
     if (!section.turns_known()) return {};
     std::vector<Neighbour> nearest;
@@ -102,7 +122,7 @@ Eigen::VectorXd count_turns(const SectionPoints& section, const NeighbourIndex& 
         nearest.push_back(grid.nearest(points.col(j), 1).front());
     std::vector<double> turns;
     for (Eigen::Index d = 0; d < section.dimension(); ++d) {
-        if (!section.angle()[static_cast<std::size_t>(d)]) continue;
+        if (!section.is_angle(d)) continue;
         // Turns are those of the nearest neighbours, corrected to the cycle's own points.
         double sum = 0.0;
         for (Eigen::Index j = 0; j < points.cols(); ++j) {
@@ -148,7 +168,7 @@ void publish(const SectionPoints& section, const CycleCandidate& draft, double t
     const Eigen::VectorXd signs = section.signs().replicate(p, 1);
     partner.covariance = signs.asDiagonal() * draft.covariance * signs.asDiagonal();
     for (Eigen::Index a = 0, d = 0; d < section.dimension(); ++d)
-        if (section.angle()[static_cast<std::size_t>(d)]) {
+        if (section.is_angle(d)) {
             if (a < partner.advance.size()) partner.advance[a] *= section.signs()[d];
             ++a;
         }

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "orbits/local_maps/cell_map.hpp"
 #include "orbits/local_maps/cycle_multiplier.hpp"
 #include "orbits/local_maps/fit_choice.hpp"
 #include "orbits/local_maps/local_map.hpp"
@@ -13,21 +14,20 @@
 
 namespace orbid::orbits {
 
-/// How the refinement of a start ended.
-enum class RefinementStatus {
-    converged,
-    no_neighbours,  ///< too few untorn neighbours at a point of the cycle
-    no_solution,    ///< Newton on the frozen local maps did not converge or ran away
-    unsettled       ///< the points kept moving when the fits were renewed
-};
+/// Newton on all p points of a start together, F(x_j) - x_{j+1} = 0, j mod p, on the polynomials of the cells that
+/// contain the points. Near the solution the cells no longer change, so that Newton converges although cells do not
+/// join smoothly.
+///
+/// @param points  shape (n, p), scaled units; at success the closed orbit of the cells' polynomials, wrapped.
+/// @return false: a point reached a place without a map, or Newton wandered.
+[[nodiscard]] bool close_on_cells(const SectionPoints& section, const CellMap& map, Eigen::MatrixXd& points);
 
 /// A closed orbit of the local maps.
 struct RefinedCycle {
-    RefinementStatus status = RefinementStatus::no_solution;
+    bool converged = false;
     Eigen::MatrixXd points;                   ///< shape (n, p), scaled units, wrapped
     std::vector<LocalMap> maps;               ///< one per point, centred there up to the last correction
     std::vector<std::vector<FitSize>> sizes;  ///< of every point: of its map, then those of other fits
-    [[nodiscard]] int period() const { return static_cast<int>(points.cols()); }
     [[nodiscard]] std::vector<Eigen::MatrixXd> jacobians(const SectionPoints& section) const;  ///< at the points
 };
 

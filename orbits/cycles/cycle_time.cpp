@@ -1,5 +1,3 @@
-#include "orbits/cycles/cycle_time.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,25 +5,20 @@
 #include <optional>
 #include <vector>
 
+#include "orbits/cycles/cycle_candidate.hpp"
+#include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/local_polynomial.hpp"
 #include "orbits/local_maps/monomials.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Sizes of neighbourhoods tried, in numbers of coefficients.
 constexpr std::array<std::size_t, 6> sizes{3, 6, 12, 24, 48, 96};
 constexpr std::size_t most_neighbours = 2000;
 
-// An image this far (in turns) from the nearest neighbour's belongs to another piece of the map (as in local_map.cpp).
-constexpr double torn = 0.25;
-
-// The weights vanish a little beyond the farthest neighbour.
-constexpr double radius_margin = 1.05;
-
 // Errors of times never fall below the rounding of times of this size, with room for the digits that reading loses.
-constexpr double rounding = 1e-14;
+constexpr double time_rounding = 1e-14;
 
 struct TimeFit {
     double value = 0.0;     // [s]
@@ -56,7 +49,7 @@ Support gather_support(const SectionPoints& points, const NeighbourIndex& grid, 
             const double image = sign * points.point(member.index + 1)[d];
             if (kept == 0) reference[static_cast<std::size_t>(d)] = image;
             support.offsets(kept, d) = points.difference(sign * points.point(member.index)[d], place[d], d);
-            whole = whole && std::abs(points.difference(image, reference[static_cast<std::size_t>(d)], d)) < torn;
+            whole = whole && std::abs(points.difference(image, reference[static_cast<std::size_t>(d)], d)) < torn_turns;
         }
         if (!whole) break;
         support.distance[kept] = std::sqrt(member.distance2);
@@ -74,7 +67,7 @@ std::optional<TimeFit> fit(const Support& support, int order, Eigen::Index k) {
                                                        radius_margin * support.distance[k - 1], order);
     if (!found.usable) return std::nullopt;
     return TimeFit{found.value[0], found.slope.row(0).transpose(),
-                   std::sqrt(found.residual(0, 0) * found.leverage) + rounding * std::abs(found.value[0])};
+                   std::sqrt(found.residual(0, 0) * found.leverage) + time_rounding * std::abs(found.value[0])};
 }
 
 // The best fit, its sd with the difference to the second-best in it.

@@ -1,13 +1,11 @@
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "orbits/cycles/cycle_refinement.hpp"
-#include "orbits/local_maps/floored_covariance.hpp"
+#include "orbits/local_maps/local_map.hpp"
 #include "periodic/discretisation/cyclic_system.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Step of differences of a local map's jacobian, in its radius: their error is of the order of 1e-6 of the curvature,
@@ -71,9 +69,8 @@ CycleUncertainty cycle_uncertainty(const SectionPoints& section, const RefinedCy
         const auto at = static_cast<std::size_t>(j);
         const double apart = disagreement(section, fits[at]);
         result.disagreement = std::max(result.disagreement, std::sqrt(apart));
-        const Eigen::MatrixXd errors =
-            apart * local_map_covariance(nearest_part(fits[at].neighbours, cycle.sizes[at].front().neighbours),
-                                         fits[at].fits.front());
+        const Eigen::MatrixXd errors = apart * local_map_covariance(fits[at].neighbours, fits[at].fits.front(),
+                                                                    cycle.sizes[at].front().neighbours);
         Eigen::MatrixXd to_points = Eigen::MatrixXd::Zero(n * p, errors.rows());
         to_points.leftCols(n) = inverse.middleCols(j * n, n);
         Eigen::MatrixXd to_multipliers(n, errors.rows());

@@ -2,19 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <limits>
 #include <map>
 #include <span>
 #include <stdexcept>
-#include <string>
 
 #include "models/system/argument_check.hpp"
+#include "orbits/records/refusal.hpp"
 #include "periodic/search/orbit_search.hpp"
 #include "periodic/solution/solve_orbit.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 using Eigen::Index;
@@ -26,9 +24,8 @@ std::vector<Index> model_coordinates(const Series& series, const models::System&
     std::vector<Index> result;
     for (const SeriesCoordinate& coordinate : series.coordinates) {
         result.push_back(system.coordinate_index(coordinate.name));
-        if (result.back() < 0)
-            throw std::invalid_argument("harvest: the series has a coordinate '" + coordinate.name +
-                                        "', the model none of this name");
+        refuse_if(result.back() < 0, "harvest: the series has a coordinate '{}', the model none of this name",
+                  coordinate.name);
     }
     return result;
 }
@@ -39,20 +36,17 @@ void validate_search(const models::System& system, const VectorXd& theta, const 
     models::check_sensor(system, options.sensor);
     const auto free = static_cast<Index>(options.free.size());
     const bool exact = options.covariance.size() == 0;
-    if (!exact && !(options.covariance.rows() == free && options.covariance.cols() == free))
-        throw std::invalid_argument("harvest: covariance has shape (" + std::to_string(options.covariance.rows()) +
-                                    ", " + std::to_string(options.covariance.cols()) + "), there are " +
-                                    std::to_string(free) + " free parameters");
-    if (!options.covariance.allFinite() || (!exact && !(options.covariance.diagonal().minCoeff() >= 0.0)))
-        throw std::invalid_argument("harvest: the covariance of theta must be finite, its variances >= 0");
+    refuse_if(!exact && !(options.covariance.rows() == free && options.covariance.cols() == free),
+              "harvest: covariance has shape ({}, {}), there are {} free parameters", options.covariance.rows(),
+              options.covariance.cols(), free);
+    refuse_if(!options.covariance.allFinite() || (!exact && !(options.covariance.diagonal().minCoeff() >= 0.0)),
+              "harvest: the covariance of theta must be finite, its variances >= 0");
     if (options.maximum_orbits == 0) throw std::invalid_argument("harvest: maximum_orbits must be > 0, got 0");
     const bool autonomous = system.kind() == models::Kind::autonomous;
-    if (autonomous && !options.section)
-        throw std::invalid_argument("harvest: model " + std::string(system.name()) +
-                                    " is autonomous: the plane of the section must be named");
-    if (!autonomous && options.section)
-        throw std::invalid_argument("harvest: model " + std::string(system.name()) +
-                                    " is not autonomous: its sections are no crossings of a plane");
+    refuse_if(autonomous && !options.section, "harvest: model {} is autonomous: the plane of the section must be named",
+              system.name());
+    refuse_if(!autonomous && options.section,
+              "harvest: model {} is not autonomous: its sections are no crossings of a plane", system.name());
 }
 
 // The orbits, the least unstable of each period first.

@@ -1,18 +1,15 @@
-#include "orbits/cycles/itinerary.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numeric>
 
-#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
 #include "models/arithmetic/splitmix64.hpp"
+#include "orbits/cycles/recurrence.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Points that one task looks at; fixed, so that the result does not depend on the number of threads.
@@ -45,7 +42,7 @@ class ItineraryHash {
 public:
     ItineraryHash(const SectionPoints& points, std::size_t period, double cell) : points_(&points), period_(period) {
         for (Eigen::Index d = 0; d < points.dimension(); ++d) {
-            const bool angle = points.angle()[static_cast<std::size_t>(d)] != 0;
+            const bool angle = points.is_angle(d);
             // An even number around the circle: half a turn, a fixed point of the symmetry, is then in the middle of a
             // cell, as zero is.
             const double cells = angle ? std::max(2.0, 2.0 * std::floor(0.5 / cell)) : 0.0;
@@ -122,9 +119,7 @@ std::vector<RecurrenceSeed> itinerary_seeds(const SectionPoints& points, int per
             const bool whole = run >= p;
             run = points.has_image(i + p) ? run + 1 : 0;
             if (!whole) continue;
-            double gap = 0.0;
-            for (Eigen::Index d = 0; d < points.dimension(); ++d)
-                gap = std::max(gap, std::abs(points.difference(points.point(i + p)[d], points.point(i)[d], d)));
+            const double gap = points.largest_difference(i + p, i);
             if (gap <= box) use(i, gap);
         }
     };

@@ -3,24 +3,20 @@
 #include <iterator>
 #include <numbers>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 
-#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
-#include "orbits/cycles/cell_newton.hpp"
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/cycles/cycle_refinement.hpp"
-#include "orbits/cycles/itinerary.hpp"
+#include "orbits/cycles/recurrence.hpp"
 #include "orbits/local_maps/cell_map.hpp"
 #include "orbits/local_maps/fit_choice.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_check.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Points that a series must have ten times as many of, where the options say nothing.
@@ -67,25 +63,6 @@ double unexplained_part(const RefinedCycle& cycle) {
 // Starts that are closed before those that ended in one orbit are joined: a draft takes half a kilobyte.
 constexpr std::size_t starts_at_once = 1 << 14;
 
-template <class Body>
-void each(std::size_t count, const Body& body) {
-    // Every index writes its own slot: the same bytes with any number of threads.
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count), [&](const tbb::blocked_range<std::size_t>& range) {
-        for (std::size_t i = range.begin(); i < range.end(); ++i)
-            body(i);
-    });
-}
-
-std::vector<CycleCandidate> accepted(std::vector<JudgedCandidate>& trials, CycleSearch& search) {
-    std::vector<CycleCandidate> drafts;
-    for (JudgedCandidate& trial : trials)
-        if (trial.accepted)
-            drafts.push_back(std::move(trial.draft));
-        else
-            ++search.rejected;
-    return drafts;
-}
-
 // A number that does not depend on the point that comes first or on mirroring: what closed orbits are sorted by.
 double fingerprint(const SectionPoints& section, const Eigen::MatrixXd& points) {
     double sum = 0.0;
@@ -94,9 +71,8 @@ double fingerprint(const SectionPoints& section, const Eigen::MatrixXd& points) 
             const double x = points(d, j);
             const bool even = section.symmetric() && section.signs()[d] < 0.0;
             const double turn = 2.0 * std::numbers::pi * x;
-            const double value = section.angle()[static_cast<std::size_t>(d)]
-                                     ? std::cos(turn) + (even ? 0.0 : std::sin(turn))
-                                     : (even ? x * x : x);
+            const double value =
+                section.is_angle(d) ? std::cos(turn) + (even ? 0.0 : std::sin(turn)) : (even ? x * x : x);
             sum += static_cast<double>(d + 1) * value;
         }
     return sum;
@@ -144,15 +120,17 @@ public:
         // In blocks: wide boxes have a hundred times more starts than orbits.
         for (std::size_t first = 0; first < seeds.size(); first += starts_at_once) {
             std::vector<JudgedCandidate> closed(std::min(starts_at_once, seeds.size() - first));
-            each(closed.size(), [&](std::size_t i) { closed[i] = close(seeds[first + i], period); });
+            // Every index writes its own slot: the same bytes with any number of threads.
+            tbb::parallel_for(std::size_t{0}, closed.size(),
+                              [&](std::size_t i) { closed[i] = close(seeds[first + i], period); });
             for (std::size_t i = 0; i < closed.size(); ++i)
                 if (!closed[i].accepted) lost.push_back(first + i);
-            std::vector<CycleCandidate> some = accepted(closed, search);
+            std::vector<CycleCandidate> some = accepted_drafts(std::move(closed), search);
             std::move(some.begin(), some.end(), std::back_inserter(orbits));
             orbits = distinct(section_, orbits);
         }
         // Starts that met other cells ended a little apart: one centred fit each brings them together.
-        each(orbits.size(), [&](std::size_t i) { (void)settle(orbits[i]); });
+        tbb::parallel_for(std::size_t{0}, orbits.size(), [&](std::size_t i) { (void)settle(orbits[i]); });
         for (CycleCandidate& draft : closed_directly(seeds, std::move(lost), period))
             orbits.push_back(std::move(draft));
         std::vector<CycleCandidate> drafts =
@@ -161,14 +139,10 @@ public:
             return !is_prime(section_, draft.points, same_local_distance);
         });
         std::vector<JudgedCandidate> judged(drafts.size());
-        each(drafts.size(), [&](std::size_t i) { judged[i] = judge(drafts[i]); });
-        drafts = merged(section_, accepted(judged, search), [&](const CycleCandidate& a, const CycleCandidate& b) {
-            return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), merging_boxes * options_.box);
-        });
+        tbb::parallel_for(std::size_t{0}, drafts.size(), [&](std::size_t i) { judged[i] = judge(drafts[i]); });
+        drafts = merged_by_sds(section_, accepted_drafts(std::move(judged), search), merging_boxes * options_.box);
         std::erase_if(drafts, [&](const CycleCandidate& draft) {
-            const double sd = draft.largest_sd();
-            return draft.recurrences < static_cast<std::size_t>(options_.minimum_recurrences) ||
-                   !is_prime(section_, draft.points, same_cycle_tolerance(sd, sd, merging_boxes * options_.box));
+            return draft.recurrences < static_cast<std::size_t>(options_.minimum_recurrences);
         });
         return drafts;
     }
@@ -176,7 +150,7 @@ public:
     [[nodiscard]] std::vector<std::optional<CycleCandidate>> polish(
         const std::vector<CycleCandidate>& starts) const override {
         std::vector<std::optional<CycleCandidate>> result(starts.size());
-        each(starts.size(), [&](std::size_t i) {
+        tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
             JudgedCandidate trial = judge(starts[i]);
             if (trial.accepted) result[i] = std::move(trial.draft);
         });
@@ -200,9 +174,8 @@ private:
     [[nodiscard]] bool settle(CycleCandidate& draft) const {
         const RefinedCycle cycle =
             refine_cycle(section_, choice_, draft.points, FitSize{cells_.order(), cells_.neighbours()});
-        const bool converged = cycle.status == RefinementStatus::converged;
-        if (converged) draft.points = cycle.points;
-        return converged && unexplained_part(cycle) <= fit_unexplained;
+        if (cycle.converged) draft.points = cycle.points;
+        return cycle.converged && unexplained_part(cycle) <= fit_unexplained;
     }
 
     // Where the map bends within a cell (next to the fold of a Lorenz section) only fits centred on the points close an
@@ -215,7 +188,7 @@ private:
         const std::size_t count = std::min(direct_starts, lost.size());
         std::partial_sort(lost.begin(), lost.begin() + static_cast<std::ptrdiff_t>(count), lost.end(), more);
         std::vector<JudgedCandidate> trials(count);
-        each(count, [&](std::size_t i) {
+        tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
             trials[i].draft = start_of(seeds[lost[i]], period);
             trials[i].accepted = settle(trials[i].draft);
         });
@@ -228,10 +201,7 @@ private:
     [[nodiscard]] CycleCandidate start_of(const RecurrenceSeed& seed, int period) const {
         CycleCandidate draft;
         draft.recurrences = seed.recurrences;
-        draft.points.resize(section_.dimension(), period);
-        for (int j = 0; j < period; ++j)
-            draft.points.col(j) = Eigen::Map<const Eigen::VectorXd>(
-                section_.point(seed.start + static_cast<std::size_t>(j)), section_.dimension());
+        draft.points = seed_points(section_, seed, period);
         return draft;
     }
 
@@ -239,14 +209,14 @@ private:
     [[nodiscard]] JudgedCandidate judge(const CycleCandidate& start) const {
         JudgedCandidate trial;
         const RefinedCycle cycle = refine_cycle(section_, choice_, start.points);
-        if (cycle.status != RefinementStatus::converged || !(unexplained_part(cycle) <= fit_unexplained)) return trial;
+        if (!cycle.converged || !(unexplained_part(cycle) <= fit_unexplained)) return trial;
         std::vector<PlacedFits> fits;
         for (std::size_t j = 0; j < cycle.maps.size(); ++j)
             fits.push_back(choice_.fitted(cycle.points.col(static_cast<Eigen::Index>(j)), cycle.sizes[j]));
         const std::vector<RefinedCycle> refits{alternative_cycle(section_, cycle, fits, 1),
                                                alternative_cycle(section_, cycle, fits, 2)};
         for (const RefinedCycle& refit : refits)
-            if (!(refit.status == RefinementStatus::converged &&
+            if (!(refit.converged &&
                   cycle_distance(section_, cycle.points, refit.points, 0, false) <= largest_fit_disagreement))
                 return trial;
         const CycleUncertainty uncertainty = cycle_uncertainty(section_, cycle, fits, refits);

@@ -16,7 +16,6 @@
 #include "orbits/sections/neighbour_index.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Rounds in which the fits are renewed around the points; order and neighbours of the fits stay from the third on, so
@@ -62,29 +61,16 @@ public:
         const std::vector<RecurrenceSeed> seeds =
             recurrence_seeds(section_, period, options_.box, static_cast<std::size_t>(options_.minimum_recurrences));
         search.candidates += seeds.size();
-        std::vector<CycleCandidate> tried(seeds.size());
-        std::vector<char> accepted(seeds.size(), 0);
+        std::vector<JudgedCandidate> trials(seeds.size());
         // Every index writes its own slot: the same bytes with any number of threads.
         tbb::parallel_for(std::size_t{0}, seeds.size(), [&](std::size_t i) {
             const Solution solution = solve(seeds[i], period);
             if (!solution.converged) return;
-            tried[i] = draft(solution);
-            tried[i].recurrences = seeds[i].recurrences;
-            accepted[i] = believable(tried[i], solution) ? 1 : 0;
+            trials[i].draft = draft(solution);
+            trials[i].draft.recurrences = seeds[i].recurrences;
+            trials[i].accepted = believable(trials[i].draft, solution);
         });
-        std::vector<CycleCandidate> drafts;
-        for (std::size_t i = 0; i < tried.size(); ++i)
-            if (accepted[i])
-                drafts.push_back(std::move(tried[i]));
-            else
-                ++search.rejected;
-        const auto tolerance = [](const CycleCandidate& a, const CycleCandidate& b) {
-            return same_cycle_tolerance(a.largest_sd(), b.largest_sd(), same_limit);
-        };
-        drafts = merged(section_, std::move(drafts), tolerance);
-        std::erase_if(drafts,
-                      [&](const CycleCandidate& one) { return !is_prime(section_, one.points, tolerance(one, one)); });
-        return drafts;
+        return merged_by_sds(section_, accepted_drafts(std::move(trials), search), same_limit);
     }
 
 private:
@@ -95,10 +81,7 @@ private:
     [[nodiscard]] Solution solve(const RecurrenceSeed& seed, int period) const {
         const Eigen::Index n = section_.dimension(), p = period;
         Solution solution;
-        solution.points.resize(n, p);
-        for (Eigen::Index j = 0; j < p; ++j)
-            solution.points.col(j) =
-                Eigen::Map<const Eigen::VectorXd>(section_.point(seed.start + static_cast<std::size_t>(j)), n);
+        solution.points = seed_points(section_, seed, period);
         for (int round = 0; round < most_rounds; ++round) {
             std::vector<ManifoldMap> maps;
             std::vector<Eigen::MatrixXd> jacobians;

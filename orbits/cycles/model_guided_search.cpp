@@ -4,20 +4,16 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <optional>
-#include <stdexcept>
 #include <utility>
 
 #include "orbits/cycles/cycle_finder.hpp"
-#include "orbits/cycles/cycle_time.hpp"
 #include "orbits/cycles/expected_cycle.hpp"
-#include "orbits/cycles/finder_choice.hpp"
 #include "orbits/local_maps/monomials.hpp"
+#include "orbits/records/refusal.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 using Eigen::Index;
@@ -189,9 +185,9 @@ private:
 ModelGuidedSearch model_guided_search(const Series& series, const models::System& system, const VectorXd& theta,
                                       const std::vector<Cycle>& known, const ModelGuidedSearchOptions& options) {
     check_search(options.search, series.dimension());
-    if (options.search.method == CycleSearchOptions::Method::closest_return)
-        throw std::invalid_argument(
-            "harvest: the method closest_return rests on recurrences of the series alone; use local_maps or patch_map");
+    refuse_if(
+        options.search.method == CycleSearchOptions::Method::closest_return,
+        "harvest: the method closest_return rests on recurrences of the series alone; use local_maps or patch_map");
     ModelGuidedSearcher harvester(series, known, options);
     return harvester.reap(series, expected_cycles(series, harvester.section(), system, theta, options));
 }

@@ -8,7 +8,6 @@
 #include <utility>
 
 namespace orbid::orbits {
-
 namespace {
 
 // A group's pieces lie within this many boxes of its leader.
@@ -18,13 +17,6 @@ struct Recurrent {
     double gap;  // largest coordinate of x_{t+p} - x_t
     std::size_t start;
 };
-
-double largest_difference(const SectionPoints& points, std::size_t a, std::size_t b) {
-    double largest = 0.0;
-    for (Eigen::Index d = 0; d < points.dimension(); ++d)
-        largest = std::max(largest, std::abs(points.difference(points.point(a)[d], points.point(b)[d], d)));
-    return largest;
-}
 
 double mirrored_difference(const SectionPoints& points, std::size_t a, std::size_t b) {
     double largest = 0.0;
@@ -40,7 +32,7 @@ std::int64_t boxes_per_turn(double box) {
 }
 
 std::int64_t box_number(const SectionPoints& points, double value, Eigen::Index d, double box) {
-    if (!points.angle()[static_cast<std::size_t>(d)]) return static_cast<std::int64_t>(std::floor(value / box));
+    if (!points.is_angle(d)) return static_cast<std::int64_t>(std::floor(value / box));
     const std::int64_t boxes = boxes_per_turn(box);
     return std::clamp<std::int64_t>(static_cast<std::int64_t>(std::floor((value + 0.5) * static_cast<double>(boxes))),
                                     0, boxes - 1);
@@ -50,7 +42,7 @@ bool own_or_next_box(const SectionPoints& points, std::size_t a, std::size_t b, 
     for (Eigen::Index d = 0; d < points.dimension(); ++d) {
         std::int64_t apart =
             std::abs(box_number(points, points.point(a)[d], d, box) - box_number(points, points.point(b)[d], d, box));
-        if (points.angle()[static_cast<std::size_t>(d)]) apart = std::min(apart, boxes_per_turn(box) - apart);
+        if (points.is_angle(d)) apart = std::min(apart, boxes_per_turn(box) - apart);
         if (apart > 1) return false;
     }
     return true;
@@ -62,7 +54,7 @@ std::vector<Recurrent> recurrent_points(const SectionPoints& points, std::size_t
     for (std::size_t i = 0; i < points.size(); ++i) {
         // Here `run` images lead up to point i: it is the end of a piece that began `period` sections ago.
         if (run >= period && own_or_next_box(points, i - period, i, box))
-            found.push_back({largest_difference(points, i - period, i), i - period});
+            found.push_back({points.largest_difference(i - period, i), i - period});
         run = points.has_image(i) ? run + 1 : 0;
     }
     return found;
@@ -102,7 +94,7 @@ private:
         Numbers result{0, 0, 0};
         for (Eigen::Index d = 0; d < gridded_; ++d) {
             double value = mirrored ? points_->signs()[d] * x[d] : x[d];
-            if (points_->angle()[static_cast<std::size_t>(d)] && value >= 0.5) value -= 1.0;
+            if (points_->is_angle(d) && value >= 0.5) value -= 1.0;
             result[static_cast<std::size_t>(d)] = box_number(*points_, value, d, edge_);
         }
         return result;
@@ -149,9 +141,9 @@ std::vector<RecurrenceSeed> recurrence_seeds(const SectionPoints& points, int pe
                 for (std::size_t j = 0; j < p; ++j) {
                     const std::size_t own = candidate.start + j;
                     const std::size_t other = seeds[leader].start + (shift + j) % p;
-                    if (!((mirrored ? mirrored_difference(points, own, other)
-                                    : largest_difference(points, own, other)) <= radius))
-                        return false;
+                    const double apart =
+                        mirrored ? mirrored_difference(points, own, other) : points.largest_difference(own, other);
+                    if (!(apart <= radius)) return false;
                 }
                 ++seeds[leader].recurrences;
                 joined = true;

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
 
 #include "orbits/cycles/cycle_candidate.hpp"
@@ -28,7 +26,8 @@ struct SplineMapCycle {
 
 /// Covariance of all points and of ln|multipliers| of a closed orbit from that of the map's coefficients, to first
 /// order:  J dx = -dF(x), with dF = Phi(x) dc, and the jacobians' own errors dPhi/dx dc + F'' dx.
+/// @param points  shape (n, p), wrapped.
 [[nodiscard]] CycleCandidate draft_of(const SectionPoints& section, const SplineMapFit& fit,
-                                      const SplineMapCycle& cycle);
+                                      const Eigen::MatrixXd& points);
 
 }  // namespace orbid::orbits

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -14,7 +13,6 @@
 #include "orbits/spline_map/spline_map_fit.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Largest standard deviation (scaled units) of a cycle that is told from its neighbours.
@@ -69,39 +67,16 @@ public:
                    "the map leaves over more than the errors of the readings explain: they may be larger than said");
         const std::vector<std::size_t> starts = recurrent(period);
         search.candidates += starts.size();
-        std::vector<SplineMapCycle> closed(starts.size());
+        std::vector<JudgedCandidate> closed(starts.size());
         tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
-            closed[i] = close_on_spline_map(section_, fit_.map,
-                                            fit_.states.middleCols(static_cast<Eigen::Index>(starts[i]), period));
+            closed[i] = close(fit_.states.middleCols(static_cast<Eigen::Index>(starts[i]), period), 1);
         });
-        std::vector<CycleCandidate> drafts;
-        for (const SplineMapCycle& cycle : closed) {
-            if (!cycle.converged || !is_prime(section_, cycle.points, 10.0 * same_spline_distance)) {
-                ++search.rejected;
-                continue;
-            }
-            CycleCandidate draft;
-            draft.points = cycle.points;
-            draft.recurrences = 1;
-            drafts.push_back(std::move(draft));
-        }
-        drafts = merged(section_, std::move(drafts), [](const auto&, const auto&) { return same_spline_distance; });
-        std::vector<char> accepted(drafts.size(), 0);
-        tbb::parallel_for(std::size_t{0}, drafts.size(), [&](std::size_t i) {
-            bool agrees = false;
-            drafts[i] = judged(drafts[i], agrees);
-            accepted[i] = agrees && drafts[i].largest_sd() <= largest_spline_sd ? 1 : 0;
-        });
-        const std::size_t before = drafts.size();
-        std::size_t kept = 0;
-        for (std::size_t i = 0; i < before; ++i)
-            if (accepted[i]) {
-                if (kept != i) drafts[kept] = std::move(drafts[i]);
-                ++kept;
-            }
-        drafts.resize(kept);
-        search.rejected += before - drafts.size();
-        return drafts;
+        const std::vector<CycleCandidate> drafts =
+            merged(section_, accepted_drafts(std::move(closed), search),
+                   [](const auto&, const auto&) { return same_spline_distance; });
+        std::vector<JudgedCandidate> trials(drafts.size());
+        tbb::parallel_for(std::size_t{0}, drafts.size(), [&](std::size_t i) { trials[i] = judge(drafts[i]); });
+        return accepted_drafts(std::move(trials), search);
     }
 
     [[nodiscard]] std::vector<std::optional<CycleCandidate>> polish(
@@ -109,14 +84,10 @@ public:
         std::vector<std::optional<CycleCandidate>> result(starts.size());
         if (!explains()) return result;
         tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
-            const SplineMapCycle cycle = close_on_spline_map(section_, fit_.map, starts[i].points);
-            if (!cycle.converged || !is_prime(section_, cycle.points, 10.0 * same_spline_distance)) return;
-            CycleCandidate draft;
-            draft.points = cycle.points;
-            draft.recurrences = starts[i].recurrences;
-            bool agrees = false;
-            draft = judged(draft, agrees);
-            if (agrees && draft.largest_sd() <= largest_spline_sd) result[i] = std::move(draft);
+            const JudgedCandidate closed = close(starts[i].points, starts[i].recurrences);
+            if (!closed.accepted) return;
+            JudgedCandidate trial = judge(closed.draft);
+            if (trial.accepted) result[i] = std::move(trial.draft);
         });
         return result;
     }
@@ -145,15 +116,26 @@ private:
         return options;
     }
 
+    // Accepted when it closes on the map, at no shorter period.
+    [[nodiscard]] JudgedCandidate close(const Eigen::MatrixXd& start, std::size_t recurrences) const {
+        const SplineMapCycle cycle = close_on_spline_map(section_, fit_.map, start);
+        JudgedCandidate trial;
+        trial.draft.points = cycle.points;
+        trial.draft.recurrences = recurrences;
+        trial.accepted = cycle.converged && is_prime(section_, cycle.points, 10.0 * same_spline_distance);
+        return trial;
+    }
+
     // Covariance of a closed orbit; what a map of coarser patches makes of it tells what patches cannot follow.
-    [[nodiscard]] CycleCandidate judged(const CycleCandidate& found, bool& agrees) const {
-        CycleCandidate draft = draft_of(section_, fit_, {found.points, true});
+    [[nodiscard]] JudgedCandidate judge(const CycleCandidate& found) const {
+        JudgedCandidate trial{draft_of(section_, fit_, found.points), false};
+        CycleCandidate& draft = trial.draft;
         draft.recurrences = found.recurrences;
         draft.same_within = 10.0 * same_spline_distance;
         const SplineMapCycle refit = close_on_spline_map(section_, coarse_.map, found.points);
-        agrees = refit.converged &&
-                 cycle_distance(section_, refit.points, found.points, 0, false) <= largest_map_disagreement;
-        if (!agrees) return draft;
+        if (!(refit.converged &&
+              cycle_distance(section_, refit.points, found.points, 0, false) <= largest_map_disagreement))
+            return trial;
         const Eigen::Index n = found.points.rows(), p = found.points.cols();
         Eigen::VectorXd change(n * p);
         for (Eigen::Index j = 0; j < p; ++j)
@@ -177,7 +159,8 @@ private:
         const Eigen::VectorXd ln_change =
             multipliers_of(coarse_.map, refit.points).ln_modulus - draft.multipliers.ln_modulus;
         if (ln_change.allFinite()) draft.ln_multiplier_covariance += share * ln_change * ln_change.transpose();
-        return draft;
+        trial.accepted = draft.largest_sd() <= largest_spline_sd;
+        return trial;
     }
 
     // Pieces of the smoothed series that come back within a box, best first.

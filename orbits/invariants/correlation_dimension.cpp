@@ -4,16 +4,14 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <stdexcept>
-#include <string>
 
 #include "estimator/interface/not_finite.hpp"
 #include "orbits/invariants/correlation_sum.hpp"
 #include "orbits/invariants/sample_stride.hpp"
+#include "orbits/records/refusal.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 constexpr std::size_t fewest_points = 1000;
@@ -117,12 +115,10 @@ Fit fit_range(const std::vector<CorrelationScale>& scales, const Range& range) {
 }
 
 void validate_correlation(const CorrelationOptions& options) {
-    if (!(options.pairs >= 10'000 && options.pairs <= 1'000'000'000))
-        throw std::invalid_argument("correlation_dimension: pairs must be in [10^4, 10^9], got " +
-                                    std::to_string(options.pairs));
-    if (!(options.points >= fewest_points))
-        throw std::invalid_argument("correlation_dimension: points must be at least " + std::to_string(fewest_points) +
-                                    ", got " + std::to_string(options.points));
+    refuse_if(!(options.pairs >= 10'000 && options.pairs <= 1'000'000'000),
+              "correlation_dimension: pairs must be in [10^4, 10^9], got {}", options.pairs);
+    refuse_if(!(options.points >= fewest_points), "correlation_dimension: points must be at least {}, got {}",
+              fewest_points, options.points);
 }
 
 std::vector<std::uint32_t> spread(const std::vector<std::uint32_t>& all, double wanted) {
@@ -251,10 +247,9 @@ CorrelationDimension correlation_dimension(const Series& series, const Correlati
 
     auto [all, ahead, time] = followed_points(points, stride);
     all = spread(all, static_cast<double>(options.points));
-    if (all.size() < fewest_points)
-        throw std::invalid_argument("correlation_dimension: " + std::to_string(all.size()) +
-                                    " points without missing coordinates, at least " + std::to_string(fewest_points) +
-                                    " are needed");
+    refuse_if(all.size() < fewest_points,
+              "correlation_dimension: {} points without missing coordinates, at least {} are needed", all.size(),
+              fewest_points);
     const double step_time = result.timed && points.image_count() > 0
                                  ? time / static_cast<double>(points.image_count()) * static_cast<double>(stride)
                                  : 1.0;

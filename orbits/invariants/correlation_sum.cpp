@@ -6,7 +6,6 @@
 #include <tbb/parallel_for.h>
 
 namespace orbid::orbits {
-
 namespace {
 
 constexpr std::size_t gridded_most = 3;  // coordinates that the boxes divide
@@ -65,20 +64,15 @@ public:
             }
             return std::pair{places, count};
         };
-        if (last == 0) return rows();
-        const auto [first_places, first_count] = offsets(0);
-        for (std::size_t a = 0; a < first_count; ++a) {
-            box[0] = first_places[a];
-            if (last == 1) {
-                rows();
-                continue;
+        const auto descend = [&](const auto& self, std::size_t d) -> void {
+            if (d == last) return rows();
+            const auto [places, count] = offsets(d);
+            for (std::size_t a = 0; a < count; ++a) {
+                box[d] = places[a];
+                self(self, d + 1);
             }
-            const auto [second_places, second_count] = offsets(1);
-            for (std::size_t b = 0; b < second_count; ++b) {
-                box[1] = second_places[b];
-                rows();
-            }
-        }
+        };
+        descend(descend, 0);
     }
 
     // The place in the list of the point in a slot of the order of boxes.
@@ -109,13 +103,6 @@ private:
     std::array<std::int64_t, gridded_most> turn_{};  // boxes in a turn; 0: not an angle
     std::vector<Entry> entries_;
 };
-
-double largest_difference(const SectionPoints& points, std::size_t i, std::size_t j) {
-    double largest = 0.0;
-    for (Eigen::Index d = 0; d < points.dimension(); ++d)
-        largest = std::max(largest, std::abs(points.difference(points.point(i)[d], points.point(j)[d], d)));
-    return largest;
-}
 
 // The stretch of the series that a place in the list belongs to.
 std::size_t stretch_of(std::size_t place, std::size_t size) {
@@ -155,7 +142,7 @@ OctaveCount count_pairs(const SectionPoints& points, const std::vector<std::uint
             boxes.visit(i, [&](std::uint32_t place) {
                 const std::uint32_t j = chosen[place];
                 if (!(j > i + theiler)) return;
-                const double apart = largest_difference(points, i, j);
+                const double apart = points.largest_difference(i, j);
                 if (!(apart < radius)) return;
                 OctaveCount::Pairs& sum = sums[part][own_row + stretch_of(place, chosen.size())];
                 sum.within[0] += 1.0;
@@ -167,7 +154,7 @@ OctaveCount count_pairs(const SectionPoints& points, const std::vector<std::uint
                 }
                 if (std::min(ahead[i], ahead[j]) < OctaveCount::followed) return;
                 for (std::size_t k = 0; k < OctaveCount::followed; ++k) {
-                    if (!(largest_difference(points, i + k * stride, j + k * stride) < radius)) break;
+                    if (!(points.largest_difference(i + k * stride, j + k * stride) < radius)) break;
                     sum.stay[k] += 1.0;
                 }
             });

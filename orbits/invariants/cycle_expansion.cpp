@@ -4,15 +4,16 @@
 #include <cmath>
 #include <complex>
 #include <stdexcept>
-#include <string>
+
+#include <fmt/format.h>
 
 #include "estimator/interface/not_finite.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "models/arithmetic/eigenvalues.hpp"
 #include "orbits/invariants/kaplan_yorke.hpp"
+#include "orbits/records/refusal.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // A multiplier this near to modulus 1 makes det(1 - J^r) vanish for some r within rounding.
@@ -33,56 +34,50 @@ struct Term {
     [[nodiscard]] double ln_expansion() const { return ln_modulus.cwiseMax(0.0).sum(); }
 };
 
-[[noreturn]] void refuse(const std::string& what) {
-    throw std::invalid_argument("expand_cycles: " + what);
-}
-
-std::string numbered(std::size_t cycle) {
-    return "cycle " + std::to_string(cycle);
-}
-
 void check_multipliers(const Cycle& cycle, std::size_t number, std::size_t dimension) {
-    if (cycle.multipliers.size() != dimension || dimension == 0)
-        refuse(numbered(number) + " has " + std::to_string(cycle.multipliers.size()) +
-               " multipliers, the first one has " + std::to_string(dimension) + "; all need the same, at least one");
+    refuse_if(cycle.multipliers.size() != dimension || dimension == 0,
+              "expand_cycles: cycle {} has {} multipliers, the first one has {}; all need the same, at least one",
+              number, cycle.multipliers.size(), dimension);
     bool unstable = false;
     for (const std::complex<double>& value : cycle.multipliers) {
         const double modulus = std::abs(value);
-        if (!(std::isfinite(modulus) && std::abs(modulus - 1.0) > marginal))
-            refuse(numbered(number) + " has a multiplier of modulus " + std::to_string(modulus) +
-                   ": must be finite and not 1 (the trivial multiplier of a flow is left out)");
+        refuse_if(!(std::isfinite(modulus) && std::abs(modulus - 1.0) > marginal),
+                  "expand_cycles: cycle {} has a multiplier of modulus {:f}: must be finite and not 1 (the trivial "
+                  "multiplier of a flow is left out)",
+                  number, modulus);
         unstable = unstable || modulus > 1.0;
     }
-    if (!unstable) refuse(numbered(number) + " is stable: an expansion is of unstable cycles");
+    refuse_if(!unstable, "expand_cycles: cycle {} is stable: an expansion is of unstable cycles", number);
 }
 
 void check_partner(std::span<const Cycle> cycles, std::size_t number) {
     const Cycle& cycle = cycles[number];
     if (!cycle.mirror) return;
     const std::size_t partner = *cycle.mirror;
-    if (!(partner < cycles.size()) || cycles[partner].mirror != number || cycles[partner].period != cycle.period)
-        refuse(numbered(number) + " names a mirror partner that is not in the list with the same period");
+    refuse_if(!(partner < cycles.size()) || cycles[partner].mirror != number || cycles[partner].period != cycle.period,
+              "expand_cycles: cycle {} names a mirror partner that is not in the list with the same period", number);
 }
 
 // The cycles up to complete_to, checked.
 std::vector<std::size_t> checked(std::span<const Cycle> cycles, const CycleExpansionOptions& options) {
-    if (!(options.complete_to >= 1 && options.complete_to <= 64))
-        refuse("complete_to must be in [1, 64], got " + std::to_string(options.complete_to) +
-               ": only a list that is complete up to a known period can be expanded");
+    refuse_if(!(options.complete_to >= 1 && options.complete_to <= 64),
+              "expand_cycles: complete_to must be in [1, 64], got {}: only a list that is complete up to a known "
+              "period can be expanded",
+              options.complete_to);
     std::vector<std::size_t> used;
     for (std::size_t i = 0; i < cycles.size(); ++i) {
-        if (!(cycles[i].period >= 1))
-            refuse(numbered(i) + " has period " + std::to_string(cycles[i].period) + ", must be positive");
+        refuse_if(!(cycles[i].period >= 1), "expand_cycles: cycle {} has period {}, must be positive", i,
+                  cycles[i].period);
         if (cycles[i].period > options.complete_to) continue;
         used.push_back(i);
         check_multipliers(cycles[i], i, cycles[used.front()].multipliers.size());
         check_partner(cycles, i);
         const bool timed = !std::isnan(cycles[used.front()].time);
-        if (std::isnan(cycles[i].time) == timed) refuse("some cycles have times, others not");
-        if (timed && !(cycles[i].time > 0.0 && std::isfinite(cycles[i].time)))
-            refuse(numbered(i) + " has time " + std::to_string(cycles[i].time) + ", must be positive");
+        refuse_if(std::isnan(cycles[i].time) == timed, "expand_cycles: some cycles have times, others not");
+        refuse_if(timed && !(cycles[i].time > 0.0 && std::isfinite(cycles[i].time)),
+                  "expand_cycles: cycle {} has time {:f}, must be positive", i, cycles[i].time);
     }
-    if (used.empty()) refuse("no cycle of period " + std::to_string(options.complete_to) + " or shorter");
+    refuse_if(used.empty(), "expand_cycles: no cycle of period {} or shorter", options.complete_to);
     return used;
 }
 
@@ -114,16 +109,14 @@ std::vector<int> index_sums(const std::vector<Term>& terms, int longest) {
 
 void check_index_sums(const std::vector<int>& sums) {
     if (std::all_of(sums.begin(), sums.end(), [&](int sum) { return sum == sums.front(); })) return;
-    std::string text;
-    for (const int sum : sums)
-        text += (text.empty() ? "" : ", ") + std::to_string(sum);
     const auto most = std::max_element(sums.begin(), sums.end(), [&](int a, int b) {
         return std::count(sums.begin(), sums.end(), a) < std::count(sums.begin(), sums.end(), b);
     });
     const auto odd = std::find_if(sums.begin(), sums.end(), [&](int sum) { return sum != *most; });
-    refuse("the list is not complete or has false cycles: the sums of the indices of the points of periods 1, 2, ... " +
-           text + " must be equal for a continuous map; the first that stands out is that of period " +
-           std::to_string(odd - sums.begin() + 1));
+    throw std::invalid_argument(fmt::format(
+        "expand_cycles: the list is not complete or has false cycles: the sums of the indices of the points of periods "
+        "1, 2, ... {} must be equal for a continuous map; the first that stands out is that of period {}",
+        fmt::join(sums, ", "), odd - sums.begin() + 1));
 }
 
 // Coefficients Q_0 ... Q_N in z with derivatives; columns of `slope`: s, beta_1, ..., beta_n.

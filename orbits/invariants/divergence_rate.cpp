@@ -10,13 +10,14 @@
 #include "models/arithmetic/median.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
-constexpr std::size_t block_count = 16;  // of references: their scatter is the sd
-constexpr std::size_t partners = 4;      // neighbours per reference: more lie farther away and saturate earlier
-constexpr int lags = 48;                 // places at which a pair is looked at
-constexpr int slowest = 64;              // steps between them at most
+constexpr std::size_t references = 20000;  // points whose neighbours are followed
+constexpr std::size_t theiler = 1;         // steps in the series that a neighbour is away at least
+constexpr std::size_t block_count = 16;    // of references: their scatter is the sd
+constexpr std::size_t partners = 4;        // neighbours per reference: more lie farther away and saturate earlier
+constexpr int lags = 48;                   // places at which a pair is looked at
+constexpr int slowest = 64;                // steps between them at most
 
 // Distances up to here grow as the linearised map does; curvature bends them by a few per cent.
 constexpr double linear_range = 0.1;
@@ -40,8 +41,7 @@ double path_distance(const SectionPoints& points, const Neighbour& neighbour, st
 }
 
 // Paths of all references with lags `pace` steps apart.
-std::vector<Paths> follow_pairs(const SectionPoints& points, const NeighbourIndex& grid, std::size_t references,
-                                std::size_t theiler, int pace) {
+std::vector<Paths> follow_pairs(const SectionPoints& points, const NeighbourIndex& grid, int pace) {
     // Steps that a point can be followed.
     const int longest = lags * pace;
     std::vector<int> ahead(points.size(), 0);
@@ -89,21 +89,18 @@ int last_linear(const std::vector<Paths>& paths) {
 
 }  // namespace
 
-DivergenceRate divergence_rate(const SectionPoints& points, const NeighbourIndex& grid, std::size_t references,
-                               std::size_t theiler) {
+DivergenceRate divergence_rate(const SectionPoints& points, const NeighbourIndex& grid) {
     const double nan = std::numeric_limits<double>::quiet_NaN();
-    DivergenceRate result{nan, nan, 0, 0};
+    DivergenceRate result{nan, nan};
     int pace = 1;
-    std::vector<Paths> paths = follow_pairs(points, grid, references, theiler, pace);
+    std::vector<Paths> paths = follow_pairs(points, grid, pace);
     int last = last_linear(paths);
     while (last == lags && pace < slowest) {
         pace *= 4;
-        paths = follow_pairs(points, grid, references, theiler, pace);
+        paths = follow_pairs(points, grid, pace);
         last = last_linear(paths);
     }
     const int first = std::max(1, last / alignment);
-    result.first = first * pace;
-    result.last = last * pace;
     if (last - first < 2 || paths.size() < block_count) return result;
 
     std::vector<double> block_rate;
@@ -117,7 +114,7 @@ DivergenceRate divergence_rate(const SectionPoints& points, const NeighbourIndex
                 sum += grown;
                 ++pairs;
             }
-        if (pairs > 0) block_rate.push_back(sum / static_cast<double>(pairs) / (result.last - result.first));
+        if (pairs > 0) block_rate.push_back(sum / static_cast<double>(pairs) / ((last - first) * pace));
     }
     if (block_rate.size() < 2) return result;
     double mean = 0.0, square = 0.0;

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstddef>
-
 #include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
@@ -11,7 +9,6 @@ namespace orbid::orbits {
 struct DivergenceRate {
     double rate = 0.0;  ///< per step; nan: distances do not grow over at least 2 steps between alignment and range
     double sd = 0.0;
-    int first = 0, last = 0;  ///< the steps between which growth was measured
 };
 
 /// Largest Lyapunov exponent from the mean logarithm of the distance between a point and its neighbours after k steps
@@ -21,10 +18,7 @@ struct DivergenceRate {
 ///
 /// `last` is when a tenth of the distances has grown to 10 % of the range, `first` a third of the way there (at least
 /// one step), when they have turned into the unstable direction. A cross-check, not a precise value.
-///
-/// @param references  points whose neighbours are followed, evenly spread. @param theiler  neighbours are at least so
-///                    many steps away in the series.
-[[nodiscard]] DivergenceRate divergence_rate(const SectionPoints& points, const NeighbourIndex& grid,
-                                             std::size_t references, std::size_t theiler);
+/// Neighbours of 20 000 evenly spread points are followed.
+[[nodiscard]] DivergenceRate divergence_rate(const SectionPoints& points, const NeighbourIndex& grid);
 
 }  // namespace orbid::orbits

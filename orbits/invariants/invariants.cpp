@@ -1,4 +1,5 @@
 #include "orbits/invariants/invariants.hpp"
+#include "orbits/records/refusal.hpp"
 
 #include <stdexcept>
 
@@ -6,9 +7,8 @@ namespace orbid::orbits {
 
 Invariants find_invariants(const Series& series, const CycleSearch& search, const InvariantOptions& options) {
     const int complete_to = options.expansion.complete_to;
-    if (!(complete_to >= 0 && complete_to <= 64))
-        throw std::invalid_argument("find_invariants: complete_to must be in [0, 64], got " +
-                                    std::to_string(complete_to));
+    refuse_if(!(complete_to >= 0 && complete_to <= 64), "find_invariants: complete_to must be in [0, 64], got {}",
+              complete_to);
     Invariants result;
     if (complete_to == 0) {
         result.expansion_refused = "it is not stated up to which period the list of cycles is complete";

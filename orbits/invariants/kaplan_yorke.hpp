@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+
 #include <Eigen/Core>
 
 namespace orbid::orbits {
@@ -12,6 +14,15 @@ namespace orbid::orbits {
 /// is nan. An exponent of -inf counts as j whole dimensions.
 ///
 /// @param exponents  in descending order, shape (n), any unit.
-[[nodiscard]] double kaplan_yorke_dimension(const Eigen::VectorXd& exponents);
+[[nodiscard]] inline double kaplan_yorke_dimension(const Eigen::VectorXd& exponents) {
+    double sum = 0.0;
+    for (Eigen::Index j = 0; j < exponents.size(); ++j) {
+        const double next = sum + exponents[j];
+        if (std::isnan(next)) return next;
+        if (next < 0.0) return static_cast<double>(j) + sum / -exponents[j];
+        sum = next;
+    }
+    return static_cast<double>(exponents.size());
+}
 
 }  // namespace orbid::orbits

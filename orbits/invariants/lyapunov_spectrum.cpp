@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
-#include <string>
 
 #include <tbb/parallel_for.h>
 
@@ -14,11 +13,11 @@
 #include "orbits/invariants/kaplan_yorke.hpp"
 #include "orbits/invariants/sample_stride.hpp"
 #include "orbits/invariants/tangent_map.hpp"
+#include "orbits/records/refusal.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Steps at the head of a piece that only turn the directions: the errors of the frame fall by the ratio of
@@ -71,16 +70,13 @@ struct Sum {
 };
 
 void validate_lyapunov(const LyapunovOptions& options, Eigen::Index dimension) {
-    if (!(options.order >= 0 && options.order <= 4))
-        throw std::invalid_argument("lyapunov_spectrum: order must be 1 to 4, or 0 for the data to choose, got " +
-                                    std::to_string(options.order));
-    const std::size_t least = TangentFitter::coefficient_count(dimension, std::max(options.order, 1)) + 2;
-    if (!(options.neighbours == 0 || options.neighbours >= least))
-        throw std::invalid_argument("lyapunov_spectrum: neighbours must be at least " + std::to_string(least) +
-                                    ", or 0 for the data to choose, got " + std::to_string(options.neighbours));
-    if (!(options.steps >= 1000))
-        throw std::invalid_argument("lyapunov_spectrum: steps must be at least 1000, got " +
-                                    std::to_string(options.steps));
+    refuse_if(!(options.order >= 0 && options.order <= 4),
+              "lyapunov_spectrum: order must be 1 to 4, or 0 for the data to choose, got {}", options.order);
+    const auto least = static_cast<std::size_t>(coefficient_count(dimension, std::max(options.order, 1)) + 2);
+    refuse_if(!(options.neighbours == 0 || options.neighbours >= least),
+              "lyapunov_spectrum: neighbours must be at least {}, or 0 for the data to choose, got {}", least,
+              options.neighbours);
+    refuse_if(!(options.steps >= 1000), "lyapunov_spectrum: steps must be at least 1000, got {}", options.steps);
 }
 
 // The uninterrupted runs of the first points cut into pieces, evenly thinned out to the steps wanted.
@@ -144,7 +140,7 @@ void choose(const SectionPoints& points, const NeighbourIndex& grid, const std::
     std::vector<Choice> choices;
     for (int order = 1; order <= 4; ++order) {
         if (options.order != 0 ? options.order != order : order < 2) continue;
-        const std::size_t coefficients = TangentFitter::coefficient_count(points.dimension(), order);
+        const auto coefficients = static_cast<std::size_t>(coefficient_count(points.dimension(), order));
         if (options.neighbours != 0) {
             if (options.neighbours >= coefficients + 2)
                 choices.push_back({order, options.neighbours, trial(points, grid, sample, order, options.neighbours)});
@@ -268,13 +264,11 @@ LyapunovSpectrum lyapunov_spectrum(const Series& series, const LyapunovOptions& 
     const bool samples = series.sampling == Series::Sampling::samples;
     if (samples) result.stride = sample_stride(series);
     const SectionPoints points(samples ? strided(series, result.stride) : series, options.symmetry_signs);
-    if (points.image_count() < fewest_images)
-        throw std::invalid_argument("lyapunov_spectrum: " + std::to_string(points.image_count()) +
-                                    " points have an image, at least " + std::to_string(fewest_images) + " are needed");
+    refuse_if(points.image_count() < fewest_images,
+              "lyapunov_spectrum: {} points have an image, at least {} are needed", points.image_count(),
+              fewest_images);
     std::vector<Piece> pieces = cut(points, points.size() / result.stride, options.steps);
-    if (pieces.empty())
-        throw std::invalid_argument("lyapunov_spectrum: no piece of the series is longer than " +
-                                    std::to_string(shortest_piece) + " steps");
+    refuse_if(pieces.empty(), "lyapunov_spectrum: no piece of the series is longer than {} steps", shortest_piece);
     const NeighbourIndex grid(points);
     choose(points, grid, pieces, options, result);
     const auto affordable = static_cast<std::size_t>(budget / static_cast<double>(result.neighbours));
@@ -289,7 +283,7 @@ LyapunovSpectrum lyapunov_spectrum(const Series& series, const LyapunovOptions& 
     reduce(sums, result);
     result.dimension = kaplan_yorke_dimension(result.exponents);
 
-    const DivergenceRate divergence = divergence_rate(points, grid, 20000, 1);
+    const DivergenceRate divergence = divergence_rate(points, grid);
     result.divergence_rate = divergence.rate / result.mean_time;
     result.divergence_sd = divergence.sd / result.mean_time;
     if (result.attenuation > noticeable_attenuation)

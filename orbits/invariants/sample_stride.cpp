@@ -1,6 +1,5 @@
 #include "orbits/invariants/sample_stride.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -35,7 +34,7 @@ std::size_t sample_stride(const Series& series) {
             for (Eigen::Index i = 0; i + s < segment.values.cols(); i += 1 + segment.values.cols() / 1000) {
                 Eigen::VectorXd moved = (segment.values.col(i + s) - segment.values.col(i)).cwiseQuotient(scale);
                 for (Eigen::Index d = 0; d < moved.size(); ++d)
-                    if (series.coordinates[static_cast<std::size_t>(d)].angle) moved[d] -= std::nearbyint(moved[d]);
+                    if (series.coordinate(d).angle) moved[d] -= std::nearbyint(moved[d]);
                 if (!moved.allFinite()) continue;
                 square += moved.squaredNorm();
                 count += 1.0;

@@ -2,18 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
-#include <utility>
+#include <vector>
 
 #include "models/arithmetic/eigenvalues.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
+#include "orbits/local_maps/fit_limits.hpp"
 
 namespace orbid::orbits {
-
 namespace {
-
-// The weights vanish at the radius: this much beyond the farthest neighbour, so that it still counts.
-constexpr double radius_margin = 1.05;
 
 // Rounding of scaled coordinates of order one: residuals below it do not make a fit more exact.
 constexpr double rounding = 1e-15;
@@ -36,27 +32,9 @@ constexpr double safe_diagonal = 100.0;
 
 }  // namespace
 
-std::size_t TangentFitter::coefficient_count(Eigen::Index n, int order) {
-    Eigen::Index count = 1;
-    for (int i = 1; i <= order; ++i)
-        count = count * (n + i) / i;
-    return static_cast<std::size_t>(count);
-}
-
 TangentFitter::TangentFitter(const SectionPoints& points, const NeighbourIndex& grid, int order, std::size_t neighbours)
-    : points_(&points), grid_(&grid), neighbours_(neighbours) {
+    : points_(&points), grid_(&grid), neighbours_(neighbours), monomials_(points.dimension(), order) {
     const Eigen::Index n = points.dimension(), k = static_cast<Eigen::Index>(torn_search * neighbours);
-    // Monomials in order of degree; each is continued by coordinates from its last one on, so that it occurs once.
-    parents_.emplace_back(0, 0);
-    std::vector<Eigen::Index> last{0};
-    for (std::size_t low = 0, high = 1; order > 0; --order) {
-        for (std::size_t m = low; m < high; ++m)
-            for (Eigen::Index d = last[m]; d < n; ++d) {
-                parents_.emplace_back(static_cast<Eigen::Index>(m), d);
-                last.push_back(d);
-            }
-        low = std::exchange(high, parents_.size());
-    }
     offsets_.resize(k, n);
     images_.resize(k, n);
     weights_.resize(k);
@@ -112,13 +90,13 @@ bool TangentFitter::drop_torn() {
 }
 
 void TangentFitter::fill_design() {
-    const auto coefficients = static_cast<Eigen::Index>(parents_.size());
+    const Eigen::Index coefficients = monomials_.count(monomials_.highest());
     design_.resize(count_, coefficients);
     weights_.head(count_) =
         1.0 - offsets_.topRows(count_).rowwise().squaredNorm().array() / (radius_ * radius_);  // roots of the weights
     design_.col(0) = weights_.head(count_);
     for (Eigen::Index c = 1; c < coefficients; ++c) {
-        const auto [earlier, coordinate] = parents_[static_cast<std::size_t>(c)];
+        const auto [earlier, coordinate] = monomials_.factor(c);
         design_.col(c) = design_.col(earlier).cwiseProduct(offsets_.col(coordinate).head(count_)) / radius_;
     }
     response_.noalias() = weights_.head(count_).asDiagonal() * images_.topRows(count_);
@@ -126,7 +104,7 @@ void TangentFitter::fill_design() {
 
 void TangentFitter::solve() {
     const Eigen::Index n = points_->dimension();
-    const auto coefficients = static_cast<Eigen::Index>(parents_.size());
+    const Eigen::Index coefficients = monomials_.count(monomials_.highest());
     map_.usable = false;
     if (count_ < coefficients + 2 || !(radius_ > 0.0)) return;
     fill_design();

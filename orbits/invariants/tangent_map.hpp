@@ -1,12 +1,11 @@
 #pragma once
 
 #include <cstddef>
-#include <utility>
-#include <vector>
 
 #include <Eigen/Core>
 
 #include "models/arithmetic/orthogonal_factor.hpp"
+#include "orbits/local_maps/monomials.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
@@ -44,9 +43,6 @@ public:
     /// out by the spread of the images.
     [[nodiscard]] double image_sd(const Eigen::VectorXd& direction) const;
 
-    /// Number of coefficients: (n + order)! / (n! order!).
-    [[nodiscard]] static std::size_t coefficient_count(Eigen::Index n, int order);
-
 private:
     void gather(std::size_t i, std::size_t wanted);
     bool drop_torn();
@@ -56,8 +52,8 @@ private:
     const SectionPoints* points_;
     const NeighbourIndex* grid_;
     std::size_t neighbours_;
-    std::vector<std::pair<Eigen::Index, Eigen::Index>> parents_;  ///< monomial = earlier monomial x coordinate
-    Eigen::Index count_ = 0;                                      ///< of members in use
+    Monomials monomials_;
+    Eigen::Index count_ = 0;  ///< of members in use
     double radius_ = 0.0;
     Eigen::MatrixXd offsets_, images_;  ///< shape (k, n), first count_ rows; images relative to the point's own
     Eigen::VectorXd weights_;

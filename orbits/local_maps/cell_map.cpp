@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include <tbb/parallel_for.h>
 
@@ -10,7 +9,6 @@
 #include "models/arithmetic/splitmix64.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Neighbours per coefficient of the smallest fits: 21 for the 6 coefficients of order 2 in two dimensions (prototypes
@@ -50,7 +48,7 @@ CellMap::CellMap(const SectionPoints& section, const NeighbourIndex& grid, int o
     terms_ = monomials_->count(order_);
     choose_neighbours(neighbours);
     for (Eigen::Index d = 0; d < n; ++d) {
-        const bool angle = section.angle()[static_cast<std::size_t>(d)] != 0;
+        const bool angle = section.is_angle(d);
         cells_per_unit_.push_back(angle ? std::max(1.0, std::floor(1.0 / edge_)) : 1.0 / edge_);
     }
 }

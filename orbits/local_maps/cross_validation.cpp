@@ -1,14 +1,17 @@
 #include "orbits/local_maps/cross_validation.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
-#include <vector>
+
+#include <tbb/parallel_for.h>
 
 #include "models/arithmetic/cholesky_factor.hpp"
+#include "models/arithmetic/median.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/monomials.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Directions without spread (thin neighbourhoods of clean data) are not extrapolated along: part of the mean diagonal
@@ -18,29 +21,20 @@ constexpr double ridge = 1e-10;
 // The weight function vanishes at this multiple of the farthest neighbour's squared distance.
 constexpr double margin = 1.1;
 
-// Monomials of orders 0 to `order` of t, order by order, into one row.
-void fill_monomials(const Eigen::VectorXd& t, int order, Eigen::VectorXd& row) {
-    const Eigen::Index n = t.size();
-    row[0] = 1.0;
-    Eigen::Index at = 1;
-    for (Eigen::Index a = 0; a < n; ++a)
-        row[at++] = t[a];
-    if (order < 2) return;
-    for (Eigen::Index a = 0; a < n; ++a)
-        for (Eigen::Index b = a; b < n; ++b)
-            row[at++] = t[a] * t[b];
-    if (order < 3) return;
-    for (Eigen::Index a = 0; a < n; ++a)
-        for (Eigen::Index b = a; b < n; ++b)
-            for (Eigen::Index c = b; c < n; ++c)
-                row[at++] = t[a] * t[b] * t[c];
-}
+// Places at which sizes of neighbourhoods are compared.
+constexpr std::size_t trial_places = 256;
 
-}  // namespace
+// Of fits whose median squared residuals lie within this factor of the smallest the one with most neighbours is used:
+// its gradients scatter least.
+constexpr double equally_good = 1.05;
 
-CrossValidation held_out_fit(const SectionPoints& points, const NeighbourIndex& grid, std::size_t t, int order,
-                             std::size_t k) {
-    const Eigen::Index n = points.dimension(), coefficients = coefficient_count(n, order);
+// Sizes of neighbourhoods, in numbers of coefficients. Most neighbours: more average nothing that matters here.
+constexpr std::array<std::size_t, 7> held_out_sizes{3, 6, 12, 24, 48, 96, 192};
+constexpr std::size_t most_held_out_neighbours = 800;
+
+CrossValidation held_out_fit(const SectionPoints& points, const NeighbourIndex& grid, std::size_t t,
+                             const Monomials& monomials, std::size_t k) {
+    const Eigen::Index n = points.dimension(), coefficients = monomials.count(monomials.highest());
     const Eigen::VectorXd centre = Eigen::Map<const Eigen::VectorXd>(points.point(t), n);
     const Eigen::VectorXd image = Eigen::Map<const Eigen::VectorXd>(points.point(t + 1), n);
     const std::vector<Neighbour> members = grid.nearest(centre, k + (points.symmetric() ? 2 : 1));
@@ -62,12 +56,12 @@ CrossValidation held_out_fit(const SectionPoints& points, const NeighbourIndex& 
             const double sign = member.mirrored ? points.signs()[d] : 1.0;
             offset[d] = points.difference(sign * x[d], centre[d], d) / radius;
             images(kept, d) = points.difference(sign * y[d], image[d], d);
-            if (points.angle()[static_cast<std::size_t>(d)] && !(std::abs(images(kept, d)) < torn_turns)) whole = false;
+            if (points.is_angle(d) && !(std::abs(images(kept, d)) < torn_turns)) whole = false;
         }
         if (!whole) return fit;
         const double w = 1.0 - member.distance2 / radius2;
         weights[kept] = w * w;
-        fill_monomials(offset, order, row);
+        monomials.evaluate(offset.data(), coefficients, row.data());
         design.row(kept++) = row;
     }
     if (kept < coefficients + 2) return fit;
@@ -92,6 +86,51 @@ CrossValidation held_out_fit(const SectionPoints& points, const NeighbourIndex& 
     fit.covariance.diagonal().array() += rounding_variance;
     fit.usable = fit.residual.allFinite() && fit.gradient.allFinite() && fit.covariance.allFinite();
     return fit;
+}
+
+struct Trial {
+    double square;  // median of the squared residuals
+    FitSize size;
+};
+
+}  // namespace
+
+std::vector<CrossValidation> held_out_fits(const SectionPoints& points, const NeighbourIndex& grid,
+                                           const std::vector<std::size_t>& places, const FitSize& size) {
+    const Monomials monomials(points.dimension(), size.order);
+    std::vector<CrossValidation> fits(places.size());
+    // Every index writes its own slot: the same bytes with any number of threads.
+    tbb::parallel_for(std::size_t{0}, places.size(), [&](std::size_t i) {
+        fits[i] = held_out_fit(points, grid, places[i], monomials, size.neighbours);
+    });
+    return fits;
+}
+
+std::optional<FitSize> best_held_out_size(const SectionPoints& points, const NeighbourIndex& grid,
+                                          const std::vector<std::size_t>& places) {
+    std::vector<std::size_t> some;
+    const std::size_t step = std::max<std::size_t>(1, places.size() / trial_places);
+    for (std::size_t i = 0; i < places.size(); i += step)
+        some.push_back(places[i]);
+    std::vector<Trial> trials;
+    for (const int order : {1, 2, 3})
+        for (const std::size_t size : held_out_sizes) {
+            const std::size_t k = size * static_cast<std::size_t>(coefficient_count(points.dimension(), order));
+            if (k > most_held_out_neighbours || 4 * k > points.image_count()) continue;
+            std::vector<double> squares;
+            for (const CrossValidation& fit : held_out_fits(points, grid, some, {order, k}))
+                if (fit.usable) squares.push_back(fit.residual.squaredNorm());
+            if (2 * squares.size() < some.size()) continue;
+            trials.push_back({models::upper_median(std::move(squares)), {order, k}});
+        }
+    if (trials.empty()) return std::nullopt;
+    const auto smallest = std::min_element(trials.begin(), trials.end(),
+                                           [](const Trial& a, const Trial& b) { return a.square < b.square; });
+    FitSize best{trials.front().size.order, 0};
+    for (const Trial& trial : trials)
+        if (trial.square <= equally_good * smallest->square && trial.size.neighbours > best.neighbours)
+            best = trial.size;
+    return best;
 }
 
 }  // namespace orbid::orbits

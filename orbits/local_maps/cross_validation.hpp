@@ -1,9 +1,12 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
+#include <vector>
 
 #include <Eigen/Core>
 
+#include "orbits/local_maps/fit_choice.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_points.hpp"
 
@@ -17,13 +20,18 @@ struct CrossValidation {
     bool usable = false;         ///< false: too few neighbours, or their images tear apart on a circle
 };
 
-/// Fits a polynomial g to the images of the k nearest neighbours of point t, without t and its mirror image. Weights (1
+/// Polynomials g fitted to the images of the nearest neighbours of points t, without t and its mirror image. Weights (1
 /// - (d / radius)^2)^2 as in fit_local_map, normal equations (the digits of clean data below 1e-5 of the
 /// neighbourhood's radius squared are lost).
 ///
-/// @param t      has_image(t).
-/// @param order  1 to 3.
-[[nodiscard]] CrossValidation held_out_fit(const SectionPoints& points, const NeighbourIndex& grid, std::size_t t,
-                                           int order, std::size_t k);
+/// @param places  points that have an image.
+/// @param size    order 1 to 3.
+[[nodiscard]] std::vector<CrossValidation> held_out_fits(const SectionPoints& points, const NeighbourIndex& grid,
+                                                         const std::vector<std::size_t>& places, const FitSize& size);
+
+/// Order and number of neighbours with the smallest median residual at some of the places: of those about as good, the
+/// one with most neighbours. Empty: too few points for any.
+[[nodiscard]] std::optional<FitSize> best_held_out_size(const SectionPoints& points, const NeighbourIndex& grid,
+                                                        const std::vector<std::size_t>& places);
 
 }  // namespace orbid::orbits

@@ -3,13 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "models/arithmetic/eigenvalues.hpp"
 #include "models/arithmetic/orthogonal_factor.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Rounds of the cycle: moduli whose ratio is 0.9 settle to rounding within 350 rounds.

@@ -1,11 +1,9 @@
 #include "orbits/local_maps/fit_choice.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace orbid::orbits {
-
 namespace {
 
 // Neighbours per coefficient: the smallest fits, and the factor from one size to the next.

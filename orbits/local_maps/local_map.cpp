@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
+#include "models/arithmetic/eigenvalues.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
 
 namespace orbid::orbits {
@@ -26,8 +29,7 @@ Neighbourhood gather_neighbourhood(const SectionPoints& points, const NeighbourI
             if (kept == 0) result.reference[d] = sign * image[d];
             result.offsets(kept, d) = points.difference(sign * x[d], result.centre[d], d);
             result.images(kept, d) = points.difference(sign * image[d], result.reference[d], d);
-            if (points.angle()[static_cast<std::size_t>(d)] && !(std::abs(result.images(kept, d)) < torn_turns))
-                whole = false;
+            if (points.is_angle(d) && !(std::abs(result.images(kept, d)) < torn_turns)) whole = false;
         }
         if (!whole) break;
         ++kept;
@@ -36,19 +38,6 @@ Neighbourhood gather_neighbourhood(const SectionPoints& points, const NeighbourI
     result.images.conservativeResize(kept, n);
     result.members.resize(static_cast<std::size_t>(kept));
     if (kept > 0) result.radius = radius_margin * std::sqrt(result.members.back().distance2);
-    return result;
-}
-
-Neighbourhood nearest_part(const Neighbourhood& neighbourhood, std::size_t k) {
-    if (k >= neighbourhood.members.size()) return neighbourhood;
-    Neighbourhood result;
-    result.centre = neighbourhood.centre;
-    result.reference = neighbourhood.reference;
-    result.offsets = neighbourhood.offsets.topRows(static_cast<Eigen::Index>(k));
-    result.images = neighbourhood.images.topRows(static_cast<Eigen::Index>(k));
-    result.members.assign(neighbourhood.members.begin(),
-                          neighbourhood.members.begin() + static_cast<std::ptrdiff_t>(k));
-    result.radius = k > 0 ? radius_margin * std::sqrt(result.members.back().distance2) : 0.0;
     return result;
 }
 
@@ -106,6 +95,68 @@ LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbo
     map.jacobian = map.coefficients.middleCols(1, n) / map.radius;
     map.usable = true;
     return map;
+}
+
+Eigen::MatrixXd local_map_covariance(const Neighbourhood& neighbourhood, const LocalMap& map, std::size_t most) {
+    const bool all = most >= neighbourhood.members.size();
+    const Eigen::Index k = all ? neighbourhood.offsets.rows() : static_cast<Eigen::Index>(most);
+    const Eigen::Index n = neighbourhood.offsets.cols();
+    const double radius =
+        all ? neighbourhood.radius : radius_margin * std::sqrt(neighbourhood.members[most - 1].distance2);
+    const int order = map.order;
+    const Monomials monomials(n, order + 2);
+    PolynomialFit fit;
+    if (!fit.fit(monomials, order, neighbourhood.offsets, neighbourhood.images, k, radius))
+        return Eigen::MatrixXd::Constant(n * (n + 1), n * (n + 1), std::numeric_limits<double>::infinity());
+    fit.part_residuals(monomials);
+    const Eigen::VectorXd& weight = fit.root_weights();
+    // shape (1 + n, k): value and jacobian from weighted images; units of the jacobian: per radius
+    Eigen::VectorXd unit = Eigen::VectorXd::Constant(n + 1, 1.0 / radius);
+    unit[0] = 1.0;
+    Eigen::MatrixXd solver = fit.basis().transpose();
+    models::solve_upper_in_place(fit.triangle(), solver);
+    const Eigen::MatrixXd independent = unit.asDiagonal() * solver.topRows(n + 1) * weight.asDiagonal();
+    const Eigen::MatrixXd smooth = unit.asDiagonal() * fit.remainder_response().topRows(n + 1);
+    const Eigen::MatrixXd independent_shape = independent * independent.transpose();
+    const Eigen::MatrixXd smooth_shape = smooth * smooth.transpose();
+    // The coordinates' errors are correlated, but the correlation of a few effective residuals is not believed fully,
+    // or a combination would look too good.
+    Eigen::MatrixXd errors = believed_correlation * fit.independent();
+    errors.diagonal() = fit.independent().diagonal().array() + scaled_rounding * scaled_rounding;
+
+    Eigen::MatrixXd result(n * (n + 1), n * (n + 1));
+    for (Eigen::Index a = 0; a <= n; ++a)
+        for (Eigen::Index b = 0; b <= n; ++b)
+            result.block(a * n, b * n, n, n) = independent_shape(a, b) * errors + smooth_shape(a, b) * fit.remainder();
+
+    // Errors in variables: residual = error of the image - A error of the place.
+    const double place_variance = fit.independent().trace() / static_cast<double>(n) /
+                                  (1.0 + map.jacobian.squaredNorm() / static_cast<double>(n));
+    const Eigen::MatrixXd offsets = neighbourhood.offsets.topRows(k);
+    const double spread =
+        weight.cwiseProduct(offsets.rowwise().norm()).squaredNorm() / (weight.squaredNorm() * static_cast<double>(n));
+    const double attenuation = std::min(1.0, place_variance / spread);
+    for (Eigen::Index a = 0; a < n; ++a)
+        for (Eigen::Index row = 0; row < n; ++row) {
+            const double shift = attenuation * map.jacobian(row, a);
+            result(n + a * n + row, n + a * n + row) += shift * shift;
+        }
+    if (order > 1)
+        for (Eigen::Index row = 0; row < n; ++row) {
+            const double shift = map.coefficients.row(row).segment(n + 1, monomials.count(2) - n - 1).cwiseAbs().sum() *
+                                 place_variance / (map.radius * map.radius);
+            result(row, row) += shift * shift;
+        }
+    return result;
+}
+
+Eigen::MatrixXd floored_covariance(const Eigen::MatrixXd& covariance) {
+    // Relative to the largest eigenvalue: bounds the condition number.
+    constexpr double relative_floor = 1e-9;
+    Eigen::MatrixXd result = 0.5 * (covariance + covariance.transpose());
+    const double largest = std::max(0.0, models::symmetric_eigenvalues(result).maxCoeff());
+    result.diagonal().array() += relative_floor * largest + rounding_variance;
+    return result;
 }
 
 }  // namespace orbid::orbits

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -67,9 +68,6 @@ struct LocalMap {
                                      std::size_t k, const std::shared_ptr<const Monomials>& monomials,
                                      PolynomialFit& workspace);
 
-/// The neighbourhood of the nearest k neighbours only.
-[[nodiscard]] Neighbourhood nearest_part(const Neighbourhood& neighbourhood, std::size_t k);
-
 /// Covariance of the errors of (value, jacobian) of a fit, shape (n (1 + n), n (1 + n)), order: value (n), then the
 /// columns of the jacobian.
 ///
@@ -78,6 +76,12 @@ struct LocalMap {
 /// average out and is largest where the neighbours lie to one side). The neighbours' places have reading errors too.
 /// Through the curvature their variance shifts the value, and their spread attenuates the jacobian; both shifts are
 /// added squared.
-[[nodiscard]] Eigen::MatrixXd local_map_covariance(const Neighbourhood& neighbourhood, const LocalMap& map);
+/// @param most  neighbours that the fit used; the others of the neighbourhood are left out.
+[[nodiscard]] Eigen::MatrixXd local_map_covariance(const Neighbourhood& neighbourhood, const LocalMap& map,
+                                                   std::size_t most = std::numeric_limits<std::size_t>::max());
+
+/// The covariance, made symmetric, with its diagonal raised by 1e-9 of its largest eigenvalue and by the variance of
+/// rounding (scaled units): factorisations then work even where halves of a cycle are exactly dependent.
+[[nodiscard]] Eigen::MatrixXd floored_covariance(const Eigen::MatrixXd& covariance);
 
 }  // namespace orbid::orbits

@@ -5,7 +5,6 @@
 #include "orbits/local_maps/monomials.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Ratio of diagonal entries of the triangular factor below which the points have fewer dimensions than the place.

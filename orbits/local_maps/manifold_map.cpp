@@ -15,7 +15,6 @@
 #include "orbits/local_maps/monomials.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // A direction is one along the sheet when the neighbours' variance there is so many times that of the readings. What is
@@ -279,28 +278,21 @@ Eigen::Index ManifoldMapFits::sheet_dimension() const {
     std::vector<std::size_t> looked;
     for (std::size_t i = 0; i < points_->size(); i += stride)
         if (points_->has_image(i)) looked.push_back(i);
-    std::vector<std::size_t> counts(static_cast<std::size_t>(n) + 1, 0);
-    std::size_t without = 0;  // places without a sheet
-    const auto most_without = static_cast<std::size_t>((1.0 - agreeing) * static_cast<double>(looked.size()));
+    std::vector<Eigen::Index> dimensions;  // n: no sheet
+    const auto most_without = static_cast<std::ptrdiff_t>((1.0 - agreeing) * static_cast<double>(looked.size()));
     // In parts, each side by side: most sections are no sheets and show it soon.
     for (std::size_t start = 0; start < looked.size(); start += places_at_once) {
         std::vector<Eigen::Index> found(std::min(places_at_once, looked.size() - start), n);
         tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t i) {
             found[i] = sheet_dimension_at(Eigen::Map<const Eigen::VectorXd>(points_->point(looked[start + i]), n));
         });
-        for (const Eigen::Index k : found) {
-            ++counts[static_cast<std::size_t>(k)];
-            without += k == n ? 1 : 0;
-        }
-        if (without > most_without) return n;
+        dimensions.insert(dimensions.end(), found.begin(), found.end());
+        if (std::count(dimensions.begin(), dimensions.end(), n) > most_without) return n;
     }
-    const auto enough = static_cast<std::size_t>(agreeing * static_cast<double>(looked.size()));
-    std::size_t sum = 0;
-    for (Eigen::Index k = 1; k < n; ++k) {
-        sum += counts[static_cast<std::size_t>(k)];
-        if (sum > enough) return k;
-    }
-    return n;
+    if (dimensions.empty()) return n;
+    const auto enough = static_cast<std::ptrdiff_t>(agreeing * static_cast<double>(looked.size()));
+    std::nth_element(dimensions.begin(), dimensions.begin() + enough, dimensions.end());
+    return dimensions[static_cast<std::size_t>(enough)];
 }
 
 }  // namespace orbid::orbits

@@ -51,9 +51,9 @@ Monomials::Monomials(Eigen::Index n, int order) : variables_(n), counts_{1}, fac
 void Monomials::evaluate_columns(const double* places, Eigen::Index k, Eigen::Index count, double* columns) const {
     std::fill_n(columns, k, 1.0);
     for (Eigen::Index i = 1; i < count; ++i) {
-        const Factor& factor = factors_[static_cast<std::size_t>(i)];
-        const double* parent = columns + factor.parent * k;
-        const double* variable = places + factor.variable * k;
+        const Factor& product = factors_[static_cast<std::size_t>(i)];
+        const double* parent = columns + product.parent * k;
+        const double* variable = places + product.variable * k;
         double* column = columns + i * k;
         for (Eigen::Index row = 0; row < k; ++row)
             column[row] = parent[row] * variable[row];

@@ -26,8 +26,8 @@ public:
     void evaluate(const double* t, Eigen::Index count, double* values) const {
         values[0] = 1.0;
         for (Eigen::Index i = 1; i < count; ++i) {
-            const Factor& factor = factors_[static_cast<std::size_t>(i)];
-            values[i] = values[factor.parent] * t[factor.variable];
+            const Factor& product = factors_[static_cast<std::size_t>(i)];
+            values[i] = values[product.parent] * t[product.variable];
         }
     }
 
@@ -39,12 +39,13 @@ public:
     [[nodiscard]] int exponent(Eigen::Index i, Eigen::Index d) const { return exponents_[entry(i, d)]; }
     [[nodiscard]] Eigen::Index lowered(Eigen::Index i, Eigen::Index d) const { return lowered_[entry(i, d)]; }
 
-private:
     struct Factor {
-        Eigen::Index parent;    // the monomial of one order less
-        Eigen::Index variable;  // times this one
+        Eigen::Index parent;    ///< the monomial of one order less
+        Eigen::Index variable;  ///< times this one
     };
+    [[nodiscard]] const Factor& factor(Eigen::Index i) const { return factors_[static_cast<std::size_t>(i)]; }
 
+private:
     [[nodiscard]] std::size_t entry(Eigen::Index i, Eigen::Index d) const {
         return static_cast<std::size_t>(i * variables_ + d);
     }

@@ -1,25 +1,18 @@
 #include "orbits/local_maps/noise_level.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
-#include <optional>
-#include <stdexcept>
-#include <string>
 #include <vector>
-
-#include <tbb/parallel_for.h>
 
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "models/arithmetic/eigenvalues.hpp"
 #include "models/arithmetic/median.hpp"
 #include "orbits/local_maps/cross_validation.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
-#include "orbits/local_maps/monomials.hpp"
+#include "orbits/records/refusal.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 constexpr std::size_t least_points = 64;
@@ -29,19 +22,8 @@ constexpr std::size_t least_points = 64;
 constexpr std::size_t most_places = 1 << 13;
 constexpr std::size_t run_length = 64;
 
-// Places at which sizes of neighbourhoods are compared.
-constexpr std::size_t trial_places = 256;
-
 // Blocks of places whose scatter gives the standard error.
 constexpr std::size_t blocks = 16;
-
-// Of fits whose median squared residuals lie within this factor of the smallest the one with most neighbours is used:
-// its gradients scatter least.
-constexpr double equally_good = 1.05;
-
-// Sizes of neighbourhoods, in numbers of coefficients. Most neighbours: more average nothing that matters here.
-constexpr std::array<std::size_t, 7> sizes{3, 6, 12, 24, 48, 96, 192};
-constexpr std::size_t most_noise_neighbours = 800;
 
 // A residual beyond this many local sds is a torn neighbourhood or a wild reading.
 constexpr double gate = 5.0;
@@ -64,50 +46,6 @@ std::vector<std::size_t> places_in_runs(const SectionPoints& points) {
         for (std::size_t t = start; t < std::min(start + run_length, points.size()); ++t)
             if (points.has_image(t)) places.push_back(t);
     return places;
-}
-
-std::vector<CrossValidation> fits_at(const SectionPoints& points, const NeighbourIndex& grid,
-                                     const std::vector<std::size_t>& places, int order, std::size_t k) {
-    std::vector<CrossValidation> fits(places.size());
-    // Every index writes its own slot: the same bytes with any number of threads.
-    tbb::parallel_for(std::size_t{0}, places.size(),
-                      [&](std::size_t i) { fits[i] = held_out_fit(points, grid, places[i], order, k); });
-    return fits;
-}
-
-struct Trial {
-    double square;  // median of the squared residuals
-    int order;
-    std::size_t neighbours;
-};
-
-std::optional<Trial> best_choice(const SectionPoints& points, const NeighbourIndex& grid,
-                                 const std::vector<std::size_t>& places) {
-    std::vector<std::size_t> some;
-    const std::size_t step = std::max<std::size_t>(1, places.size() / trial_places);
-    for (std::size_t i = 0; i < places.size(); i += step)
-        some.push_back(places[i]);
-    std::vector<Trial> trials;
-    for (const int order : {1, 2, 3})
-        for (const std::size_t size : sizes) {
-            const std::size_t k = size * static_cast<std::size_t>(coefficient_count(points.dimension(), order));
-            if (k > most_noise_neighbours || 4 * k > points.image_count()) continue;
-            std::vector<double> squares;
-            for (const CrossValidation& fit : fits_at(points, grid, some, order, k))
-                if (fit.usable) squares.push_back(fit.residual.squaredNorm());
-            if (2 * squares.size() < some.size()) continue;
-            const double typical = models::upper_median(std::move(squares));
-            trials.push_back({typical, order, k});
-        }
-    if (trials.empty()) return std::nullopt;
-    const double smallest = std::min_element(trials.begin(), trials.end(), [](const Trial& a, const Trial& b) {
-                                return a.square < b.square;
-                            })->square;
-    Trial best = trials.front();
-    best.neighbours = 0;
-    for (const Trial& trial : trials)
-        if (trial.square <= equally_good * smallest && trial.neighbours > best.neighbours) best = trial;
-    return best;
 }
 
 // The i-th of the n (n + 1) / 2 unit matrices of symmetric matrices.
@@ -162,6 +100,55 @@ Eigen::MatrixXd assembled(const Eigen::VectorXd& entries, const std::vector<Eige
     return result;
 }
 
+// The least-squares S of the products of successive residuals, and its standard errors.
+struct SuccessiveProducts {
+    Eigen::MatrixXd estimate;
+    Eigen::VectorXd sds;  // of the variances
+};
+
+SuccessiveProducts solve_products(Eigen::Index n, const std::vector<std::size_t>& places,
+                                  const std::vector<CrossValidation>& fits, const std::vector<char>& good) {
+    const std::vector<Eigen::MatrixXd> units = symmetric_units(n);
+    const auto unknowns = static_cast<Eigen::Index>(units.size());
+    std::vector<Normal> parts(blocks, Normal(unknowns));
+    for (std::size_t i = 0; i + 1 < fits.size(); ++i) {
+        if (!good[i] || !good[i + 1] || places[i + 1] != places[i] + 1) continue;
+        const Whitening here(fits[i]), next(fits[i + 1]);
+        const Eigen::MatrixXd target = -next(fits[i + 1].residual) * here(fits[i].residual).transpose();
+        std::vector<Eigen::MatrixXd> columns;
+        for (const Eigen::MatrixXd& unit : units)
+            columns.emplace_back(here((next(fits[i + 1].gradient * unit)).transpose()).transpose());
+        parts[i * blocks / fits.size()].add(columns, target);
+    }
+    Normal all(unknowns);
+    for (const Normal& part : parts) {
+        all.matrix += part.matrix;
+        all.right += part.right;
+    }
+    const models::LdltFactor solver(all.matrix);
+    // Scatter of the blocks' contributions about the common solution.
+    Eigen::VectorXd scatter = Eigen::VectorXd::Zero(unknowns);
+    for (const Normal& part : parts) {
+        const Eigen::VectorXd explained = part.matrix * solver.solve(all.right);
+        scatter += solver.solve(Eigen::VectorXd(part.right - explained)).cwiseAbs2();
+    }
+    SuccessiveProducts result{assembled(solver.solve(all.right), units), Eigen::VectorXd(n)};
+    for (Eigen::Index d = 0, i = 0; d < n; i += n - d, ++d)
+        result.sds[d] = std::sqrt(scatter[i]);
+    return result;
+}
+
+// Median share of the residuals that reading errors of this covariance explain.
+double explained_share(const std::vector<CrossValidation>& fits, const Eigen::MatrixXd& estimate) {
+    std::vector<double> shares;
+    for (const CrossValidation& fit : fits) {
+        const Eigen::MatrixXd expected = estimate + fit.gradient * estimate * fit.gradient.transpose();
+        const Whitening white(fit);
+        shares.push_back(white(white(expected).transpose()).trace() / static_cast<double>(estimate.rows()));
+    }
+    return models::upper_median(shares);
+}
+
 // Positive definite matrix near an estimate: a variance is at least its standard error, eigenvalues of the correlation
 // at least a small part of the largest, which the scatter of an estimate would not respect.
 Eigen::MatrixXd raised(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& standard_errors) {
@@ -205,45 +192,20 @@ Eigen::VectorXd bounding_variances(const std::vector<CrossValidation>& fits) {
     return variances;
 }
 
-// Mean over the coordinates of the residuals' median square over that of the difference of unrelated images.
-double unexplained_share(const SectionPoints& points, const std::vector<std::size_t>& places,
-                         const std::vector<CrossValidation>& fits) {
-    const Eigen::Index n = points.dimension();
-    double sum = 0.0;
-    for (Eigen::Index d = 0; d < n; ++d) {
-        std::vector<double> residuals, differences;
-        for (std::size_t i = 0; i < places.size(); ++i) {
-            if (!fits[i].usable) continue;
-            const std::size_t other = places[(i + places.size() / 2) % places.size()];
-            const double difference = points.difference(points.point(places[i] + 1)[d], points.point(other + 1)[d], d);
-            residuals.push_back(fits[i].residual[d] * fits[i].residual[d]);
-            differences.push_back(0.5 * difference * difference);
-        }
-        if (residuals.empty()) return 1.0;
-        sum += models::upper_median(std::move(residuals)) /
-               std::max(models::upper_median(std::move(differences)), rounding_variance);
-    }
-    return sum / static_cast<double>(n);
-}
-
 }  // namespace
 
 NoiseLevel noise_level(const SectionPoints& points, const NeighbourIndex& grid) {
-    if (!(points.image_count() >= least_points))
-        throw std::invalid_argument("noise_level: needs at least " + std::to_string(least_points) +
-                                    " points with an image, got " + std::to_string(points.image_count()));
+    refuse_if(!(points.image_count() >= least_points), "noise_level: needs at least {} points with an image, got {}",
+              least_points, points.image_count());
     const Eigen::Index n = points.dimension();
     const Eigen::VectorXd& scale = points.scale();
     const std::vector<std::size_t> places = places_in_runs(points);
     NoiseLevel level;
     level.covariance = scale.cwiseAbs2().asDiagonal();
     level.relative_error = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
-    const std::optional<Trial> choice = best_choice(points, grid, places);
+    const std::optional<FitSize> choice = best_held_out_size(points, grid, places);
     if (!choice) return level;
-    level.order = choice->order;
-    level.neighbours = choice->neighbours;
-
-    const std::vector<CrossValidation> fits = fits_at(points, grid, places, choice->order, choice->neighbours);
+    const std::vector<CrossValidation> fits = held_out_fits(points, grid, places, *choice);
     std::vector<CrossValidation> usable;
     std::vector<char> good(fits.size(), 0);
     for (std::size_t i = 0; i < fits.size(); ++i)
@@ -251,48 +213,11 @@ NoiseLevel noise_level(const SectionPoints& points, const NeighbourIndex& grid) 
             good[i] = 1;
             usable.push_back(fits[i]);
         }
-    level.places = usable.size();
-    level.unexplained = unexplained_share(points, places, fits);
     if (usable.size() < blocks) return level;
 
-    const std::vector<Eigen::MatrixXd> units = symmetric_units(n);
-    const auto unknowns = static_cast<Eigen::Index>(units.size());
-    std::vector<Normal> parts(blocks, Normal(unknowns));
-    for (std::size_t i = 0; i + 1 < fits.size(); ++i) {
-        if (!good[i] || !good[i + 1] || places[i + 1] != places[i] + 1) continue;
-        const Whitening here(fits[i]), next(fits[i + 1]);
-        const Eigen::MatrixXd target = -next(fits[i + 1].residual) * here(fits[i].residual).transpose();
-        std::vector<Eigen::MatrixXd> columns;
-        for (const Eigen::MatrixXd& unit : units)
-            columns.emplace_back(here((next(fits[i + 1].gradient * unit)).transpose()).transpose());
-        parts[i * blocks / fits.size()].add(columns, target);
-    }
-    Normal all(unknowns);
-    for (const Normal& part : parts) {
-        all.matrix += part.matrix;
-        all.right += part.right;
-    }
-    const models::LdltFactor solver(all.matrix);
-    const Eigen::MatrixXd estimate = assembled(solver.solve(all.right), units);
-    // Scatter of the blocks' contributions about the common solution.
-    Eigen::VectorXd scatter = Eigen::VectorXd::Zero(unknowns);
-    for (const Normal& part : parts) {
-        const Eigen::VectorXd explained = part.matrix * solver.solve(all.right);
-        scatter += solver.solve(Eigen::VectorXd(part.right - explained)).cwiseAbs2();
-    }
-
-    std::vector<double> shares;
-    for (const CrossValidation& fit : usable) {
-        const Eigen::MatrixXd expected = estimate + fit.gradient * estimate * fit.gradient.transpose();
-        const Whitening white(fit);
-        shares.push_back(white(white(expected).transpose()).trace() / static_cast<double>(n));
-    }
-    const Eigen::VectorXd variances = estimate.diagonal();
-    Eigen::VectorXd sds(n);
-    for (Eigen::Index d = 0, i = 0; d < n; i += n - d, ++d)
-        sds[d] = std::sqrt(scatter[i]);
-    level.resolved =
-        (variances.array() > significant * sds.array()).any() && models::upper_median(shares) > resolved_share;
+    const auto [estimate, sds] = solve_products(n, places, fits, good);
+    const bool beyond = (estimate.diagonal().array() > significant * sds.array()).any();
+    level.resolved = beyond && explained_share(usable, estimate) > resolved_share;
     Eigen::MatrixXd scaled;
     if (level.resolved) {
         scaled = raised(estimate, sds);

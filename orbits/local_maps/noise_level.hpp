@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstddef>
-
 #include <Eigen/Core>
 
 #include "orbits/sections/neighbour_index.hpp"
@@ -16,12 +14,6 @@ struct NoiseLevel {
     Eigen::MatrixXd covariance;
     Eigen::VectorXd relative_error;  ///< standard error of each variance over the variance, shape (n); nan: a bound
     bool resolved = false;           ///< reading errors explain most of the local fits' residuals
-    /// Share of the images' variance that the local fits do not explain, averaged over coordinates: 1 means no map at
-    /// all.
-    double unexplained = 1.0;
-    int order = 0;               ///< of the local fits used
-    std::size_t neighbours = 0;  ///< of the local fits used
-    std::size_t places = 0;      ///< local fits used
 };
 
 /// Estimates the covariance S of the reading errors of a section series.

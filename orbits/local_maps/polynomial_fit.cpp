@@ -8,7 +8,6 @@
 #include "orbits/local_maps/orthogonal_columns.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // What is left of a column of the design after the columns before it, relative to the column: below this the
@@ -50,8 +49,25 @@ bool PolynomialFit::fit(const Monomials& monomials, int order, const Eigen::Matr
     }
     spread_ = std::sqrt(spread / (total * static_cast<double>(r)));
 
+    if (!orthogonalise()) return false;
+    projection_.setZero(count, r);
+    for (Eigen::Index d = 0; d < r; ++d)
+        take_out(design_.data(), static_cast<std::size_t>(count), static_cast<std::size_t>(k), response_.col(d).data(),
+                 projection_.col(d).data());
+    coefficients_ = projection_;
+    models::solve_upper_in_place(triangle_, coefficients_);
+    if (!coefficients_.allFinite()) return false;
+
+    const double freedom = static_cast<double>(k - count) / static_cast<double>(k);
+    residual_ = std::sqrt(response_.squaredNorm() / (total * freedom * static_cast<double>(r)));
+    predict_left_out(total);
+    return std::isfinite(left_out_);
+}
+
+bool PolynomialFit::orthogonalise() {
+    const Eigen::Index count = design_.cols();
     triangle_.setZero(count, count);
-    const auto rows = static_cast<std::size_t>(k);
+    const auto rows = static_cast<std::size_t>(design_.rows());
     for (Eigen::Index c = 0; c < count; ++c) {
         auto column = design_.col(c);
         const double before = column.norm();
@@ -65,17 +81,11 @@ bool PolynomialFit::fit(const Monomials& monomials, int order, const Eigen::Matr
         triangle_(c, c) = left;
         column /= left;
     }
-    projection_.setZero(count, r);
-    for (Eigen::Index d = 0; d < r; ++d)
-        take_out(design_.data(), static_cast<std::size_t>(count), rows, response_.col(d).data(),
-                 projection_.col(d).data());
-    coefficients_ = projection_;
-    models::solve_upper_in_place(triangle_, coefficients_);
-    if (!coefficients_.allFinite()) return false;
+    return true;
+}
 
-    const double freedom = static_cast<double>(k - count) / static_cast<double>(k);
-    residual_ = std::sqrt(response_.squaredNorm() / (total * freedom * static_cast<double>(r)));
-
+void PolynomialFit::predict_left_out(double total) {
+    const Eigen::Index k = design_.rows(), count = design_.cols(), r = response_.cols();
     // The value at the origin is the first coefficient, e_1^T R^-1 Q^T W y.
     influence_ = Eigen::VectorXd::Unit(count, 0);
     models::solve_transposed_upper_in_place(triangle_, influence_);
@@ -90,7 +100,6 @@ bool PolynomialFit::fit(const Monomials& monomials, int order, const Eigen::Matr
     for (Eigen::Index d = 0; d < r; ++d)
         left_out += (response_.col(d).array() / (1.0 - share_.min(largest_share))).square().sum();
     left_out_ = std::sqrt(left_out / (total * static_cast<double>(r)));
-    return std::isfinite(left_out_);
 }
 
 void PolynomialFit::part_residuals(const Monomials& monomials) {

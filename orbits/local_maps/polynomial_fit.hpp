@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
 
 #include "orbits/local_maps/monomials.hpp"
@@ -58,6 +56,11 @@ public:
     [[nodiscard]] const Eigen::MatrixXd& residuals() const { return response_; }
 
 private:
+    /// Design to Q, triangle: R. @return false: a direction is lost to rounding.
+    bool orthogonalise();
+    /// Leverages and leave-one-out errors. @param total  of the weights.
+    void predict_left_out(double total);
+
     int order_ = 0;
     Eigen::MatrixXd columns_, rest_, independent_, remainder_, remainder_response_;
     Eigen::MatrixXd scaled_, design_, triangle_, response_, projection_, coefficients_;

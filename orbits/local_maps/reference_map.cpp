@@ -6,10 +6,10 @@
 #include "models/arithmetic/orthogonal_factor.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
 #include "orbits/local_maps/fit_limits.hpp"
-#include "orbits/local_maps/floored_covariance.hpp"
+#include "orbits/local_maps/local_map.hpp"
+#include "orbits/local_maps/monomials.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 using Eigen::Index;
@@ -19,38 +19,23 @@ using Eigen::VectorXd;
 // Ratio of diagonal entries of the triangular factor below which a direction of the neighbourhood is lost to rounding.
 constexpr double lost_direction = 1e-11;
 
-// The coordinates of every monomial of the orders 2 and 3 in n variables, ascending: {0, 0}, {0, 1}, ..., {0, 0, 0}.
-std::vector<std::vector<Index>> monomials(Index n) {
-    std::vector<std::vector<Index>> result;
-    for (Index a = 0; a < n; ++a)
-        for (Index b = a; b < n; ++b)
-            result.push_back({a, b});
-    const std::size_t quadratic = result.size();
-    for (std::size_t m = 0; m < quadratic; ++m)
-        for (Index c = result[m].back(); c < n; ++c)
-            result.push_back({result[m][0], result[m][1], c});
-    return result;
+// Values of the monomials of the orders 2 and 3 at every row of `offsets`, shape (k, monomials), and at one place their
+// slopes, shape (n, monomials).
+MatrixXd curved_values(const Monomials& monomials, const MatrixXd& offsets) {
+    MatrixXd result(offsets.rows(), monomials.count(3));
+    monomials.evaluate_columns(offsets.data(), offsets.rows(), result.cols(), result.data());
+    return result.rightCols(result.cols() - monomials.count(1));
 }
 
-// Values of the monomials at every row of `offsets`, shape (k, monomials), and at one place their slopes, shape
-// (n, monomials).
-MatrixXd values_of(const std::vector<std::vector<Index>>& terms, const MatrixXd& offsets) {
-    MatrixXd result = MatrixXd::Ones(offsets.rows(), static_cast<Index>(terms.size()));
-    for (std::size_t m = 0; m < terms.size(); ++m)
-        for (const Index factor : terms[m])
-            result.col(static_cast<Index>(m)).array() *= offsets.col(factor).array();
-    return result;
-}
-
-MatrixXd slopes_of(const std::vector<std::vector<Index>>& terms, const VectorXd& place) {
-    MatrixXd result = MatrixXd::Zero(place.size(), static_cast<Index>(terms.size()));
-    for (std::size_t m = 0; m < terms.size(); ++m)
-        for (std::size_t i = 0; i < terms[m].size(); ++i) {
-            double others = 1.0;
-            for (std::size_t k = 0; k < terms[m].size(); ++k)
-                if (k != i) others *= place[terms[m][k]];
-            result(terms[m][i], static_cast<Index>(m)) += others;
-        }
+MatrixXd curved_slopes(const Monomials& monomials, const VectorXd& place) {
+    const Index count = monomials.count(3), straight = monomials.count(1);
+    VectorXd values(count);
+    monomials.evaluate(place.data(), count, values.data());
+    MatrixXd result = MatrixXd::Zero(place.size(), count - straight);
+    for (Index m = straight; m < count; ++m)
+        for (Index a = 0; a < place.size(); ++a)
+            if (const int exponent = monomials.exponent(m, a); exponent > 0)
+                result(a, m - straight) += exponent * values[monomials.lowered(m, a)];
     return result;
 }
 
@@ -59,7 +44,7 @@ void tell_truncation(const MatrixXd& images, ReferenceMap& map) {
     const Index k = map.offsets.rows(), n = map.offsets.cols();
     map.curved_residual = map.residual;
     const MatrixXd scaled = map.offsets / map.offsets.rowwise().norm().maxCoeff();
-    const MatrixXd curved_terms = values_of(monomials(n), scaled);
+    const MatrixXd curved_terms = curved_values(Monomials(n, 3), scaled);
     MatrixXd design(k, 1 + n + curved_terms.cols());
     design << MatrixXd::Ones(k, 1), scaled, curved_terms;
     // Cubic terms too where the neighbours leave room for them: about a point of symmetry all truncation is cubic.
@@ -95,15 +80,15 @@ MatrixXd map_covariance(const ReferenceMap& map, const VectorXd& d) {
     // Truncation: random quadratic and cubic terms less what the slopes take of them. In units of the radius the cubic
     // ones count half, as in a convergent series; where neighbours lie symmetrically only they disturb the slopes.
     const double radius = map.offsets.rowwise().norm().maxCoeff();
-    const auto terms = monomials(n);
+    const Monomials monomials(n, 3);
     const Index quadratic = n * (n + 1) / 2;
-    VectorXd size = VectorXd::Constant(static_cast<Index>(terms.size()), 0.5);
+    VectorXd size = VectorXd::Constant(monomials.count(3) - monomials.count(1), 0.5);
     size.head(quadratic).setOnes();
-    const MatrixXd values = values_of(terms, map.offsets / radius) * size.asDiagonal();
+    const MatrixXd values = curved_values(monomials, map.offsets / radius) * size.asDiagonal();
     const MatrixXd taken = map.solver * values;  // by the slopes, shape (n, terms)
     MatrixXd smooth(n + 1, values.cols());
-    smooth.row(0) = values_of(terms, d.transpose() / radius) * size.asDiagonal() - d.transpose() * taken;
-    smooth.bottomRows(n) = slopes_of(terms, d / radius) * size.asDiagonal() / radius - taken;
+    smooth.row(0) = curved_values(monomials, d.transpose() / radius) * size.asDiagonal() - d.transpose() * taken;
+    smooth.bottomRows(n) = curved_slopes(monomials, d / radius) * size.asDiagonal() / radius - taken;
     const double smooth_share = (values - map.offsets * taken).squaredNorm();
     // Reading errors: independent ones of the neighbours, and the reference's, which all offsets and images share.
     MatrixXd reading(n + 1, k + 1);
@@ -115,7 +100,7 @@ MatrixXd map_covariance(const ReferenceMap& map, const VectorXd& d) {
     // combination would look too good.
     MatrixXd products = map.residuals.transpose() * map.residuals;
     const VectorXd squares = products.diagonal();
-    products *= 0.9;
+    products *= believed_correlation;
     products.diagonal() = squares.array() + scaled_rounding * scaled_rounding * static_cast<double>(k);
     const double total = products.trace();
     const double curved =
@@ -151,7 +136,7 @@ ReferenceMap fit_reference_map(const SectionPoints& section, const NeighbourInde
             const double sign = neighbour.mirrored ? section.signs()[d] : 1.0;
             map.offsets(k, d) = section.difference(sign * section.point(neighbour.index)[d], x[d], d);
             images(k, d) = section.difference(sign * section.point(neighbour.index + 1)[d], image[d], d);
-            if (section.angle()[static_cast<std::size_t>(d)] && !(std::abs(images(k, d)) < torn_turns)) whole = false;
+            if (section.is_angle(d) && !(std::abs(images(k, d)) < torn_turns)) whole = false;
         }
         if (!whole) break;
         if (section.timed()) times[k] = section.return_time(neighbour.index) - section.return_time(reference);

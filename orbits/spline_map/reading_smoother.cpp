@@ -6,7 +6,6 @@
 #include "models/arithmetic/lu_factor.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Blocks of the inverse below this part of the diagonal ones are negligible: the normal equations are then off by less

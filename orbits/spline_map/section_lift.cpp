@@ -15,7 +15,6 @@
 #include "models/arithmetic/cholesky_factor.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Neighbours of a fit, as multiples of its coefficients: few follow the folds of the map, many average the noise.
@@ -253,7 +252,7 @@ SectionLift lift_section(const SectionPoints& section, const NeighbourIndex& gri
     lift.offset = Eigen::VectorXd::Zero(n);
     std::vector<Eigen::Index> unknown;  // angles of which the turns must be found
     for (Eigen::Index d = 0; d < n; ++d) {
-        const bool is_angle = section.angle()[static_cast<std::size_t>(d)] != 0;
+        const bool is_angle = section.is_angle(d);
         if (is_angle && !section.turns_known()) unknown.push_back(d);
         for (std::size_t i = 0; i < section.size(); ++i)
             if (section.has_image(i))

@@ -7,7 +7,6 @@
 #include <string>
 
 namespace orbid::orbits {
-
 namespace {
 
 constexpr std::size_t reach = 4;  // functions of one axis that overlap in a cell
@@ -37,73 +36,80 @@ SplineBasis::SplineBasis(const SectionPoints& section, const Eigen::MatrixXd& pl
         throw std::invalid_argument("PatchBasis: at most 4 coordinates, got " + std::to_string(n));
     axes_.resize(n);
     spacing_.assign(n, spacing);
-    std::int64_t total = 1;
-    for (std::size_t d = 0; d < n; ++d) {
-        Axis& axis = axes_[d];
-        axis.circle = section.angle()[d] != 0;
-        if (axis.circle) {
-            axis.cells = std::max<std::int64_t>(static_cast<std::int64_t>(reach), std::llround(1.0 / spacing));
-            spacing_[d] = 1.0 / static_cast<double>(axis.cells);
-            axis.origin = -0.5;
-            axis.functions = axis.cells;
-        } else {
-            double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
-            for (Eigen::Index i = 0; i < places.cols(); ++i) {
-                const double x = places(static_cast<Eigen::Index>(d), i);
-                if (!std::isfinite(x)) continue;
-                lowest = std::min(lowest, x);
-                highest = std::max(highest, x);
-            }
-            if (!(lowest <= highest)) lowest = highest = 0.0;
-            if (section.symmetric() && section.signs()[static_cast<Eigen::Index>(d)] < 0.0) {
-                highest = std::max(std::abs(lowest), std::abs(highest));
-                lowest = -highest;
-            }
-            axis.cells = std::max<std::int64_t>(1, static_cast<std::int64_t>(std::ceil((highest - lowest) / spacing)));
-            axis.origin = 0.5 * (lowest + highest) - 0.5 * static_cast<double>(axis.cells) * spacing;
-            axis.functions = axis.cells + static_cast<std::int64_t>(reach) - 1;
-        }
-        total *= axis.functions;
-    }
+    for (std::size_t d = 0; d < n; ++d)
+        lay_axis(d, places);
+    number_patches(occupied(places));
+}
 
-    std::vector<char> occupied(static_cast<std::size_t>(total), 0);
+void SplineBasis::lay_axis(std::size_t d, const Eigen::MatrixXd& places) {
+    const double spacing = spacing_[d];
+    Axis& axis = axes_[d];
+    axis.circle = section_->angle()[d] != 0;
+    if (axis.circle) {
+        axis.cells = std::max<std::int64_t>(static_cast<std::int64_t>(reach), std::llround(1.0 / spacing));
+        spacing_[d] = 1.0 / static_cast<double>(axis.cells);
+        axis.origin = -0.5;
+        axis.functions = axis.cells;
+        return;
+    }
+    double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+    for (Eigen::Index i = 0; i < places.cols(); ++i) {
+        const double x = places(static_cast<Eigen::Index>(d), i);
+        if (!std::isfinite(x)) continue;
+        lowest = std::min(lowest, x);
+        highest = std::max(highest, x);
+    }
+    if (!(lowest <= highest)) lowest = highest = 0.0;
+    if (section_->symmetric() && section_->signs()[static_cast<Eigen::Index>(d)] < 0.0) {
+        highest = std::max(std::abs(lowest), std::abs(highest));
+        lowest = -highest;
+    }
+    axis.cells = std::max<std::int64_t>(1, static_cast<std::int64_t>(std::ceil((highest - lowest) / spacing)));
+    axis.origin = 0.5 * (lowest + highest) - 0.5 * static_cast<double>(axis.cells) * spacing;
+    axis.functions = axis.cells + static_cast<std::int64_t>(reach) - 1;
+}
+
+std::vector<char> SplineBasis::occupied(const Eigen::MatrixXd& places) const {
+    const std::size_t n = axes_.size();
+    std::size_t total = 1, overlapping = 1;
+    for (const Axis& axis : axes_) {
+        total *= static_cast<std::size_t>(axis.functions);
+        overlapping *= reach;
+    }
+    std::vector<char> result(total, 0);
     std::array<std::int64_t, maximum_dimension> cell{};
     std::array<double, maximum_dimension> u{};
-    const auto each_function = [&](const auto& use) {
-        std::size_t count = 1;
-        for (std::size_t d = 0; d < n; ++d)
-            count *= reach;
-        for (std::size_t f = 0; f < count; ++f) {
+    for (Eigen::Index i = 0; i < places.cols(); ++i) {
+        if (!places.col(i).allFinite() || !locate(places.col(i).data(), cell, u)) continue;
+        for (std::size_t f = 0; f < overlapping; ++f) {
             std::int64_t raw = 0;
             std::size_t rest = f;
             for (std::size_t d = 0; d < n; ++d, rest /= reach)
                 raw = raw * axes_[d].functions + function_of(d, cell[d] + static_cast<std::int64_t>(rest % reach));
-            use(static_cast<std::size_t>(raw));
+            result[static_cast<std::size_t>(raw)] = 1;
         }
-    };
-    for (Eigen::Index i = 0; i < places.cols(); ++i) {
-        if (!places.col(i).allFinite() || !locate(places.col(i).data(), cell, u)) continue;
-        each_function([&](std::size_t raw) { occupied[raw] = 1; });
     }
-    if (section.symmetric())
-        for (std::int64_t raw = 0; raw < total; ++raw)
-            if (occupied[static_cast<std::size_t>(raw)]) occupied[static_cast<std::size_t>(mirrored_function(raw))] = 1;
+    if (section_->symmetric())
+        for (std::size_t raw = 0; raw < total; ++raw)
+            if (result[raw]) result[static_cast<std::size_t>(mirrored_function(static_cast<std::int64_t>(raw)))] = 1;
+    return result;
+}
 
-    number_.assign(static_cast<std::size_t>(total), -1);
-    flipped_.assign(static_cast<std::size_t>(total), 0);
-    for (std::int64_t raw = 0; raw < total; ++raw) {
-        const auto at = static_cast<std::size_t>(raw);
-        if (!occupied[at]) continue;
-        const std::int64_t image = section.symmetric() ? mirrored_function(raw) : raw;
+void SplineBasis::number_patches(const std::vector<char>& with_data) {
+    number_.assign(with_data.size(), -1);
+    flipped_.assign(with_data.size(), 0);
+    for (std::size_t at = 0; at < with_data.size(); ++at) {
+        if (!with_data[at]) continue;
+        const auto raw = static_cast<std::int64_t>(at);
+        const std::int64_t image = section_->symmetric() ? mirrored_function(raw) : raw;
         if (image < raw) {
             number_[at] = number_[static_cast<std::size_t>(image)];
             flipped_[at] = 1;
             continue;
         }
         number_[at] = static_cast<std::int32_t>(patches_++);
-        for (std::size_t d = 0; d < n; ++d)
-            fixed_.push_back(
-                section.symmetric() && image == raw && section.signs()[static_cast<Eigen::Index>(d)] < 0.0 ? 1 : 0);
+        for (Eigen::Index d = 0; d < dimension(); ++d)
+            fixed_.push_back(section_->symmetric() && image == raw && section_->signs()[d] < 0.0 ? 1 : 0);
     }
 }
 
@@ -212,85 +218,6 @@ void SplineBasis::support(const double* place, int derivatives, SplineSupport& r
                 bending(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b)) = product;
             }
     }
-}
-
-DifferenceRows SplineBasis::third_differences(Eigen::Index coordinate, std::int64_t width,
-                                              std::vector<std::int64_t>& region) const {
-    region.clear();
-    const std::size_t n = axes_.size();
-    const auto total = static_cast<std::int64_t>(number_.size());
-    // (-1)^(m - j) binomial(m, j): coefficients of the m-th difference
-    constexpr std::array<std::array<double, reach>, reach> difference{
-        {{1, 0, 0, 0}, {-1, 1, 0, 0}, {1, -2, 1, 0}, {-1, 3, -3, 1}}};
-    constexpr std::array<double, reach> factorial{1.0, 1.0, 2.0, 6.0};
-    const double sign = section_->symmetric() ? section_->signs()[coordinate] : 1.0;
-
-    DifferenceRows rows;
-    std::vector<std::size_t> orders(n, 0);
-    std::vector<std::pair<std::int32_t, double>> stencil;
-    const auto add_all = [&] {
-        double multiplicity = 6.0;  // 3! / (orders!): the norm of third derivatives does not depend on the axes' choice
-        std::size_t members = 1;
-        for (const std::size_t m : orders) {
-            multiplicity /= factorial[m];
-            members *= m + 1;
-        }
-        for (std::int64_t raw = 0; raw < total; ++raw) {
-            if (number_[static_cast<std::size_t>(raw)] < 0) continue;
-            stencil.clear();
-            for (std::size_t member = 0; member < members; ++member) {
-                std::int64_t other = 0, rest_of_raw = raw, factor = 1;
-                std::size_t rest = member;
-                double weight = 1.0;
-                bool exists = true;
-                for (std::size_t d = n; d-- > 0;) {
-                    const std::size_t j = rest % (orders[d] + 1);
-                    rest /= orders[d] + 1;
-                    std::int64_t place = rest_of_raw % axes_[d].functions + static_cast<std::int64_t>(j);
-                    rest_of_raw /= axes_[d].functions;
-                    if (place >= axes_[d].functions) {
-                        if (!axes_[d].circle) exists = false;
-                        place -= axes_[d].functions;
-                    }
-                    other += place * factor;
-                    factor *= axes_[d].functions;
-                    weight *= difference[orders[d]][j];
-                }
-                if (!exists || number_[static_cast<std::size_t>(other)] < 0) break;
-                const std::int64_t unknown = number_[static_cast<std::size_t>(other)] * static_cast<std::int64_t>(n) +
-                                             static_cast<std::int64_t>(coordinate);
-                if (flipped_[static_cast<std::size_t>(other)]) weight *= sign;
-                stencil.emplace_back(static_cast<std::int32_t>(unknown), weight);
-            }
-            if (stencil.size() != members) continue;
-            for (const auto& [unknown, weight] : stencil)
-                if (!fixed_[static_cast<std::size_t>(unknown)])
-                    rows.add(static_cast<std::size_t>(unknown), std::sqrt(multiplicity) * weight);
-            rows.finish_row();
-            std::int64_t box = 0, rest_of_raw = raw, factor = 1;
-            for (std::size_t d = n; d-- > 0;) {
-                const std::int64_t centre =
-                    (rest_of_raw % axes_[d].functions + static_cast<std::int64_t>(orders[d] / 2)) % axes_[d].functions;
-                rest_of_raw /= axes_[d].functions;
-                box += centre / width * factor;
-                factor *= axes_[d].functions / width + 1;
-            }
-            region.push_back(box);
-        }
-    };
-    const auto distribute = [&](const auto& self, std::size_t d, std::size_t left) -> void {
-        if (d + 1 == n) {
-            orders[d] = left;
-            add_all();
-            return;
-        }
-        for (std::size_t m = 0; m <= left; ++m) {
-            orders[d] = m;
-            self(self, d + 1, left - m);
-        }
-    };
-    distribute(distribute, 0, reach - 1);
-    return rows;
 }
 
 }  // namespace orbid::orbits

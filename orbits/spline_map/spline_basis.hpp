@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -61,6 +62,17 @@ private:
         bool circle = false;
     };
 
+    void lay_axis(std::size_t d, const Eigen::MatrixXd& places);
+    /// The functions on the grid that overlap in a cell with data, and their mirror images.
+    [[nodiscard]] std::vector<char> occupied(const Eigen::MatrixXd& places) const;
+    void number_patches(const std::vector<char>& with_data);
+    /// Coefficients of a difference, of the given orders along the axes, that begins at a function on the grid: empty
+    /// where one of them does not exist.
+    void find_stencil(std::int64_t raw, const std::vector<std::size_t>& orders, Eigen::Index coordinate,
+                      std::vector<std::pair<std::size_t, double>>& stencil) const;
+    /// Number of the box of `width` x ... functions that the middle of a difference lies in.
+    [[nodiscard]] std::int64_t difference_region(std::int64_t raw, const std::vector<std::size_t>& orders,
+                                                 std::int64_t width) const;
     [[nodiscard]] bool locate(const double* place, std::array<std::int64_t, 4>& cell, std::array<double, 4>& u) const;
     [[nodiscard]] std::int64_t function_of(std::size_t d, std::int64_t cell_offset) const;
     [[nodiscard]] std::int64_t mirrored_function(std::int64_t raw) const;

@@ -3,19 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include "models/arithmetic/lu_factor.hpp"
-#include "orbits/spline_map/reading_smoother.hpp"
 #include "orbits/spline_map/spline_normal_matrix.hpp"
 #include "orbits/spline_map/spline_roughness.hpp"
 #include "orbits/spline_map/tiled_cholesky.hpp"
 
 namespace orbid::orbits {
-
 namespace {
 
 // Prior on every coefficient: sd of ten ranges (turns). It only matters for patches at the border that neither data nor
@@ -53,8 +50,7 @@ public:
                                     ? std::pow(options_.last_share / options_.first_share,
                                                std::min(1.0, pass / std::max(1.0, options_.passes - 3.0)))
                                     : 1.0;
-            fit_.model_share = options_.first_share * fall;
-            improve(pass + 1 == options_.passes);
+            improve(pass, options_.first_share * fall);
         }
         fit_.usable = good_;
         return std::move(fit_);
@@ -97,9 +93,8 @@ private:
             // Other weights cannot help so much: spare the rounds.
             if (!(good_ = fit_.unexplained < 2.0 * options_.largest_unexplained)) return;
             const std::vector<double> root = factor.inverse_factor();
-            for (Eigen::Index d = 0; d < n_; ++d) {
+            for (Eigen::Index d = 0; d < n_; ++d)
                 roughness_[static_cast<std::size_t>(d)].reweigh(root, solution, variance[d]);
-            }
         }
         for (Eigen::Index d = 0; d < n_; ++d)
             roughness_[static_cast<std::size_t>(d)].scale_weight(1.0 / variance[d]);
@@ -118,7 +113,7 @@ private:
 
     // Variance of the images about their mean; uniform around the circle for angles.
     [[nodiscard]] double image_variance(Eigen::Index d) const {
-        if (section_.angle()[static_cast<std::size_t>(d)]) return 1.0 / 12.0;
+        if (section_.is_angle(d)) return 1.0 / 12.0;
         double sum = 0.0, squares = 0.0;
         for (std::size_t t = 0; t < section_.size(); ++t)
             if (section_.has_image(t)) {
@@ -129,9 +124,10 @@ private:
         return squares / count - sum * sum / (count * count);
     }
 
-    void improve(bool last) {
+    void improve(int pass, double model_share) {
+        const bool last = pass + 1 == options_.passes;
         const std::size_t count = section_.size();
-        const double share2 = fit_.model_share * fit_.model_share;
+        const double share2 = model_share * model_share;
         std::vector<SeriesStep> steps(count);
         tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 256),
                           [&](const tbb::blocked_range<std::size_t>& range) {
@@ -140,11 +136,12 @@ private:
                                   if (present_[t]) steps[t] = linearised(t, share2, value);
                           });
         Eigen::MatrixXd residual = Eigen::MatrixXd::Zero(n_, static_cast<Eigen::Index>(count));
-        for (std::size_t t = 0; t < count; ++t)
-            if (steps[t].present) residual.col(static_cast<Eigen::Index>(t)) = steps[t].residual;
-        std::vector<char> present(count);
-        for (std::size_t t = 0; t < count; ++t)
-            present[t] = steps[t].present ? 1 : 0;
+        std::vector<char> present(count, 0);
+        for (std::size_t t = 0; t < count; ++t) {
+            if (!steps[t].present) continue;
+            residual.col(static_cast<Eigen::Index>(t)) = steps[t].residual;
+            present[t] = 1;
+        }
         const ReadingSmoother smoother(std::move(steps), reading_, options_.gate);
 
         const SplineDesign design(fit_.map, fit_.states, present);
@@ -160,17 +157,15 @@ private:
         residual -= design.spread(step);
         const Eigen::MatrixXd weighted = smoother.weighted(residual);
         fit_.chi2 = weighted.cwiseProduct(residual).sum();
-        if (fit_.passes.size() > 0) fit_.model_error.update(fit_.map.basis(), fit_.states, weighted, smoother);
+        if (pass > 0) fit_.model_error.update(fit_.map.basis(), fit_.states, weighted, smoother);
         move_states(smoother, weighted);
         if (last) put_back(factor);
 
         std::vector<double> root = factor.inverse_factor();
-        fit_.freedom = 0.0;
+        double freedom = 0.0;  // effective number of coefficients
         for (SplineRoughness& roughness : roughness_)
-            fit_.freedom += roughness.reweigh(root, fit_.map.coefficients(), 1.0);
-        fit_.chi2 /= static_cast<double>(n_) * static_cast<double>(section_.image_count()) - fit_.freedom;
-        fit_.passes.push_back(
-            {fit_.model_share, fit_.chi2, fit_.freedom, state_sd_, step.cwiseAbs().maxCoeff(), smoother.gated()});
+            freedom += roughness.reweigh(root, fit_.map.coefficients(), 1.0);
+        fit_.chi2 /= static_cast<double>(n_) * static_cast<double>(section_.image_count()) - freedom;
         if (last) fit_.root = std::move(root);
     }
 
@@ -208,14 +203,13 @@ private:
                     0.5 * (curved[static_cast<std::size_t>(a)] * curved[static_cast<std::size_t>(b)]).trace();
         step.residual = lift_.displacement.col(at) - value.displacement + moved - step.jacobian * moved;
         for (Eigen::Index d = 0; d < n_; ++d)
-            if (section_.angle()[static_cast<std::size_t>(d)]) step.residual[d] -= std::nearbyint(step.residual[d]);
+            if (section_.is_angle(d)) step.residual[d] -= std::nearbyint(step.residual[d]);
         return step;
     }
 
     void move_states(const ReadingSmoother& smoother, const Eigen::MatrixXd& weighted) {
         const Eigen::MatrixXd errors = smoother.reading_errors(weighted);
         const SmallMatrix precision = models::inverse(SmallMatrix(reading_));
-        double remaining = 0.0;
         for (std::size_t t = 0; t < section_.size(); ++t) {
             const auto at = static_cast<Eigen::Index>(t);
             SmallVector error = errors.col(at);
@@ -229,9 +223,7 @@ private:
                 fit_.states.col(at) = support.inside ? moved : Eigen::VectorXd(read);
             }
             fit_.remaining[t] = smoother.remaining_covariance(t);
-            remaining += (precision * fit_.remaining[t]).trace();
         }
-        state_sd_ = std::sqrt(remaining / static_cast<double>(n_) / static_cast<double>(section_.size()));
     }
 
     [[nodiscard]] static double mean_diagonal(const std::vector<double>& matrix) {
@@ -259,7 +251,6 @@ private:
     SplineMapFit fit_;
     std::vector<SplineRoughness> roughness_;
     std::vector<char> present_;
-    double state_sd_ = 1.0;
     bool good_ = true;
 };
 

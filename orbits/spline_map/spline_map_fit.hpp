@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <utility>
 #include <vector>
 
@@ -14,16 +13,6 @@
 
 namespace orbid::orbits {
 
-/// The outcome of a pass over the series.
-struct PatchMapPass {
-    double model_share = 0.0;  ///< Q = model_share^2 S
-    double chi2 = 0.0;         ///< of the residuals per degree of freedom
-    double freedom = 0.0;      ///< effective number of coefficients
-    double state_sd = 0.0;     ///< rms of what remains of a reading error relative to the error itself
-    double step = 0.0;         ///< largest change of a coefficient
-    std::size_t gated = 0;     ///< steps that were kept from pulling
-};
-
 /// A patch map fitted to a series with errors in points and images.
 struct SplineMapFit {
     SplineMapFit(SplineMap empty, const Eigen::VectorXd& smallest) : map(std::move(empty)), model_error(smallest) {}
@@ -33,21 +22,16 @@ struct SplineMapFit {
     std::vector<double> root;
     PatchModelError model_error;
     Eigen::MatrixXd states;              ///< smoothed points, shape (n, points); nan where nothing was read
-    double model_share = 0.0;            ///< Q = model_share^2 S
     double chi2 = 0.0;                   ///< of the residuals per degree of freedom
-    double freedom = 0.0;                ///< effective number of coefficients
-    double state_sd = 0.0;               ///< rms of what remains of a reading error relative to the error itself
-    std::size_t gated = 0;               ///< steps that were kept from pulling
     double unexplained = 1.0;            ///< share of the images' variance that a map of the readings does not explain
     std::vector<SmallMatrix> remaining;  ///< covariance of the unknown part of a point's reading error
-    std::vector<PatchMapPass> passes;
     bool usable = false;
 };
 
 struct SplineMapFitOptions {
     double spacing = 0.05;
     int passes = 6;
-    double first_share = 0.8;
+    double first_share = 0.8;  ///< Q = share^2 S in the first pass over the series
     double last_share = 0.1;
     double gate = 25.0;
     double largest_unexplained = 0.25;

@@ -6,7 +6,6 @@
 #include <utility>
 
 namespace orbid::orbits {
-
 namespace {
 
 // Patches along an edge of a region.

@@ -1,8 +1,6 @@
 #pragma once
 
-#include <cstddef>
 #include <unordered_map>
-#include <vector>
 
 #include <Eigen/Core>
 

@@ -1,12 +1,10 @@
 #include "orbits/spline_map/spline_roughness.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include <tbb/parallel_for.h>
 
 namespace orbid::orbits {
-
 namespace {
 
 // Patches along an edge of a region of common roughness: 2 gave normalised errors of cycles of 1.15 (pendulum, noise

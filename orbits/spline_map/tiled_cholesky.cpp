@@ -7,7 +7,6 @@
 #include <tbb/parallel_for.h>
 
 namespace orbid::orbits {
-
 namespace {
 
 // Three tiles of doubles fill the first two levels of cache of common processors (96 kB).
@@ -104,13 +103,6 @@ TiledCholesky::TiledCholesky(std::vector<double> matrix, std::size_t size) : fac
                 at(j, j)[r * size + c] = at(j, j)[c * size + r];
     }
     positive_definite_ = true;
-}
-
-double TiledCholesky::log_determinant() const {
-    double sum = 0.0;
-    for (std::size_t i = 0; i < size_; ++i)
-        sum += 2.0 * std::log(factor_[i * size_ + i]);
-    return sum;
 }
 
 void TiledCholesky::solve(double* x) const {

@@ -19,7 +19,6 @@ public:
 
     [[nodiscard]] bool positive_definite() const { return positive_definite_; }
     [[nodiscard]] std::size_t size() const { return size_; }
-    [[nodiscard]] double log_determinant() const;
     /// Solution of matrix x = right_side, in place; shape (size).
     void solve(double* right_side) const;
     /// Inverse of the lower factor, row-major, shape (size, size), zero above the diagonal.

@@ -1,4 +1,4 @@
-#include "orbits/cycles/itinerary.hpp"
+#include "orbits/cycles/recurrence.hpp"
 
 #include <numbers>
 

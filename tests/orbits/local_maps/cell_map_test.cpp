@@ -3,7 +3,7 @@
 #include <cmath>
 #include <random>
 
-#include "orbits/cycles/cell_newton.hpp"
+#include "orbits/cycles/cycle_refinement.hpp"
 #include "orbits/local_maps/fit_choice.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"

@@ -99,7 +99,7 @@ TEST_CASE("errors of the pendulum's section, and those of an encoder that share 
     CHECK(level.covariance(0, 1) < 0.0);
 }
 
-TEST_CASE("clean series have errors no larger than what the fits leave over, shuffled ones no map", "[orbits][noise]") {
+TEST_CASE("clean series have errors no larger than what the fits leave over, shuffled ones none that are resolved", "[orbits][noise]") {
     const auto series = tests::henon_series(20000);
     const NoiseLevel clean = level_of(series);
     CHECK_FALSE(clean.resolved);
@@ -107,16 +107,13 @@ TEST_CASE("clean series have errors no larger than what the fits leave over, shu
     // A quadratic map is fitted exactly: only the ridge of the fits is left (measured 4e-11).
     CHECK(clean.covariance(0, 0) < 1e-18);
     CHECK(clean.covariance(1, 1) > 0.0);
-    CHECK(clean.unexplained < 1e-15);
 
     orbits::Series shuffled = series;
     tests::NormalNumbers uniform(5);
     orbits::Readings& values = shuffled.segments[0].values;
     for (Eigen::Index i = values.cols() - 1; i > 0; --i)
         values.col(i).swap(values.col(static_cast<Eigen::Index>(uniform.uniform() * static_cast<double>(i + 1))));
-    const NoiseLevel none = level_of(shuffled);
-    CHECK_FALSE(none.resolved);
-    CHECK(none.unexplained > 0.5);
+    CHECK_FALSE(level_of(shuffled).resolved);
 }
 
 TEST_CASE("the level is the same with any number of threads, and needs points", "[orbits][noise][threads]") {
