@@ -143,7 +143,7 @@ Outcome identify(const Experiment& e, bool verbose) {
             states.col(static_cast<Eigen::Index>(k)) = starts[k].from;
         orbits::PredictionOptions options;
         options.sizes = orbits::error_sizes(e.sensor, orbits::coordinate_range(*e.system, e.series, states));
-        orbits::PredictionResidual prediction(e.system, e.binding, starts,
+        orbits::PredictionResidual prediction({e.system}, e.binding, starts,
                                               orbits::transition_clock(*e.system, e.series), theta, options);
         estimator::EstimateOptions rough;
         rough.verdict = false;

@@ -83,7 +83,7 @@ Ours ours(const Experiment& e) {
         states.col(static_cast<Eigen::Index>(k)) = starts[k].from;
     orbits::PredictionOptions prediction;
     prediction.sizes = orbits::error_sizes(e.sensor, orbits::coordinate_range(*e.system, e.series, states));
-    orbits::PredictionResidual first(e.system, e.binding, starts, orbits::transition_clock(*e.system, e.series),
+    orbits::PredictionResidual first({e.system}, e.binding, starts, orbits::transition_clock(*e.system, e.series),
                                      result.theta, prediction);
     estimator::EstimateOptions options;
     options.verdict = false;

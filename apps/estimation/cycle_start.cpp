@@ -10,7 +10,6 @@
 #include "apps/estimation/estimated_values.hpp"
 #include "orbits/cycle_residuals/lifted_cycle_residual.hpp"
 #include "orbits/cycle_residuals/one_period_residual.hpp"
-#include "orbits/cycle_residuals/start_scan.hpp"
 
 namespace orbid::apps {
 

@@ -6,7 +6,7 @@
 
 #include "apps/job/segment_choice.hpp"
 #include "models/system/derivative_check.hpp"
-#include "orbits/simulation/phase_rate.hpp"
+#include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/transition.hpp"
 
 namespace orbid::apps {

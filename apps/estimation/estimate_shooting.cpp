@@ -7,9 +7,8 @@
 
 #include "apps/estimation/estimated_values.hpp"
 #include "apps/job/segment_choice.hpp"
-#include "orbits/cycle_residuals/start_scan.hpp"
+#include "orbits/cycle_residuals/one_period_residual.hpp"
 #include "orbits/records/data_error.hpp"
-#include "orbits/series_residuals/shooting_interval.hpp"
 #include "orbits/simulation/transition.hpp"
 
 namespace orbid::apps {

@@ -1,10 +1,8 @@
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
-#include <string>
 #include <utility>
 
 #include <tbb/parallel_for.h>
@@ -12,6 +10,7 @@
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "models/arithmetic/median.hpp"
 #include "orbits/cycle_residuals/cycle_block.hpp"
+#include "orbits/records/refusal.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 
 namespace orbid::orbits {
@@ -51,18 +50,17 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
       groups_(target_groups(map_, "cycles", options.targets)) {
     if (!(options.maximum_move > 0.0)) throw std::invalid_argument("CycleResidual: maximum_move must be > 0");
     if (!(options.gate > 1.0)) throw std::invalid_argument("CycleResidual: gate must be > 1");
-    if (!start_nodes.empty() && start_nodes.size() != cycles.size())
-        throw std::invalid_argument("CycleResidual: " + std::to_string(start_nodes.size()) + " start nodes for " +
-                                    std::to_string(cycles.size()) + " cycles");
+    refuse_if(!start_nodes.empty() && start_nodes.size() != cycles.size(),
+              "CycleResidual: {} start nodes for {} cycles", start_nodes.size(), cycles.size());
     for (const CycleTarget& target : targets_.targets) {
         layout_.emplace_back().label = target.label;
         Known known;
         known.nodes = target.nodes;
         if (!start_nodes.empty() && start_nodes[target.cycle].size() > 0) {
             const MatrixXd& nodes = start_nodes[target.cycle];
-            if (nodes.rows() != target.points.rows() || nodes.cols() != target.points.cols() || !nodes.allFinite())
-                throw std::invalid_argument("CycleResidual: start nodes of " + target.label +
-                                            " must be finite and have the shape of its points");
+            refuse_if(
+                nodes.rows() != target.points.rows() || nodes.cols() != target.points.cols() || !nodes.allFinite(),
+                "CycleResidual: start nodes of {} must be finite and have the shape of its points", target.label);
             known.nodes = nodes;
         }
         known_.push_back(std::move(known));

@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <span>
 #include <stdexcept>
+#include <string_view>
 #include <variant>
 
+#include <fmt/format.h>
+
 #include "models/arithmetic/cholesky_factor.hpp"
+#include "orbits/records/refusal.hpp"
 #include "orbits/simulation/point_reading.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 
@@ -33,16 +36,14 @@ constexpr double computed_multiplier_error = 1e-9;
 /// Errors of points are positions on a circle or about an origin: they are not relative to a size, and the points of a
 /// cycle are no course in time.
 void check_forms(Index n, const CycleTargetOptions& options) {
-    if (!options.forms.empty() && static_cast<Index>(options.forms.size()) != n)
-        throw std::invalid_argument("cycle residual: " + std::to_string(options.forms.size()) +
-                                    " error distributions, the section has " + std::to_string(n) + " coordinates");
+    refuse_if(!options.forms.empty() && static_cast<Index>(options.forms.size()) != n,
+              "cycle residual: {} error distributions, the section has {} coordinates", options.forms.size(), n);
     const bool linked = options.weights == CycleWeights::covariance;
     for (const ErrorForm& form : options.forms) {
         const bool normal = std::holds_alternative<estimator::NormalErrors>(form.distribution);
         const bool heavy = std::holds_alternative<estimator::StudentErrors>(form.distribution) ||
                            std::holds_alternative<estimator::LaplaceErrors>(form.distribution);
-        if (!normal && !heavy)
-            throw std::invalid_argument("cycle residual: errors must be normal, Student's t or Laplace");
+        refuse_if(!normal && !heavy, "cycle residual: errors must be normal, Student's t or Laplace");
         if (!normal && linked)
             throw std::invalid_argument(R"(cycle residual: with weights "covariance" errors must be normal)");
         if (form.known_sds) throw std::invalid_argument("cycle residual: a column of sds belongs to a series");
@@ -54,9 +55,8 @@ void check_forms(Index n, const CycleTargetOptions& options) {
 void check_multipliers(const Cycle& cycle, const std::string& who, bool covariance) {
     const Index count = cycle.ln_multiplier.size();
     if (count == 0) return;
-    if (cycle.multipliers.size() != static_cast<std::size_t>(count) && !cycle.multipliers.empty())
-        throw std::invalid_argument(who + "has " + std::to_string(cycle.multipliers.size()) + " multipliers and " +
-                                    std::to_string(count) + " values of ln|multiplier|");
+    refuse_if(cycle.multipliers.size() != static_cast<std::size_t>(count) && !cycle.multipliers.empty(),
+              "{}has {} multipliers and {} values of ln|multiplier|", who, cycle.multipliers.size(), count);
     if (!covariance) return;
     if (cycle.ln_multiplier_covariance.rows() != count || cycle.ln_multiplier_covariance.cols() != count)
         throw std::invalid_argument(who + "covariance of ln|multiplier| must be " + std::to_string(count) + " x " +
@@ -65,30 +65,28 @@ void check_multipliers(const Cycle& cycle, const std::string& who, bool covarian
 
 void check(const SectionMap& map, const std::vector<Cycle>& cycles, const CycleTargetOptions& options) {
     const Index n = map.dimension();
-    if (!options.positions && !options.multipliers && !options.times)
-        throw std::invalid_argument("cycle residual: positions or multipliers must take part");
-    if (options.times && !map.place().plane)
-        throw std::invalid_argument("cycle residual: only cycles of autonomous flows have a time of their own");
-    if (!options.errors.empty() && static_cast<Index>(options.errors.size()) != n)
-        throw std::invalid_argument("cycle residual: " + std::to_string(options.errors.size()) +
-                                    " error scales, the section has " + std::to_string(n) + " coordinates");
+    refuse_if(!options.positions && !options.multipliers && !options.times,
+              "cycle residual: positions or multipliers must take part");
+    refuse_if(options.times && !map.place().plane,
+              "cycle residual: only cycles of autonomous flows have a time of their own");
+    refuse_if(!options.errors.empty() && static_cast<Index>(options.errors.size()) != n,
+              "cycle residual: {} error scales, the section has {} coordinates", options.errors.size(), n);
     check_forms(n, options);
     for (std::size_t c = 0; c < cycles.size(); ++c) {
         const Cycle& cycle = cycles[c];
         const std::string who = "cycle " + std::to_string(c) + ": ";
-        if (cycle.period < 1 || cycle.points.rows() != n || cycle.points.cols() != cycle.period)
-            throw std::invalid_argument(who + "points have shape (" + std::to_string(cycle.points.rows()) + ", " +
-                                        std::to_string(cycle.points.cols()) + "), needed is (" + std::to_string(n) +
-                                        ", period) with period " + std::to_string(cycle.period) + " >= 1");
-        if (!cycle.points.allFinite()) throw std::invalid_argument(who + "points must be finite");
+        refuse_if(cycle.period < 1 || cycle.points.rows() != n || cycle.points.cols() != cycle.period,
+                  "{}points have shape ({}, {}), needed is ({}, period) with period {} >= 1", who, cycle.points.rows(),
+                  cycle.points.cols(), n, cycle.period);
+        refuse_if(!cycle.points.allFinite(), "{}points must be finite", who);
         if (options.multipliers) check_multipliers(cycle, who, options.weights == CycleWeights::covariance);
         if (options.weights != CycleWeights::covariance || !options.positions) continue;
         const Index records = cycle.points.size();
         if (cycle.covariance.rows() != records || cycle.covariance.cols() != records)
             throw std::invalid_argument(who + "covariance must be " + std::to_string(records) + " x " +
                                         std::to_string(records) + R"( (weights "equal" need none))");
-        if (!cycle.covariance.allFinite() || !models::CholeskyFactor(cycle.covariance).positive_definite())
-            throw std::invalid_argument(who + "covariance must be finite, symmetric and positive definite");
+        refuse_if(!cycle.covariance.allFinite() || !models::CholeskyFactor(cycle.covariance).positive_definite(),
+                  "{}covariance must be finite, symmetric and positive definite", who);
     }
 }
 
@@ -171,9 +169,8 @@ void take_multipliers(const Cycle& cycle, const CycleTargetOptions& options, Cyc
     if (!weighted) return;
     target.multiplier_covariance = cycle.ln_multiplier_covariance(taken, taken);
     target.multiplier_covariance.diagonal().array() += computed_multiplier_error * computed_multiplier_error;
-    if (!taken.empty() && !models::CholeskyFactor(target.multiplier_covariance).positive_definite())
-        throw std::invalid_argument("cycle " + std::to_string(target.cycle) +
-                                    ": covariance of ln|multiplier| must be symmetric and positive definite");
+    refuse_if(!taken.empty() && !models::CholeskyFactor(target.multiplier_covariance).positive_definite(),
+              "cycle {}: covariance of ln|multiplier| must be symmetric and positive definite", target.cycle);
 }
 
 }  // namespace
@@ -209,40 +206,33 @@ CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::s
             result.targets.push_back(std::move(target));
     }
     const auto has_multipliers = [](const CycleTarget& target) { return !target.multipliers.empty(); };
-    if (options.multipliers && std::none_of(result.targets.begin(), result.targets.end(), has_multipliers))
-        throw std::invalid_argument("cycle residual: multipliers are to take part, but none was measured");
+    refuse_if(options.multipliers && std::none_of(result.targets.begin(), result.targets.end(), has_multipliers),
+              "cycle residual: multipliers are to take part, but none was measured");
     const auto has_time = [](const CycleTarget& target) { return std::isfinite(target.time); };
-    if (options.times && std::none_of(result.targets.begin(), result.targets.end(), has_time))
-        throw std::invalid_argument("cycle residual: times are to take part, but none was measured");
+    refuse_if(options.times && std::none_of(result.targets.begin(), result.targets.end(), has_time),
+              "cycle residual: times are to take part, but none was measured");
     return result;
 }
 
 std::vector<estimator::Group> target_groups(const SectionMap& map, const std::string& prefix,
                                             const CycleTargetOptions& options) {
     std::vector<estimator::Group> groups;
-    for (std::size_t i = 0; options.positions && i < map.coordinates().size(); ++i) {
-        const models::Coordinate& coordinate = map.coordinates()[i];
-        estimator::Group group;
-        group.name = prefix + "." + std::string(coordinate.name);
-        group.factor = options.weights == CycleWeights::covariance;
-        group.unit = group.factor ? "1" : std::string(coordinate.unit);
-        // <= 0: the estimator takes the start from the residuals.
-        group.scale =
-            options.errors.empty() ? estimator::ErrorScale{true, 0.0, estimator::FlatPrior{}} : options.errors[i];
-        if (!options.forms.empty()) {
-            group.distribution = options.forms[i].distribution;
-            group.floor = options.forms[i].floor;
-        }
-        groups.push_back(std::move(group));
-    }
-    const auto add = [&](const std::string& name, const std::string& unit, const estimator::ErrorScale& scale) {
-        estimator::Group group;
-        group.name = prefix + "." + name;
+    const auto add = [&](std::string_view name, std::string_view unit, const estimator::ErrorScale& scale) {
+        estimator::Group& group = groups.emplace_back();
+        group.name = fmt::format("{}.{}", prefix, name);
         group.factor = options.weights == CycleWeights::covariance;
         group.unit = group.factor ? "1" : unit;
         group.scale = scale;
-        groups.push_back(std::move(group));
     };
+    for (std::size_t i = 0; options.positions && i < map.coordinates().size(); ++i) {
+        const models::Coordinate& coordinate = map.coordinates()[i];
+        // <= 0: the estimator takes the start from the residuals.
+        const estimator::ErrorScale from_residuals{true, 0.0, estimator::FlatPrior{}};
+        add(coordinate.name, coordinate.unit, options.errors.empty() ? from_residuals : options.errors[i]);
+        if (options.forms.empty()) continue;
+        groups.back().distribution = options.forms[i].distribution;
+        groups.back().floor = options.forms[i].floor;
+    }
     if (options.multipliers) add("ln_multiplier", "1", options.multiplier_error);
     if (options.times) add("time", "s", options.time_error);
     return groups;

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
 #include <string>
 
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
 #include "orbits/cycle_residuals/cycle_block.hpp"
+#include "orbits/records/refusal.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -30,12 +30,11 @@ CycleTargetOptions points_of(CycleTargetOptions options) {
 }
 
 void check_matching(const LiftedCycleOptions& options) {
-    if (!(options.matching_end > 0.0 && options.matching_end <= 1.0))
-        throw std::invalid_argument("LiftedCycleResidual: matching_end must be in (0, 1]");
-    if (!(options.matching_factor > 0.0 && options.matching_factor < 1.0))
-        throw std::invalid_argument("LiftedCycleResidual: matching_factor must be in (0, 1)");
-    if (!(options.matching_start >= 0.0))
-        throw std::invalid_argument("LiftedCycleResidual: matching_start must be >= 0");
+    refuse_if(!(options.matching_end > 0.0 && options.matching_end <= 1.0),
+              "LiftedCycleResidual: matching_end must be in (0, 1]");
+    refuse_if(!(options.matching_factor > 0.0 && options.matching_factor < 1.0),
+              "LiftedCycleResidual: matching_factor must be in (0, 1)");
+    refuse_if(!(options.matching_start >= 0.0), "LiftedCycleResidual: matching_start must be >= 0");
 }
 
 }  // namespace

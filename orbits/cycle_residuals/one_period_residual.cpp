@@ -6,6 +6,7 @@
 
 #include "models/arithmetic/median.hpp"
 #include "orbits/cycle_residuals/cycle_block.hpp"
+#include "orbits/records/refusal.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -22,6 +23,21 @@ constexpr int most_refreshes = 15;
 constexpr double least_scale = 1e-4;
 /// The median of |e| of normal errors times this is their sd.
 constexpr double normal_median = 1.4826;
+
+constexpr int sweeps = 2;  // the second sees the others near their place
+
+std::vector<double> ladder(double start, double size) {
+    std::vector<double> values;
+    if (start != 0.0) {
+        for (int k = -12; k <= 12; ++k)
+            values.push_back(start * std::pow(2.0, k / 6.0));
+    } else {
+        for (const double sign : {1.0, -1.0})
+            for (int k = -6; k <= 6; ++k)
+                values.push_back(sign * size * std::pow(2.0, k / 2.0));
+    }
+    return values;
+}
 
 }  // namespace
 
@@ -150,6 +166,33 @@ double OnePeriodResidual::misfit(const VectorXd& theta) const {
         }
     }
     return sum;
+}
+
+VectorXd scanned_start(const OnePeriodResidual& residual, const VectorXd& start, const VectorXd& lower,
+                       const VectorXd& upper, const VectorXd& size) {
+    return scanned_start([&](const VectorXd& theta) { return residual.misfit(theta); }, start, lower, upper, size);
+}
+
+VectorXd scanned_start(const std::function<double(const VectorXd&)>& misfit_at, const VectorXd& start,
+                       const VectorXd& lower, const VectorXd& upper, const VectorXd& size) {
+    refuse_if(lower.size() != start.size() || upper.size() != start.size() || size.size() != start.size(),
+              "scanned_start: start, lower, upper and size must have one value per parameter");
+    VectorXd best = start;
+    double best_misfit = misfit_at(best);
+    for (int sweep = 0; sweep < sweeps; ++sweep)
+        for (Index i = 0; i < start.size(); ++i) {
+            // Both sweeps climb the ladder about the start, so that nothing runs away.
+            for (const double value : ladder(start(i), size(i))) {
+                if (!(value >= lower(i) && value <= upper(i))) continue;
+                VectorXd trial = best;
+                trial(i) = value;
+                const double misfit = misfit_at(trial);
+                if (!(misfit < best_misfit)) continue;
+                best_misfit = misfit;
+                best = trial;
+            }
+        }
+    return best;
 }
 
 }  // namespace orbid::orbits

@@ -1,9 +1,9 @@
 #include "orbits/series_residuals/observed_channels.hpp"
+#include "orbits/records/refusal.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
@@ -12,7 +12,7 @@ namespace orbid::orbits {
 using Eigen::Index;
 
 void ObservedChannels::require(bool rule, const std::string& message) const {
-    if (!rule) throw std::invalid_argument(fmt::format("{}: {}", who_, message));
+    refuse_if(!rule, "{}: {}", who_, message);
 }
 
 void ObservedChannels::check_binding(const models::ParameterBinding& binding, const Eigen::VectorXd& start) const {
@@ -97,9 +97,8 @@ double ObservedChannels::known_sd(const Segment& segment, Index row, Index sampl
     const Eigen::MatrixXd& sds = segment.deviations;
     const bool there = sds.rows() == segment.values.rows() && sds.cols() == segment.values.cols();
     const double sd = there ? sds(row, sample) : 0.0;
-    require(sd > 0.0 && std::isfinite(sd),
-            fmt::format("segment {}: reading {} of {} has no known sd > 0", segment.label, sample,
-                        series_.coordinates[static_cast<std::size_t>(row)].name));
+    require(sd > 0.0 && std::isfinite(sd), fmt::format("segment {}: reading {} of {} has no known sd > 0",
+                                                       segment.label, sample, series_.coordinate(row).name));
     return sd;
 }
 

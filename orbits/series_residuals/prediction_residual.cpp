@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "models/arithmetic/median.hpp"
+#include "orbits/records/refusal.hpp"
 #include "orbits/simulation/section_map.hpp"
 
 namespace orbid::orbits {
@@ -31,7 +31,7 @@ PredictionResidual::PredictionResidual(std::vector<std::shared_ptr<const models:
       clock_(clock),
       options_(std::move(options)) {
     const auto require = [](bool rule, const std::string& message) {
-        if (!rule) throw std::invalid_argument("prediction residual: " + message);
+        refuse_if(!rule, "prediction residual: {}", message);
     };
     require(!systems_.empty() && systems_.front() != nullptr, "a system is needed");
     require(!transitions_.empty(), "the record has no two successive states");

@@ -40,12 +40,6 @@ public:
                        std::vector<Transition> transitions, models::Clock clock, const Eigen::VectorXd& start,
                        PredictionOptions options = {});
 
-    PredictionResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
-                       std::vector<Transition> transitions, models::Clock clock, const Eigen::VectorXd& start,
-                       PredictionOptions options = {})
-        : PredictionResidual(std::vector<std::shared_ptr<const models::System>>{std::move(system)}, std::move(binding),
-                             std::move(transitions), clock, start, std::move(options)) {}
-
     [[nodiscard]] std::string_view type() const override { return "prediction"; }
     [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
     [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }

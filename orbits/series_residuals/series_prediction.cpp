@@ -37,35 +37,37 @@ double SeriesResidual::error_sd(std::size_t block, Eigen::Index record, double e
     return 1.0 / standard(blocks_[block], record, e, scale, relative).slope;
 }
 
-SegmentPrediction SeriesResidual::predict_one(const Eigen::VectorXd& all, const Eigen::VectorXd& scales,
-                                              const Eigen::VectorXd& relative, std::size_t segment) const {
+SeriesResidual::Standard SeriesResidual::standard(const Block& block, Eigen::Index record, const Eigen::VectorXd& e,
+                                                  const Eigen::VectorXd& scales,
+                                                  const Eigen::VectorXd& relative) const {
+    const auto g = block.group[static_cast<std::size_t>(record)];
+    return standard(block, record, e[record], scales[g], relative[g]);
+}
+
+/// Levenberg and Marquardt, columns in their own size.
+estimator::BlockValue SeriesResidual::fit_state(const Block& block, const Eigen::VectorXd& all,
+                                                const Eigen::VectorXd& scales, const Eigen::VectorXd& relative,
+                                                Eigen::VectorXd& x0) const {
     constexpr int steps = 100;
     constexpr double step_tolerance = 1e-9;  // of the state's size: far below any error of a reading
     constexpr double too_damped = 1e12;
-    const Block block = make_block(segment);
     std::vector<Eigen::Index> fitted = free_;
     fitted.insert(fitted.end(), given_.begin(), given_.end());
-    const auto standard_at = [&](const Eigen::VectorXd& e, Eigen::Index r) {
-        const auto g = block.group[static_cast<std::size_t>(r)];
-        return standard(block, r, e[r], scales[g], relative[g]);
-    };
     const auto sum_of_squares = [&](const Eigen::VectorXd& e) {
         double sum = 0.0;
         for (Eigen::Index r = 0; r < e.size(); ++r) {
-            const double u = standard_at(e, r).value;
+            const double u = standard(block, r, e, scales, relative).value;
             sum += u * u;
         }
         return sum;
     };
-    Eigen::VectorXd x0 = guess(segment, all);
     auto now = value(block, all, x0, true);
     double damping = 1e-4;
     for (int step = 0; step < steps && !fitted.empty() && now.status == estimator::BlockStatus::ok; ++step) {
-        // Levenberg and Marquardt: columns in their own size.
         Eigen::MatrixXd jacobian = now.e_z(Eigen::all, fitted);
         Eigen::VectorXd u = now.e;
         for (Eigen::Index r = 0; r < u.size(); ++r) {
-            const Standard at = standard_at(now.e, r);
+            const Standard at = standard(block, r, now.e, scales, relative);
             jacobian.row(r) *= at.slope;
             u[r] = at.value;
         }
@@ -75,7 +77,7 @@ SegmentPrediction SeriesResidual::predict_one(const Eigen::VectorXd& all, const 
         if (!std::isfinite(before)) break;
         bool accepted = false;
         bool small = false;
-        while (!accepted && damping < too_damped) {
+        while (!accepted && !small && damping < too_damped) {
             Eigen::MatrixXd damped = normal;
             damped.diagonal() += damping * normal.diagonal();
             const Eigen::VectorXd change = -models::CompleteFactor(damped).solve(gradient);
@@ -85,22 +87,24 @@ SegmentPrediction SeriesResidual::predict_one(const Eigen::VectorXd& all, const 
             auto trial = value(block, all, next, true);
             accepted =
                 trial.status == estimator::BlockStatus::ok && change.allFinite() && sum_of_squares(trial.e) <= before;
-            if (accepted) {
-                x0 = next;
-                now = std::move(trial);
-                damping = std::max(damping / 10.0, 1e-12);
-            } else {
-                damping *= 10.0;
-            }
-            if (small) break;
+            damping = accepted ? std::max(damping / 10.0, 1e-12) : damping * 10.0;
+            if (!accepted) continue;
+            x0 = next;
+            now = std::move(trial);
         }
         if (small || !accepted) break;
     }
+    return now;
+}
 
+SegmentPrediction SeriesResidual::predict_one(const Eigen::VectorXd& all, const Eigen::VectorXd& scales,
+                                              const Eigen::VectorXd& relative, std::size_t segment) const {
+    const Block block = make_block(segment);
     SegmentPrediction prediction;
     prediction.segment = segment;
+    prediction.state = guess(segment, all);
+    const estimator::BlockValue now = fit_state(block, all, scales, relative, prediction.state);
     prediction.status = now.status;
-    prediction.state = x0;
     prediction.rms = Eigen::VectorXd::Constant(std::ssize(observed_), std::numeric_limits<double>::quiet_NaN());
     prediction.normalised_rms = std::numeric_limits<double>::quiet_NaN();
     if (now.status != estimator::BlockStatus::ok) return prediction;
@@ -112,7 +116,7 @@ SegmentPrediction SeriesResidual::predict_one(const Eigen::VectorXd& all, const 
         for (Eigen::Index r = 0; r < now.e.size(); ++r) {
             if (block.group[static_cast<std::size_t>(r)] != i) continue;
             sum += now.e[r] * now.e[r];
-            const double u = standard_at(now.e, r).value;
+            const double u = standard(block, r, now.e, scales, relative).value;
             total += u * u;
             ++count;
         }

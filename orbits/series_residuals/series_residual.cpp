@@ -2,19 +2,27 @@
 
 #include <oneapi/tbb/parallel_for.h>
 
-#include <algorithm>
 #include <cassert>
-#include <cmath>
 
 #include "models/definition/parameter.hpp"
 #include "orbits/series_residuals/observed_channels.hpp"
 #include "orbits/simulation/initial_state.hpp"
-#include "orbits/simulation/phase_rate.hpp"
+#include "orbits/simulation/node_state.hpp"
+#include "orbits/simulation/section_map.hpp"
 
 namespace orbid::orbits {
 
 using estimator::BlockStatus;
 using estimator::BlockValue;
+
+namespace {
+
+double missed(double observed, double predicted, bool angle) {
+    const double e = observed - predicted;
+    return angle ? models::wrapped(e) : e;
+}
+
+}  // namespace
 
 estimator::LatentStructure SeriesResidual::structure() const {
     return free_.empty() ? estimator::LatentStructure::none : estimator::LatentStructure::independent_blocks;
@@ -28,9 +36,8 @@ Eigen::VectorXd SeriesResidual::state(std::size_t block, const Eigen::VectorXd& 
                                       const Eigen::VectorXd& latents) const {
     assert(latents.size() == std::ssize(free_));
     Eigen::VectorXd x = Eigen::VectorXd::Zero(system_->dimension());
-    for (std::size_t i = 0; i < options_.initial.size(); ++i) {
+    for (std::size_t i = 0; i < options_.initial.size(); ++i)
         x[static_cast<Eigen::Index>(i)] = options_.initial[i].value;  // free ones are overwritten below
-    }
     for (std::size_t i = 0; i < free_.size(); ++i)
         x[free_[i]] = latents[static_cast<Eigen::Index>(i)];
     for (const Eigen::Index i : given_)
@@ -45,7 +52,7 @@ Eigen::VectorXd SeriesResidual::guess(std::size_t segment, const Eigen::VectorXd
     Segment known{data.label, Eigen::MatrixXd(0, data.values.cols()), data.times, {}};
     std::vector<Eigen::Index> coordinates;
     for (Eigen::Index row = 0; row < series_.dimension(); ++row) {
-        const Eigen::Index index = system_->coordinate_index(series_.coordinates[static_cast<std::size_t>(row)].name);
+        const Eigen::Index index = system_->coordinate_index(series_.coordinate(row).name);
         if (index < 0) continue;
         known.values.conservativeResize(known.values.rows() + 1, Eigen::NoChange);
         known.values.bottomRows(1) = data.values.row(row);
@@ -55,11 +62,10 @@ Eigen::VectorXd SeriesResidual::guess(std::size_t segment, const Eigen::VectorXd
     Eigen::VectorXd x = initial_state(system_of(segment), all, {known, coordinates, options_.sensor, phase});
     for (std::size_t i = 0; i < options_.initial.size(); ++i) {
         const InitialStateRule& rule = options_.initial[i];
-        if (rule.kind == InitialStateRule::Kind::fixed) {
+        if (rule.kind == InitialStateRule::Kind::fixed)
             x[static_cast<Eigen::Index>(i)] = rule.value;
-        } else if (rule.start) {
+        else if (rule.start)
             x[static_cast<Eigen::Index>(i)] = *rule.start;
-        }
     }
     return x;
 }
@@ -117,10 +123,7 @@ BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all,
                                  bool derivatives) const {
     BlockValue failed;
     failed.status = BlockStatus::failed;
-    if (!x0.allFinite()) return failed;
-    for (Eigen::Index i = 0; i < all.size(); ++i) {
-        if (!models::contains(system_->parameters()[static_cast<std::size_t>(i)].domain, all[i])) return failed;
-    }
+    if (!x0.allFinite() || !in_domain(*system_, all)) return failed;
     const Segment& data = series_.segments[block.segment];
     const auto samples = static_cast<std::size_t>(data.times.size());
     const double first = data.times[0];
@@ -154,17 +157,14 @@ BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all,
     for (Eigen::Index r = 0; r < records; ++r) {
         const auto [coordinate, k] = block.records[static_cast<std::size_t>(r)];
         if (k < 0) {  // the prior of an initial coordinate: its mean is the reading, the coordinate the prediction
-            result.e[r] = block.observed[r] - x0[coordinate];
-            if (system_->coordinates()[static_cast<std::size_t>(coordinate)].angle) {
-                result.e[r] = models::wrapped(result.e[r]);
-            }
+            result.e[r] = missed(block.observed[r], x0[coordinate],
+                                 system_->coordinates()[static_cast<std::size_t>(coordinate)].angle);
             total.setZero();
             total[coordinate] = 1.0;
         } else {
-            result.e[r] = block.observed[r] - read.readings(coordinate, k);
-            if (models::reads_angle(options_.sensor, system_->coordinates(), static_cast<std::size_t>(coordinate))) {
-                result.e[r] = models::wrapped(result.e[r]);
-            }
+            result.e[r] = missed(
+                block.observed[r], read.readings(coordinate, k),
+                models::reads_angle(options_.sensor, system_->coordinates(), static_cast<std::size_t>(coordinate)));
             if (!derivatives) continue;
             const auto at = read.derivatives.block(coordinate, k * directions, 1, directions);
             total.noalias() = at.leftCols(n) * flow.sensitivity(k, directions);

@@ -172,11 +172,18 @@ private:
     [[nodiscard]] Eigen::VectorXd guess(std::size_t segment, const Eigen::VectorXd& all) const;
     [[nodiscard]] Standard standard(const Block& block, Eigen::Index record, double e, double scale,
                                     double relative) const;
+    /// The same of all errors e, and with scales and relative errors per group.
+    [[nodiscard]] Standard standard(const Block& block, Eigen::Index record, const Eigen::VectorXd& e,
+                                    const Eigen::VectorXd& scales, const Eigen::VectorXd& relative) const;
     /// e, e_theta, and e_z with respect to the whole initial state.
     [[nodiscard]] estimator::BlockValue value(const Block& block, const Eigen::VectorXd& all, const Eigen::VectorXd& x0,
                                               bool derivatives) const;
     void add_phase_shift(const Eigen::VectorXd& all, double first_time, std::span<const double> phases,
                          const Eigen::VectorXd& x0, models::FlowResult& flow) const;
+    /// Fits the coordinates of x0 that are not fixed to a block. @return the block's value there.
+    [[nodiscard]] estimator::BlockValue fit_state(const Block& block, const Eigen::VectorXd& all,
+                                                  const Eigen::VectorXd& scales, const Eigen::VectorXd& relative,
+                                                  Eigen::VectorXd& x0) const;
     [[nodiscard]] SegmentPrediction predict_one(const Eigen::VectorXd& all, const Eigen::VectorXd& scales,
                                                 const Eigen::VectorXd& relative, std::size_t segment) const;
     /// The system, with the inputs of a segment if it has any.

@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
+#include <numeric>
 
 #include "orbits/series_residuals/shooting_residual.hpp"
 #include "orbits/simulation/node_state.hpp"
-#include "orbits/simulation/phase_rate.hpp"
 #include "orbits/simulation/section_map.hpp"
 
 namespace orbid::orbits {
@@ -16,6 +15,50 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using estimator::BlockStatus;
 using estimator::BlockValue;
+
+namespace {
+
+/// Durations in ascending order, for delayed ones may overtake others. @param place  of each among them.
+std::vector<double> ascending(const std::vector<double>& durations, std::vector<Index>& place) {
+    std::vector<std::size_t> order(durations.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return durations[a] < durations[b]; });
+    std::vector<double> result;
+    place.resize(durations.size());
+    for (std::size_t j = 0; j < order.size(); ++j) {
+        result.push_back(durations[order[j]]);
+        place[order[j]] = static_cast<Index>(j);
+    }
+    return result;
+}
+
+/// Sets how far the end of an interval is from the next node: the last residuals of a block, or its constraints.
+/// @param state  derivatives of that end; empty: none are wanted.
+void set_match(const VectorXd& defect, bool linked, const MatrixXd& state, const std::vector<Index>& estimated,
+               BlockValue& value) {
+    const Index n = defect.size();
+    if (linked)
+        value.e.tail(n) = defect;
+    else
+        value.c = defect;
+    if (state.size() == 0) return;
+    MatrixXd by_theta = MatrixXd::Zero(n, value.e_theta.cols());
+    for (std::size_t j = 0; j < estimated.size(); ++j)
+        by_theta.col(estimated[j]) -= state.col(n + static_cast<Index>(j));
+    if (linked) {
+        value.e_theta.bottomRows(n) = by_theta;
+        value.e_z.bottomRows(n) = -state.leftCols(n);
+        value.e_next = MatrixXd::Zero(value.e.size(), n);
+        value.e_next.bottomRows(n).setIdentity();
+    } else {
+        value.c_theta = std::move(by_theta);
+        value.c_z = -state.leftCols(n);
+        value.c_next.setIdentity(n, n);
+    }
+}
+
+}  // namespace
 
 /// Nodes that are simulated together, all or some of one pattern.
 struct ShootingResidual::Chunk {
@@ -93,22 +136,11 @@ ShootingResidual::Simulated ShootingResidual::simulated(const Chunk& chunk, cons
     result.directions = derivatives ? n + std::ssize(data.binding.parameter) : 0;
     if (system.kind() == models::Kind::forced) result.omega = phase_rate(system, all);
 
-    // Instants in ascending order; delayed ones may overtake others.
     const double delay = data.options.sensor.delay * (data.plan.clock == models::Clock::phase ? result.omega : 1.0);
-    std::vector<double> durations(pattern.instants.size());
-    std::vector<std::size_t> order(pattern.instants.size());
-    for (std::size_t j = 0; j < order.size(); ++j) {
-        durations[j] = pattern.instants[j].after + (pattern.instants[j].delayed ? delay : 0.0);
-        order[j] = j;
-    }
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return durations[a] < durations[b]; });
-    std::vector<double> ascending;
-    result.place.resize(durations.size());
-    for (std::size_t j = 0; j < order.size(); ++j) {
-        ascending.push_back(durations[order[j]]);
-        result.place[order[j]] = static_cast<Index>(j);
-    }
+    std::vector<double> durations;
+    for (const Instant& instant : pattern.instants)
+        durations.push_back(instant.after + (instant.delayed ? delay : 0.0));
+    const std::vector<double> in_order = ascending(durations, result.place);
 
     MatrixXd starts(n, count);
     std::vector<double> phases(chunk.nodes.size());
@@ -120,7 +152,7 @@ ShootingResidual::Simulated ShootingResidual::simulated(const Chunk& chunk, cons
     const std::optional<std::span<const Index>> free =
         derivatives ? std::optional<std::span<const Index>>(data.binding.parameter) : std::nullopt;
     if (result.instants > 0)
-        result.flows = system.flows(starts, phases, ascending, all, free, data.plan.clock, stage_flow());
+        result.flows = system.flows(starts, phases, in_order, all, free, data.plan.clock, stage_flow());
 
     result.ok.assign(chunk.nodes.size(), 1);
     result.states.resize(n, count * (result.instants + 1));
@@ -232,27 +264,9 @@ BlockValue ShootingResidual::value(const Simulated& run, Index k, std::size_t b,
     }
     if (matched) {
         const Index match = run.pattern->match;
-        const VectorXd defect = wrapped_difference(system, latents[b + 1], run.states.col(run.column(k, match)));
-        if (linked)
-            value.e.tail(n) = defect;
-        else
-            value.c = defect;
-        if (derivatives) {
-            load(match);
-            MatrixXd by_theta = MatrixXd::Zero(n, data.binding.estimated_count);
-            for (std::size_t j = 0; j < estimated.size(); ++j)
-                by_theta.col(estimated[j]) -= state.col(n + static_cast<Index>(j));
-            if (linked) {
-                value.e_theta.bottomRows(n) = by_theta;
-                value.e_z.bottomRows(n) = -state.leftCols(n);
-                value.e_next = MatrixXd::Zero(value.e.size(), n);
-                value.e_next.bottomRows(n).setIdentity();
-            } else {
-                value.c_theta = std::move(by_theta);
-                value.c_z = -state.leftCols(n);
-                value.c_next.setIdentity(n, n);
-            }
-        }
+        if (derivatives) load(match);
+        set_match(wrapped_difference(system, latents[b + 1], run.states.col(run.column(k, match))), linked, state,
+                  estimated, value);
     }
     if (!value.e.allFinite() || !value.c.allFinite() || !value.e_theta.allFinite() || !value.e_z.allFinite())
         value.status = BlockStatus::failed;

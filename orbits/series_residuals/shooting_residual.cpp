@@ -1,11 +1,11 @@
 #include "orbits/series_residuals/shooting_residual.hpp"
 
+#include <algorithm>
 #include <cassert>
-#include <stdexcept>
+#include <cmath>
 
-#include <fmt/format.h>
-
-#include "orbits/series_residuals/shooting_interval.hpp"
+#include "models/arithmetic/median.hpp"
+#include "orbits/records/refusal.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/transition.hpp"
 
@@ -14,6 +14,12 @@ namespace orbid::orbits {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+namespace {
+
+constexpr double normal_median = 1.4826;  // sd of a normal error over the median of its absolute value
+
+}  // namespace
 
 ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
                                    Series series, ShootingOptions options)
@@ -54,18 +60,15 @@ void ShootingResidual::guess_nodes(const VectorXd& all) {
             states = node_states(system_of(s), all, data.series, s, data.options.sensor, samples);
         } else {
             states = data.options.nodes.size() > f ? data.options.nodes[f] : MatrixXd();
-            if (states.rows() != data.system().dimension() || states.cols() != std::ssize(samples))
-                throw std::invalid_argument(
-                    fmt::format("shooting residual: segment {} has {} nodes of {} coordinates, "
-                                "given are {} of {}",
-                                data.series.segments[s].label, samples.size(), data.system().dimension(), states.cols(),
-                                states.rows()));
+            refuse_if(states.rows() != data.system().dimension() || states.cols() != std::ssize(samples),
+                      "shooting residual: segment {} has {} nodes of {} coordinates, given are {} of {}",
+                      data.series.segments[s].label, samples.size(), data.system().dimension(), states.cols(),
+                      states.rows());
         }
-        if (!states.allFinite())
-            throw std::invalid_argument(fmt::format(
-                "shooting residual: segment {}: readings do not tell the states: a section needs all coordinates of "
-                "the model, samples one at least",
-                data.series.segments[s].label));
+        refuse_if(!states.allFinite(),
+                  "shooting residual: segment {}: readings do not tell the states: a section needs all coordinates of "
+                  "the model, samples one at least",
+                  data.series.segments[s].label);
         for (Index k = 0; k < states.cols(); ++k, ++b)
             start_[b] = states.col(k);
     }
@@ -88,6 +91,152 @@ ShootingResidual ShootingResidual::with(const Continuity& matching, std::vector<
         other.layout_[b].active = layout_[b].active;
     other.begin_matching(theta.size() > 0 ? theta : start_theta());
     return other;
+}
+
+/// Errors of the readings over their ranges as the predictions from one node's readings to the next one's have them: an
+/// upper bound until the parameters are right, see prediction_noise(). One per group of readings.
+VectorXd ShootingResidual::reading_noise(const VectorXd& all) const {
+    const Data& data = *data_;
+    const auto groups = std::ssize(data.reading_range);
+    VectorXd noise = VectorXd::Zero(groups);
+    constexpr std::size_t looks = 500;
+    const auto starts = transitions(data.systems, all, data.series, data.options.sensor, data.options.segments,
+                                    data.interval, looks, 0);
+    const std::span<const Index> none;
+    const VectorXd per_coordinate =
+        prediction_noise(predictions(data.systems, all, starts, none, data.plan.clock, {1e-9, 1e-9, 20000}),
+                         error_sizes(data.options.sensor, data.range));
+    for (const ObservedCoordinate& o : data.observed) {
+        double& here = noise[o.group];
+        here = here > 0.0 ? std::min(here, per_coordinate[o.coordinate]) : per_coordinate[o.coordinate];
+    }
+    return noise;
+}
+
+VectorXd ShootingResidual::start_theta() const {
+    const models::ParameterBinding& binding = data_->binding;
+    if (data_->options.start.size() > 0) return data_->options.start;
+    VectorXd theta = VectorXd::Zero(binding.estimated_count);
+    for (std::size_t j = 0; j < binding.parameter.size(); ++j)
+        theta[binding.estimated[j]] = binding.base[binding.parameter[j]];
+    return theta;
+}
+
+/// The first stage: matching as loose as the nodes that the data say leave it.
+void ShootingResidual::begin_matching(const VectorXd& theta) {
+    const Data& data = *data_;
+    const VectorXd noise = reading_noise(data.binding.values(theta));
+    for (Index g = 0; g < noise.size(); ++g) {
+        estimator::Group& group = groups_[static_cast<std::size_t>(g)];
+        const bool told = group.scale.value > group.floor;  // by the caller
+        if (group.scale.estimate && !group.factor && !told && noise[g] > 0.0)
+            group.scale.value = std::max(group.floor, noise[g] * data.reading_range[static_cast<std::size_t>(g)]);
+    }
+    unit_ = data.range;
+    if (matching_.constraints) return;
+    find_noise();
+    if (matching_.kind != Continuity::Kind::exact && matching_.sd.size() > 0) {
+        final_ = std::exp(matching_.sd.cwiseQuotient(data.range).array().log().mean());
+        unit_ = matching_.sd / final_;
+    } else {
+        final_ = matching_.estimate ? noise_ * estimated_tightness : exact_matching(noise_);
+    }
+    tightness_ = final_;
+    apply_matching();
+    const Defect now = defect(theta, start_, unit_);
+    const double loose = std::sqrt(now.rms.cwiseQuotient(unit_).squaredNorm() / static_cast<double>(unit_.size()));
+    if (std::isfinite(loose)) tightness_ = std::max(final_, loose);
+    apply_matching();
+}
+
+/// Largest error of a reading over its range, as far as the groups know it.
+void ShootingResidual::find_noise() {
+    constexpr double unknown = 1e-3;  // with known sds only: between an encoder's and a bad instrument's
+    double largest = 0.0;
+    for (std::size_t g = 0; g < data_->reading_range.size(); ++g)
+        if (!groups_[g].factor) largest = std::max(largest, groups_[g].scale.value / data_->reading_range[g]);
+    noise_ = largest > 0.0 ? largest : unknown;
+}
+
+void ShootingResidual::apply_matching() {
+    if (matching_.constraints) return;
+    const std::size_t first = data_->reading_range.size();
+    for (Index i = 0; i < unit_.size(); ++i) {
+        estimator::Group& group = groups_[first + static_cast<std::size_t>(i)];
+        group.scale.value = tightness_ * unit_[i];
+        if (matching_.estimate) group.floor = std::min(least_matching(noise_) * unit_[i], group.scale.value);
+    }
+}
+
+estimator::RefreshReport ShootingResidual::update_active_set(const VectorXd& theta,
+                                                             const std::vector<VectorXd>& latents,
+                                                             const VectorXd& /*scales*/) {
+    if (!is_intermediate_stage()) return {};
+    // Continuity that is tighter than the readings leaves their errors in the residuals; before that the nodes follow
+    // the readings, and predictions from one reading to the next tell more.
+    constexpr double tight = 0.1;
+    if (tightness_ < tight * noise_)
+        read_scales(theta, latents);
+    else
+        predict_scales(theta);
+    find_noise();
+    if (matching_.kind == Continuity::Kind::exact) final_ = std::min(tightness_, exact_matching(noise_));
+    tightness_ = std::max(final_, next_share(noise_) * tightness_);
+    apply_matching();
+    return {};
+}
+
+/// Scales of readings that are still to be estimated, from predictions at theta.
+void ShootingResidual::predict_scales(const VectorXd& theta) {
+    const VectorXd noise = reading_noise(data_->binding.values(theta));
+    for (Index g = 0; g < noise.size(); ++g) {
+        estimator::Group& group = groups_[static_cast<std::size_t>(g)];
+        if (!group.scale.estimate || group.factor || !(noise[g] > 0.0)) continue;
+        const double told = noise[g] * data_->reading_range[static_cast<std::size_t>(g)];
+        // An upper bound: never upwards.
+        group.scale.value = std::max(group.floor, std::min(group.scale.value, told));
+    }
+}
+
+/// The same from their residuals.
+void ShootingResidual::read_scales(const VectorXd& theta, const std::vector<VectorXd>& latents) {
+    std::vector<std::vector<double>> sizes(data_->reading_range.size());
+    const auto values = evaluate(theta, latents, false);
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (!layout_[b].active || values[b].status != estimator::BlockStatus::ok) continue;
+        const auto readings = data_->plan.of(b);
+        for (std::size_t r = 0; r < readings.size(); ++r)
+            sizes[static_cast<std::size_t>(readings[r].group)].push_back(std::abs(values[b].e[static_cast<Index>(r)]) /
+                                                                         readings[r].deviation);
+    }
+    for (std::size_t g = 0; g < sizes.size(); ++g)
+        if (groups_[g].scale.estimate && !sizes[g].empty())
+            groups_[g].scale.value =
+                std::max(groups_[g].floor, normal_median * models::upper_median(std::move(sizes[g])));
+}
+
+ShootingResidual::Defect ShootingResidual::defect(const VectorXd& theta, const std::vector<VectorXd>& latents,
+                                                  const VectorXd& sd) const {
+    const VectorXd limit = 3.0 * (sd.size() > 0 ? sd : matching_sd());
+    const Index n = data_->system().dimension();
+    Defect result{VectorXd::Zero(n), VectorXd::Zero(n), 0, 0};
+    std::vector<std::vector<double>> sizes(static_cast<std::size_t>(n));
+    const auto values = evaluate(theta, latents, false);
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (!layout_[b].active || !data_->plan.nodes[b].linked || !layout_[b + 1].active ||
+            values[b].status != estimator::BlockStatus::ok)
+            continue;
+        const VectorXd d = matching_.constraints ? values[b].c : VectorXd(values[b].e.tail(n));
+        ++result.count;
+        if ((d.array().abs() > limit.array()).any()) ++result.large;
+        result.rms += d.cwiseAbs2();
+        for (Index i = 0; i < n; ++i)
+            sizes[static_cast<std::size_t>(i)].push_back(std::abs(d[i]));
+    }
+    result.rms = (result.rms / static_cast<double>(std::max<std::size_t>(result.count, 1))).cwiseSqrt();
+    for (Index i = 0; i < n; ++i)
+        result.typical[i] = normal_median * models::upper_median(std::move(sizes[static_cast<std::size_t>(i)]));
+    return result;
 }
 
 }  // namespace orbid::orbits

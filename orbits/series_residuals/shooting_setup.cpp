@@ -1,14 +1,13 @@
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <variant>
 
 #include <fmt/format.h>
 
+#include "orbits/records/refusal.hpp"
 #include "orbits/series_residuals/observed_channels.hpp"
 #include "orbits/series_residuals/shooting_residual.hpp"
 #include "orbits/simulation/node_state.hpp"
-#include "orbits/simulation/phase_rate.hpp"
 #include "orbits/simulation/transition.hpp"
 
 namespace orbid::orbits {
@@ -105,7 +104,7 @@ void ShootingResidual::check_matching() const {
 std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<const models::System> system,
                                                                models::ParameterBinding binding, Series series,
                                                                ShootingOptions options) {
-    if (system == nullptr) throw std::invalid_argument(fmt::format("{}: a system is needed", shooting_messages));
+    refuse_if(system == nullptr, "{}: a system is needed", shooting_messages);
     const ObservedChannels channels(shooting_messages, *system, series);
     channels.check_binding(binding, options.start);
     channels.check_clock();

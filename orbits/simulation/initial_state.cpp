@@ -1,7 +1,5 @@
 #include "orbits/simulation/initial_state.hpp"
 
-#include <Eigen/Core>
-
 #include <array>
 #include <cmath>
 #include <optional>
@@ -29,9 +27,8 @@ Fit polynomial(const std::vector<double>& t, const std::vector<double>& y, std::
     Eigen::VectorXd right(rows);
     for (Eigen::Index k = 0; k < rows; ++k) {
         double power = 1.0;
-        for (Eigen::Index j = 0; j < coefficients; ++j, power *= t[static_cast<std::size_t>(k)] / length) {
+        for (Eigen::Index j = 0; j < coefficients; ++j, power *= t[static_cast<std::size_t>(k)] / length)
             design(k, j) = power;
-        }
         right[k] = y[static_cast<std::size_t>(k)];
     }
     const Eigen::VectorXd c = models::PivotedFactor(design).solve(right);
@@ -62,9 +59,8 @@ std::optional<Miss> miss(const models::System& system, const Eigen::VectorXd& th
     for (Eigen::Index i = 0; i < m; ++i) {
         const Eigen::Index row = read[static_cast<std::size_t>(i)];
         result.defect[i] = wanted[row] - now.readings(row, 0);
-        if (models::reads_angle(sensor, system.coordinates(), static_cast<std::size_t>(row))) {
+        if (models::reads_angle(sensor, system.coordinates(), static_cast<std::size_t>(row)))
             result.defect[i] = models::wrapped(result.defect[i]);
-        }
     }
     return result;
 }
@@ -191,9 +187,8 @@ Eigen::VectorXd initial_state(const models::System& system, const Eigen::VectorX
         read.push_back(coordinate);
         slopes.push_back(local.slope);
     }
-    for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index i = 0; i < n; ++i)
         if (!known[static_cast<std::size_t>(i)]) unread.push_back(i);
-    }
     if (read.empty()) return wanted;
     // Formulas may read what is unread: both steps settle after a few rounds, or the fit has to do the rest.
     const int rounds = reading.sensor.type == models::Sensor::Type::function && !unread.empty() ? 4 : 1;

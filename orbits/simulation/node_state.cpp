@@ -2,13 +2,14 @@
 
 #include <oneapi/tbb/parallel_for.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "models/definition/parameter.hpp"
 #include "orbits/simulation/initial_state.hpp"
-#include "orbits/simulation/phase_rate.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -21,7 +22,7 @@ using Eigen::VectorXd;
 std::vector<Index> rows_of(const models::System& system, const Series& series) {
     std::vector<Index> rows(system.coordinates().size(), -1);
     for (Index row = 0; row < series.dimension(); ++row) {
-        const Index index = system.coordinate_index(series.coordinates[static_cast<std::size_t>(row)].name);
+        const Index index = system.coordinate_index(series.coordinate(row).name);
         if (index >= 0) rows[static_cast<std::size_t>(index)] = row;
     }
     return rows;
@@ -51,7 +52,43 @@ MatrixXd states_with_readings(const models::System& system, const VectorXd& thet
     return x;
 }
 
+struct NodeStates {
+    MatrixXd states;
+    std::vector<char> known;  ///< per node
+};
+
+/// Times tell slopes, and with them what is not read at a sample.
+void take_slopes(const models::System& system, const VectorXd& theta, const Series& series, const Segment& data,
+                 const models::Sensor& sensor, std::span<const Index> samples, NodeStates& nodes) {
+    constexpr Index window = 65;  // samples: the widest polynomial of slope_at_start()
+    const std::vector<Index> rows = rows_of(system, series);
+    std::vector<Index> coordinates;
+    for (Index i = 0; i < std::ssize(rows); ++i)
+        if (rows[static_cast<std::size_t>(i)] >= 0) coordinates.push_back(i);
+    if (coordinates.empty()) return;
+    oneapi::tbb::parallel_for(std::size_t{0}, samples.size(), [&](std::size_t k) {
+        if (nodes.known[k] != 0) return;
+        const Index first = samples[k];
+        const Index length = std::min(window, data.values.cols() - first);
+        Segment rest{data.label, MatrixXd(std::ssize(coordinates), length), data.times.segment(first, length), {}};
+        for (std::size_t i = 0; i < coordinates.size(); ++i)
+            rest.values.row(static_cast<Index>(i)) =
+                data.values.row(rows[static_cast<std::size_t>(coordinates[i])]).segment(first, length);
+        for (Index i = 0; i < rest.values.rows(); ++i)
+            if (rest.values.row(i).array().isFinite().count() < 2) return;
+        const double phase = phase_at(system, theta, series, data, first);
+        nodes.states.col(static_cast<Index>(k)) = initial_state(system, theta, {rest, coordinates, sensor, phase});
+        nodes.known[k] = 1;
+    });
+}
+
 }  // namespace
+
+double phase_rate(const models::System& system, const Eigen::VectorXd& theta) {
+    if (system.kind() == models::Kind::forced)
+        return 2.0 * std::numbers::pi / system.period(theta, models::Clock::time);
+    return system.inputs().empty() ? 0.0 : 1.0;
+}
 
 double phase_at(const models::System& system, const VectorXd& theta, const Series& series, const Segment& segment,
                 Index sample) {
@@ -62,60 +99,35 @@ double phase_at(const models::System& system, const VectorXd& theta, const Serie
 
 MatrixXd node_states(const models::System& system, const VectorXd& theta, const Series& series, std::size_t segment,
                      const models::Sensor& sensor, std::span<const Index> samples) {
+    constexpr double missing = std::numeric_limits<double>::quiet_NaN();
     const Segment& data = series.segments[segment];
-    const Index n = system.dimension();
-    const auto count = static_cast<Index>(samples.size());
+    const Index n = system.dimension(), count = std::ssize(samples);
     const std::vector<Index> rows = rows_of(system, series);
-    bool complete = sensor.type != models::Sensor::Type::function;
-    for (const Index row : rows)
-        complete = complete && row >= 0;
     std::vector<double> phases;
     for (const Index k : samples)
         phases.push_back(phase_at(system, theta, series, data, k));
 
-    MatrixXd states = MatrixXd::Constant(n, count, std::numeric_limits<double>::quiet_NaN());
-    std::vector<char> known(samples.size(), 0);
-    if (complete) {
-        MatrixXd wanted(n, count);
-        for (Index k = 0; k < count; ++k)
-            for (Index i = 0; i < n; ++i)
-                wanted(i, k) = data.values(rows[static_cast<std::size_t>(i)], samples[static_cast<std::size_t>(k)]);
-        MatrixXd readable = wanted;
+    NodeStates nodes{MatrixXd::Constant(n, count, missing), std::vector<char>(samples.size(), 0)};
+    auto& [states, known] = nodes;
+    if (sensor.type != models::Sensor::Type::function && std::find(rows.begin(), rows.end(), -1) == rows.end()) {
+        MatrixXd readable(n, count);
         for (Index k = 0; k < count; ++k) {
-            known[static_cast<std::size_t>(k)] = wanted.col(k).allFinite() ? 1 : 0;
-            if (!wanted.col(k).allFinite()) readable.col(k).setZero();
+            const auto here = static_cast<std::size_t>(k);
+            for (Index i = 0; i < n; ++i)
+                readable(i, k) = data.values(rows[static_cast<std::size_t>(i)], samples[here]);
+            known[here] = readable.col(k).allFinite() ? 1 : 0;
+            if (known[here] == 0) readable.col(k).setZero();
         }
         states = states_with_readings(system, theta, sensor, phases, readable);
     }
-    // Times tell slopes, and with them what is not read at a sample.
-    if (data.times.size() > 0) {
-        constexpr Index window = 65;  // samples: the widest polynomial of slope_at_start()
-        std::vector<Index> coordinates;
-        for (Index i = 0; i < n; ++i)
-            if (rows[static_cast<std::size_t>(i)] >= 0) coordinates.push_back(i);
-        oneapi::tbb::parallel_for(std::size_t{0}, samples.size(), [&](std::size_t k) {
-            if (known[k] != 0 || coordinates.empty()) return;
-            const Index first = samples[k];
-            const Index length = std::min(window, data.values.cols() - first);
-            Segment rest{data.label, MatrixXd(std::ssize(coordinates), length), data.times.segment(first, length), {}};
-            for (std::size_t i = 0; i < coordinates.size(); ++i)
-                rest.values.row(static_cast<Index>(i)) =
-                    data.values.row(rows[static_cast<std::size_t>(coordinates[i])]).segment(first, length);
-            bool read = true;
-            for (Index i = 0; i < rest.values.rows(); ++i)
-                read = read && rest.values.row(i).array().isFinite().count() >= 2;
-            if (!read) return;
-            states.col(static_cast<Index>(k)) = initial_state(system, theta, {rest, coordinates, sensor, phases[k]});
-            known[k] = 1;
-        });
-    }
+    if (data.times.size() > 0) take_slopes(system, theta, series, data, sensor, samples, nodes);
     // What is left follows from the sample before.
+    const bool sections = data.times.size() == 0;
+    const bool forced = system.kind() == models::Kind::forced;
+    const models::Clock clock = sections && forced ? models::Clock::phase : models::Clock::time;
     for (Index k = 1; k < count; ++k) {
         const auto here = static_cast<std::size_t>(k);
         if (known[here] != 0 || known[here - 1] == 0) continue;
-        const bool sections = data.times.size() == 0;
-        const bool forced = system.kind() == models::Kind::forced;
-        const models::Clock clock = sections && forced ? models::Clock::phase : models::Clock::time;
         const double steps = static_cast<double>(samples[here] - samples[here - 1]);
         const std::array<double, 1> duration{!sections
                                                  ? data.times[samples[here]] - data.times[samples[here - 1]]
@@ -132,9 +144,8 @@ MatrixXd node_states(const models::System& system, const VectorXd& theta, const 
         known[before] = known[before + 1];
     }
     for (Index k = 0; k < count; ++k)
-        if (known[static_cast<std::size_t>(k)] == 0)
-            states.col(k).setConstant(std::numeric_limits<double>::quiet_NaN());
-    return states;
+        if (known[static_cast<std::size_t>(k)] == 0) states.col(k).setConstant(missing);
+    return std::move(states);
 }
 
 }  // namespace orbid::orbits

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <span>
-#include <vector>
 
 #include <Eigen/Core>
 
@@ -9,6 +8,10 @@
 #include "orbits/records/series.hpp"
 
 namespace orbid::orbits {
+
+/// What the phase argument of a system grows by in a second: omega [rad/s] of a forced model, 1 of one with measured
+/// inputs (its phase is the time on the clock of the signal), 0 of the others.
+[[nodiscard]] double phase_rate(const models::System& system, const Eigen::VectorXd& theta);
 
 /// Phase [rad] of the forcing at a sample of a series: of the section, or series.phase + omega t (with measured inputs:
 /// the time on their clock). 0 where phases have no meaning.

@@ -1,9 +1,7 @@
 #include "orbits/simulation/point_reading.hpp"
 
-#include <cmath>
-#include <stdexcept>
-
 #include "models/arithmetic/lu_factor.hpp"
+#include "orbits/records/refusal.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -20,10 +18,10 @@ constexpr double settled = 1e-12;
 }  // namespace
 
 PointReading::PointReading(const SectionMap& map, const models::Sensor& sensor) : map_(map), sensor_(sensor) {
-    if (map.place().plane && sensor.type != models::Sensor::Type::state)
-        throw std::invalid_argument("cycle residual: crossings of a plane are read as states");
-    if (sensor.type == models::Sensor::Type::function)
-        throw std::invalid_argument("cycle residual: points read by formulas do not stand for states");
+    refuse_if(map.place().plane && sensor.type != models::Sensor::Type::state,
+              "cycle residual: crossings of a plane are read as states");
+    refuse_if(sensor.type == models::Sensor::Type::function,
+              "cycle residual: points read by formulas do not stand for states");
 }
 
 std::optional<PointReadings> PointReading::operator()(const MatrixXd& states, const VectorXd& theta,

@@ -1,5 +1,3 @@
-#include "orbits/simulation/return_probe.hpp"
-
 #include <oneapi/tbb/parallel_for.h>
 
 #include <algorithm>
@@ -8,14 +6,16 @@
 #include <optional>
 #include <vector>
 
+#include "estimator/interface/random_stream.hpp"
 #include "models/arithmetic/median.hpp"
+#include "orbits/simulation/section_record.hpp"
 
 namespace orbid::orbits {
 namespace {
 
 constexpr std::size_t returns = 64;
-constexpr std::size_t instants_looked_at =
-    512;  // instants at which the size of the states is looked at, eight per return
+/// Instants at which the size of the states is looked at: eight per return.
+constexpr std::size_t instants_looked_at = 512;
 constexpr int probe_rounds = 6;
 constexpr double generous = 100.0;
 /// Steps of one return: a probe must not take longer than a simulation. A hundred times what a return needs.
@@ -35,12 +35,26 @@ std::optional<double> time_of_change(const models::System& system, const Eigen::
     return models::upper_median(std::move(times));
 }
 
+/// Instants evenly spread from 0 to the end.
+std::vector<double> instants_until(double end, std::size_t count) {
+    std::vector<double> durations(count);
+    for (std::size_t k = 0; k < count; ++k)
+        durations[k] = end * static_cast<double>(k) / static_cast<double>(count - 1);
+    return durations;
+}
+
+/// Angles reach around the circle; 1 for a coordinate that stays at 0.
+void complete_range(const models::System& system, Eigen::VectorXd& range) {
+    for (Eigen::Index i = 0; i < range.size(); ++i) {
+        if (system.coordinates()[static_cast<std::size_t>(i)].angle) range[i] = std::numbers::pi;
+        if (!(range[i] > 0.0)) range[i] = 1.0;
+    }
+}
+
 /// Largest absolute values on the way of a trajectory, sampled until `end`; 0 where it cannot be followed.
 Eigen::VectorXd size_of(const models::System& system, const Eigen::VectorXd& theta, const Eigen::VectorXd& start,
                         double end, const models::FlowOptions& flow) {
-    std::vector<double> durations(instants_looked_at);
-    for (std::size_t k = 0; k < instants_looked_at; ++k)
-        durations[k] = end * static_cast<double>(k) / (instants_looked_at - 1);
+    const std::vector<double> durations = instants_until(end, instants_looked_at);
     models::FlowOptions whole = flow;
     whole.maximum_steps *= returns;
     const auto run = system.flow(start, 0.0, durations, theta, models::Clock::time, whole);
@@ -90,11 +104,49 @@ ReturnProbe probe_returns(const models::System& system, const Eigen::VectorXd& t
             probe.range = probe.range.cwiseMax(size);
         break;
     }
-    for (Eigen::Index i = 0; i < probe.range.size(); ++i) {
-        if (system.coordinates()[static_cast<std::size_t>(i)].angle) probe.range[i] = std::numbers::pi;
-        if (!(probe.range[i] > 0.0)) probe.range[i] = 1.0;
-    }
+    complete_range(system, probe.range);
     return probe;
+}
+
+Eigen::MatrixXd probe_starts(const models::System& system, const Eigen::VectorXd& half, std::uint64_t seed) {
+    Eigen::MatrixXd starts(system.dimension(), probe_count);
+    for (Eigen::Index p = 0; p < probe_count; ++p) {
+        estimator::RandomStream stream(seed, estimator::RandomPurpose::range_probe, static_cast<std::uint64_t>(p));
+        for (Eigen::Index i = 0; i < starts.rows(); ++i) {
+            const bool angle = system.coordinates()[static_cast<std::size_t>(i)].angle;
+            starts(i, p) =
+                angle ? stream.uniform(-std::numbers::pi, std::numbers::pi) : stream.uniform(-half[i], half[i]);
+        }
+    }
+    return starts;
+}
+
+Eigen::VectorXd typical_range(const models::System& system, const Eigen::VectorXd& theta, double phase, double duration,
+                              std::uint64_t seed, const models::FlowOptions& flow) {
+    constexpr std::size_t periods = 64;
+    constexpr std::size_t looks = 256;  // instants at which a system without sections is looked at
+    const Eigen::Index n = system.dimension();
+    const Eigen::MatrixXd starts = probe_starts(system, Eigen::VectorXd::Ones(n), seed);
+    Eigen::VectorXd range = Eigen::VectorXd::Zero(n);
+    if (system.kind() == models::Kind::autonomous) {
+        const std::vector<double> durations = instants_until(duration, looks);
+        std::vector<Eigen::VectorXd> reached(probe_count, Eigen::VectorXd::Zero(n));
+        oneapi::tbb::parallel_for(Eigen::Index{0}, probe_count, [&](Eigen::Index p) {
+            const auto result = system.flow(starts.col(p), phase, durations, theta, models::Clock::time, flow);
+            if (result.status == models::FlowStatus::ok)
+                reached[static_cast<std::size_t>(p)] = result.states.cwiseAbs().rowwise().maxCoeff();
+        });
+        for (const auto& values : reached)
+            range = range.cwiseMax(values);
+    } else {
+        const auto result = system.ensemble(starts, phase, periods, theta, flow);
+        for (std::size_t p = 0; p < result.sections.size(); ++p) {
+            if (result.status[p] != models::FlowStatus::ok) continue;
+            range = range.cwiseMax(result.sections[p].cwiseAbs().rowwise().maxCoeff());
+        }
+    }
+    complete_range(system, range);
+    return range;
 }
 
 }  // namespace orbid::orbits

@@ -1,8 +1,8 @@
 #include "orbits/simulation/section_map.hpp"
+#include "orbits/records/refusal.hpp"
 
 #include <cmath>
 #include <stdexcept>
-#include <string>
 
 namespace orbid::orbits {
 
@@ -29,19 +29,16 @@ MatrixXd wrapped(std::span<const models::Coordinate> coordinates, MatrixXd diffe
 SectionMap::SectionMap(const models::System& system, const SectionPlace& place, const models::FlowOptions& flow)
     : system_(&system), place_(place), flow_(flow) {
     const bool autonomous = system.kind() == models::Kind::autonomous;
-    if (autonomous && !place.plane)
-        throw std::invalid_argument("SectionMap: " + std::string(system.name()) +
-                                    " is autonomous: its section is a plane, which is missing");
-    if (!autonomous && place.plane)
-        throw std::invalid_argument("SectionMap: " + std::string(system.name()) +
-                                    " is not autonomous: its sections are no crossings of a plane");
+    refuse_if(autonomous && !place.plane, "SectionMap: {} is autonomous: its section is a plane, which is missing",
+              system.name());
+    refuse_if(!autonomous && place.plane, "SectionMap: {} is not autonomous: its sections are no crossings of a plane",
+              system.name());
     if (!std::isfinite(place.phase)) throw std::invalid_argument("SectionMap: phase must be finite");
     if (place.plane) {
         const VectorXd& normal = place.plane->normal;
-        if (normal.size() != system.dimension() || (normal.array() != 0.0).count() != 1 || !normal.allFinite() ||
-            !std::isfinite(place.plane->offset))
-            throw std::invalid_argument(
-                "SectionMap: the plane must be one on which a single coordinate has a finite value");
+        refuse_if(normal.size() != system.dimension() || (normal.array() != 0.0).count() != 1 || !normal.allFinite() ||
+                      !std::isfinite(place.plane->offset),
+                  "SectionMap: the plane must be one on which a single coordinate has a finite value");
         for (Index i = 0; i < normal.size(); ++i)
             if (normal(i) != 0.0) normal_ = i;
         value_ = place.plane->offset / normal(normal_);

@@ -128,17 +128,15 @@ private:
         }
         if (active.empty()) return false;
         Eigen::MatrixXd starts(system_.dimension(), static_cast<Eigen::Index>(active.size()));
-        for (std::size_t a = 0; a < active.size(); ++a) {
+        for (std::size_t a = 0; a < active.size(); ++a)
             starts.col(static_cast<Eigen::Index>(a)) = walkers_[active[a]].state;
-        }
         const std::size_t sections =
             std::min(plan_.section ? crossing_chunk : chunk, static_cast<std::size_t>(longest));
         const auto result = plan_.section ? system_.crossing_ensemble(starts, *plan_.section, sections, longest_return_,
                                                                       theta_, options_.flow)
                                           : system_.ensemble(starts, options_.phase, sections, theta_, options_.flow);
-        for (std::size_t a = 0; a < active.size(); ++a) {
+        for (std::size_t a = 0; a < active.size(); ++a)
             take(walkers_[active[a]], result, a);
-        }
         return true;
     }
 
@@ -176,9 +174,8 @@ private:
 
     [[nodiscard]] std::optional<Loss> settled(const Walker& walker) const {
         const auto past = walker.sections.leftCols(walker.filled);
-        if (system_.at_rest(walker.state, theta_)) {
+        if (system_.at_rest(walker.state, theta_))
             return Loss{TrajectoryEvent::Kind::at_rest, 0, {}, settled_at_last(past, angle_, measure_)};
-        }
         const auto capture = captured(past, angle_, measure_);
         if (!capture) return std::nullopt;
         return Loss{TrajectoryEvent::Kind::captured, capture->period, {}, capture->settled};

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "models/arithmetic/median.hpp"
+#include "models/arithmetic/singular_values.hpp"
 #include "models/definition/parameter.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/section_map.hpp"
@@ -20,22 +21,14 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-}  // namespace
+constexpr double largest_growth = 2.7182818284590452;
+constexpr double largest_error = 0.2;  // of the range
 
-models::Clock transition_clock(const models::System& system, const Series& series) {
-    const bool sections = series.sampling == Series::Sampling::section;
-    return sections && system.kind() == models::Kind::forced ? models::Clock::phase : models::Clock::time;
+/// What nine of ten stay below.
+double usual(std::vector<double> values) {
+    const std::size_t place = 9 * values.size() / 10;
+    return models::ranked(std::move(values), place);
 }
-
-std::vector<Transition> transitions(const models::System& system, const VectorXd& theta, const Series& series,
-                                    const models::Sensor& sensor, const std::vector<std::size_t>& segments,
-                                    Index interval, std::size_t count, std::uint64_t seed) {
-    // Not owned: used within this call only.
-    const std::shared_ptr<const models::System> one(std::shared_ptr<const void>(), &system);
-    return transitions(std::span(&one, 1), theta, series, sensor, segments, interval, count, seed);
-}
-
-namespace {
 
 /// One somewhere in each of `count` equal stretches of `total` samples: multiples of the golden ratio fall evenly, and
 /// in step with no period of the data.
@@ -52,6 +45,19 @@ std::vector<std::size_t> spread_places(std::size_t total, std::size_t count, std
 }
 
 }  // namespace
+
+models::Clock transition_clock(const models::System& system, const Series& series) {
+    const bool sections = series.sampling == Series::Sampling::section;
+    return sections && system.kind() == models::Kind::forced ? models::Clock::phase : models::Clock::time;
+}
+
+std::vector<Transition> transitions(const models::System& system, const VectorXd& theta, const Series& series,
+                                    const models::Sensor& sensor, const std::vector<std::size_t>& segments,
+                                    Index interval, std::size_t count, std::uint64_t seed) {
+    // Not owned: used within this call only.
+    const std::shared_ptr<const models::System> one(std::shared_ptr<const void>(), &system);
+    return transitions(std::span(&one, 1), theta, series, sensor, segments, interval, count, seed);
+}
 
 std::vector<Transition> transitions(std::span<const std::shared_ptr<const models::System>> systems,
                                     const VectorXd& theta, const Series& series, const models::Sensor& sensor,
@@ -184,7 +190,7 @@ VectorXd coordinate_range(const models::System& system, const Series& series, co
     const VectorXd scale = series.scale();
     VectorXd range = VectorXd::Zero(system.dimension());
     for (Index row = 0; row < series.dimension(); ++row) {
-        const Index i = system.coordinate_index(series.coordinates[static_cast<std::size_t>(row)].name);
+        const Index i = system.coordinate_index(series.coordinate(row).name);
         if (i >= 0) range[i] = scale[row];
     }
     for (Index i = 0; i < range.size(); ++i) {
@@ -200,6 +206,49 @@ VectorXd coordinate_range(const models::System& system, const Series& series, co
         range[i] = highest > lowest ? highest - lowest : 1.0;
     }
     return range;
+}
+
+Index shooting_interval(std::span<const std::shared_ptr<const models::System>> systems, const VectorXd& theta,
+                        const Series& series, const models::Sensor& sensor, const std::vector<std::size_t>& segments) {
+    if (series.sampling == Series::Sampling::section) return 1;
+    constexpr std::size_t looks = 100;
+    const models::System& system = *systems.front();
+    Index longest = 1;
+    for (const std::size_t s : segments)
+        longest = std::max(longest, series.segments[s].values.cols() - 1);
+    const auto fits = [&](Index interval) {
+        const auto starts = transitions(systems, theta, series, sensor, segments, interval, looks, 0);
+        if (starts.empty()) return false;
+        MatrixXd states(system.dimension(), std::ssize(starts));
+        for (std::size_t k = 0; k < starts.size(); ++k)
+            states.col(static_cast<Index>(k)) = starts[k].from;
+        const VectorXd range = coordinate_range(system, series, states);
+        std::vector<double> growth, error;
+        const std::span<const Index> none;
+        for (const Prediction& p :
+             predictions(systems, theta, starts, none, transition_clock(system, series), {1e-8, 1e-8, 20000})) {
+            if (!p.ok) continue;
+            const MatrixXd x = range.cwiseInverse().asDiagonal() * p.by_x * range.asDiagonal();
+            growth.push_back(models::singular_values(x)[0]);
+            error.push_back(p.error.cwiseQuotient(range).cwiseAbs().maxCoeff());
+        }
+        return 2 * growth.size() > starts.size() && usual(growth) <= largest_growth && usual(error) <= largest_error;
+    };
+    // Doubling, then bisection to within an eighth.
+    Index good = 1;
+    Index bad = longest + 1;
+    while (2 * good < bad) {
+        if (!fits(2 * good)) {
+            bad = 2 * good;
+            break;
+        }
+        good *= 2;
+    }
+    while (bad - good > std::max<Index>(1, good / 8)) {
+        const Index middle = (good + bad) / 2;
+        (fits(middle) ? good : bad) = middle;
+    }
+    return good;
 }
 
 }  // namespace orbid::orbits

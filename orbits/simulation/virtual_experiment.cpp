@@ -4,25 +4,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "estimator/interface/random_stream.hpp"
 #include "models/system/argument_check.hpp"
-#include "orbits/simulation/phase_rate.hpp"
-#include "orbits/simulation/return_probe.hpp"
+#include "orbits/records/refusal.hpp"
+#include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/section_record.hpp"
 
 namespace orbid::orbits {
 namespace {
 
-/// Samples of one call of the flow: its step budget holds for these, not for a record of any length.
-constexpr std::size_t sample_chunk = 4096;
-
 void require(bool rule, const std::string& message) {
-    if (!rule) throw std::invalid_argument("virtual experiment: " + message);
+    refuse_if(!rule, "virtual experiment: {}", message);
 }
 
 void validate_plan(const models::System& system, const VirtualExperimentOptions& options) {
@@ -74,19 +69,16 @@ void validate(const models::System& system, const VirtualExperimentOptions& opti
             fmt::format("random range has {} entries, must have {} or none", options.random_range.size(), n));
     for (Eigen::Index i = 0; i < n; ++i) {
         const models::Coordinate& coordinate = system.coordinates()[static_cast<std::size_t>(i)];
-        if (options.noise.size() > 0) {
+        if (options.noise.size() > 0)
             require(options.noise[i] >= 0.0 && std::isfinite(options.noise[i]),
                     fmt::format("noise of {} is {}, must be >= 0", coordinate.name, options.noise[i]));
-        }
-        if (options.noise_correlation.size() > 0) {
+        if (options.noise_correlation.size() > 0)
             require(std::abs(options.noise_correlation[i]) < 1.0,
                     fmt::format("correlation of the noise of {} is {}, must lie between -1 and 1", coordinate.name,
                                 options.noise_correlation[i]));
-        }
-        if (options.random_range.size() > 0 && !coordinate.angle) {
+        if (options.random_range.size() > 0 && !coordinate.angle)
             require(options.random_range[i] > 0.0 && std::isfinite(options.random_range[i]),
                     fmt::format("random range of {} is {}, must be > 0", coordinate.name, options.random_range[i]));
-        }
     }
     if (options.sensor.type == models::Sensor::Type::angle_difference) {
         require(
@@ -99,80 +91,6 @@ void validate(const models::System& system, const VirtualExperimentOptions& opti
         require(options.noise_correlation.size() == 0 || options.noise_correlation.isZero(0.0),
                 "noise of a difference sensor, which reads an angle twice, cannot be correlated");
     }
-}
-
-/// The records of all trajectories, one after the other.
-StateRecord joined(std::vector<StateRecord>& parts) {
-    StateRecord record;
-    for (StateRecord& part : parts) {
-        std::move(part.pieces.begin(), part.pieces.end(), std::back_inserter(record.pieces));
-        std::move(part.events.begin(), part.events.end(), std::back_inserter(record.events));
-        record.complete = record.complete && part.complete;
-        if (!part.message.empty()) record.message += (record.message.empty() ? "" : "; ") + part.message;
-    }
-    return record;
-}
-
-/// Samples of every trajectory. A trajectory that comes to rest goes on resting: that is reported.
-StateRecord record_samples(const models::System& system, const Eigen::VectorXd& theta,
-                           const VirtualExperimentOptions& options, const Eigen::VectorXd& range) {
-    const auto plan = std::get<SamplePlan>(options.plan);
-    const std::size_t count = options.trajectories;
-    std::vector<StateRecord> parts(count);
-    const double rate = phase_rate(system, theta);
-    oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t trajectory) {
-        StateRecord& part = parts[trajectory];
-        StateRecord::Piece piece;
-        piece.trajectory = trajectory;
-        piece.states.resize(system.dimension(), static_cast<Eigen::Index>(plan.count));
-        piece.times.resize(static_cast<Eigen::Index>(plan.count));
-        Eigen::VectorXd state = options.initial.cols() > 0
-                                    ? Eigen::VectorXd(options.initial.col(static_cast<Eigen::Index>(trajectory)))
-                                    : random_state(system, range, options.seed, trajectory, 0);
-        // Every chunk begins where the last one ended; the first duration leads over the transient.
-        double time = 0.0;
-        std::size_t done = 0;
-        while (done < plan.count) {
-            const std::size_t size = std::min(sample_chunk, plan.count - done);
-            std::vector<double> durations(size);
-            for (std::size_t k = 0; k < size; ++k) {
-                const double at = static_cast<double>(plan.transient + done + k) * plan.step;
-                piece.times[static_cast<Eigen::Index>(done + k)] = at;
-                durations[k] = at - time;
-            }
-            const auto flow =
-                system.flow(state, options.phase + rate * time, durations, theta, models::Clock::time, options.flow);
-            std::size_t good = size;
-            if (flow.status != models::FlowStatus::ok)
-                good = static_cast<std::size_t>(
-                    std::lower_bound(durations.begin(), durations.end(), flow.stopped_after) - durations.begin());
-            piece.states.middleCols(static_cast<Eigen::Index>(done), static_cast<Eigen::Index>(good)) =
-                flow.states.leftCols(static_cast<Eigen::Index>(good));
-            done += good;
-            if (flow.status != models::FlowStatus::ok) {
-                part.complete = false;
-                part.message = fmt::format("trajectory {} stopped at {} s: {}", trajectory, time + flow.stopped_after,
-                                           models::description(flow.status));
-                part.events.push_back({TrajectoryEvent::Kind::failed, trajectory, plan.transient + done, 0, flow.status,
-                                       flow.stopped_state});
-                break;
-            }
-            state = flow.states.col(static_cast<Eigen::Index>(size) - 1);
-            time += durations.back();
-        }
-        const auto kept = static_cast<Eigen::Index>(done);
-        piece.states.conservativeResize(Eigen::NoChange, kept);
-        piece.times.conservativeResize(kept);
-        if (part.complete && system.at_rest(state, theta)) {
-            Eigen::Index first = kept - 1;
-            while (first > 0 && system.at_rest(piece.states.col(first - 1), theta))
-                --first;
-            part.events.push_back({TrajectoryEvent::Kind::at_rest, trajectory,
-                                   plan.transient + static_cast<std::size_t>(first), 0, models::FlowStatus::ok, state});
-        }
-        if (kept > 0) part.pieces.push_back(std::move(piece));
-    });
-    return joined(parts);
 }
 
 double rounded(double value, const models::Sensor& sensor) {
@@ -199,9 +117,8 @@ void add_reading_errors(Readings& readings, const models::Sensor& sensor, const 
     };
     for (Eigen::Index k = 0; k < readings.cols(); ++k) {
         const double later = difference ? readings(angle, k) + sensor.delay * readings(rate, k) : 0.0;
-        for (Eigen::Index i = 0; i < readings.rows(); ++i) {
+        for (Eigen::Index i = 0; i < readings.rows(); ++i)
             if (!(difference && i == rate)) readings(i, k) += correlated(i, k);
-        }
         if (angle < readings.rows()) readings(angle, k) = rounded(readings(angle, k), sensor);
         if (difference) readings(rate, k) = (rounded(later + error(angle), sensor) - readings(angle, k)) / sensor.delay;
     }
@@ -284,9 +201,8 @@ VirtualExperiment simulate(const models::System& system, const Eigen::VectorXd& 
     for (std::size_t s = 0; s < record.pieces.size(); ++s) {
         StateRecord::Piece& piece = record.pieces[s];
         std::vector<double> phases(static_cast<std::size_t>(piece.states.cols()), options.phase);
-        for (Eigen::Index k = 0; k < piece.times.size(); ++k) {
+        for (Eigen::Index k = 0; k < piece.times.size(); ++k)
             phases[static_cast<std::size_t>(k)] += rate * piece.times[k];
-        }
         auto read = system.readings(options.sensor, piece.states, phases, theta, std::nullopt, options.flow);
         if (read.status != models::FlowStatus::ok) {
             experiment.complete = false;

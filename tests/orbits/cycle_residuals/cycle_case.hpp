@@ -10,7 +10,6 @@
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "orbits/cycle_residuals/lifted_cycle_residual.hpp"
 #include "orbits/cycle_residuals/one_period_residual.hpp"
-#include "orbits/cycle_residuals/start_scan.hpp"
 #include "tests/orbits/cycles/measured_cycles.hpp"
 
 namespace orbid::tests {

@@ -6,7 +6,7 @@
 #include "models/kernels/model_system.hpp"
 #include "orbits/series_residuals/series_residual.hpp"
 #include "orbits/series_residuals/shooting_residual.hpp"
-#include "orbits/simulation/phase_rate.hpp"
+#include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 

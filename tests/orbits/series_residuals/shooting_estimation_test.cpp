@@ -2,7 +2,7 @@
 #include <numbers>
 
 #include "estimator/interface/random_stream.hpp"
-#include "orbits/cycle_residuals/start_scan.hpp"
+#include "orbits/cycle_residuals/one_period_residual.hpp"
 #include "orbits/series_residuals/continuity_report.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/series_residuals/shooting_case.hpp"
@@ -64,7 +64,7 @@ estimator::Estimate predicted(std::shared_ptr<const models::System> system, cons
     const auto made = transitions(*system, binding.values(start), series, sensor, {}, 1, 1000, 0);
     PredictionOptions options;
     options.sizes = error_sizes(sensor, coordinate_range(*system, series, {}));
-    PredictionResidual residual(system, binding, made, transition_clock(*system, series), start, options);
+    PredictionResidual residual({system}, binding, made, transition_clock(*system, series), start, options);
     return estimator::estimate(parameters(names, start), {&residual}, {}, plain());
 }
 
@@ -89,7 +89,7 @@ TEST_CASE("prediction over one interval finds the parameters of clean data", "[o
     PredictionOptions options;
     options.sizes = coordinate_range(*c.system, c.series, {});
     const auto made = transitions(*c.system, c.base, c.series, c.sensor, {}, 1, 100, 0);
-    const PredictionResidual residual(c.system, binding, made, models::Clock::phase, start, options);
+    const PredictionResidual residual({c.system}, binding, made, models::Clock::phase, start, options);
     const Eigen::VectorXd far = truth.cwiseProduct(Eigen::Vector4d(0.55, 1.0, 1.0, 1.0));
     const auto found = scanned_start([&](const Eigen::VectorXd& theta) { return residual.misfit(theta); }, far,
                                      0.01 * truth, 100.0 * truth, truth);

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "models/catalogue/registry.hpp"
-#include "orbits/simulation/return_probe.hpp"
+#include "orbits/simulation/section_record.hpp"
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 
