@@ -61,12 +61,6 @@ py::array_t<double> owning(Owned&& value, py::array::ShapeContainer shape, py::a
 
 constexpr py::ssize_t width = sizeof(double);
 
-py::array_t<double> shown(const double* data, py::array::ShapeContainer shape, py::handle owner, bool writeable) {
-    py::array_t<double> array(std::move(shape), data, owner);
-    if (!writeable) array.attr("setflags")(py::arg("write") = false);
-    return array;
-}
-
 }  // namespace
 
 Doubles doubles(py::handle argument, const char* name) {
@@ -138,8 +132,12 @@ py::array_t<double> derivative_array(Eigen::MatrixXd&& matrix, py::ssize_t direc
     return owning(std::move(matrix), {count, rows, directions}, {rows * directions * width, width, rows * width});
 }
 
-py::array_t<double> view(const Eigen::MatrixXd& matrix, py::handle owner, bool writeable) {
-    return shown(matrix.data(), {matrix.cols(), matrix.rows()}, owner, writeable);
+py::array view(const Eigen::MatrixXd& matrix, py::handle owner) {
+    return read_only(py::array_t<double>({matrix.cols(), matrix.rows()}, matrix.data(), owner));
+}
+
+py::array view(const Eigen::VectorXd& vector, py::handle owner) {
+    return read_only(py::array_t<double>(vector.size(), vector.data(), owner));
 }
 
 py::array read_only(py::array array) {
@@ -157,10 +155,6 @@ void bind_arrays(py::module_& module) {
             return finite_vector(values, name.c_str(), size);
         },
         py::arg("values"), py::arg("name"), py::arg("size") = py::none(), "The same, shape (size,), all finite.");
-}
-
-py::array_t<double> view(const Eigen::VectorXd& vector, py::handle owner, bool writeable) {
-    return shown(vector.data(), {vector.size()}, owner, writeable);
 }
 
 }  // namespace orbid::python

@@ -49,11 +49,8 @@ using Doubles =
 /// The same array, read-only: writing into a copy of an object's data would be lost.
 [[nodiscard]] pybind11::array read_only(pybind11::array array);
 
-/// The memory of a matrix (n, m) of `owner` as an array (m, n), which keeps the owner alive. Read-only unless
-/// `writeable`.
-[[nodiscard]] pybind11::array_t<double> view(const Eigen::MatrixXd& matrix, pybind11::handle owner,
-                                             bool writeable = false);
-[[nodiscard]] pybind11::array_t<double> view(const Eigen::VectorXd& vector, pybind11::handle owner,
-                                             bool writeable = false);
+/// The memory of a matrix (n, m) of `owner` as an array (m, n), which keeps the owner alive. Read-only.
+[[nodiscard]] pybind11::array view(const Eigen::MatrixXd& matrix, pybind11::handle owner);
+[[nodiscard]] pybind11::array view(const Eigen::VectorXd& vector, pybind11::handle owner);
 
 }  // namespace orbid::python

@@ -39,6 +39,10 @@ bool is_mapping(py::handle given) {
            py::hasattr(given, "keys");
 }
 
+bool is_list(py::handle given) {
+    return py::isinstance<py::sequence>(given) && !py::isinstance<py::str>(given);
+}
+
 py::dict mapping(py::handle given, const std::string& where) {
     if (!is_mapping(given))
         throw py::type_error(where + " is " +

@@ -30,6 +30,11 @@ public:
     [[nodiscard]] std::optional<double> optional_number(const char* name);
     /// A whole number in [least, 2^53]. @throws TypeError for a float, ValueError below `least`.
     [[nodiscard]] long long integer(const char* name, long long otherwise, long long least);
+    /// The same of the type of `otherwise`.
+    template <class Whole>
+    [[nodiscard]] Whole whole(const char* name, Whole otherwise, long long least) {
+        return static_cast<Whole>(integer(name, static_cast<long long>(otherwise), least));
+    }
     [[nodiscard]] bool flag(const char* name, bool otherwise);
     [[nodiscard]] std::string text(const char* name, const std::string& otherwise);
     /// Texts; one text counts as a list of one.
@@ -58,6 +63,8 @@ private:
 [[nodiscard]] pybind11::dict mapping(pybind11::handle given, const std::string& where);
 /// Whether it is a dict or another mapping.
 [[nodiscard]] bool is_mapping(pybind11::handle given);
+/// Whether it is a list or another sequence, but text.
+[[nodiscard]] bool is_list(pybind11::handle given);
 
 /// A whole number written as one: no float, no bool. @throws TypeError naming `place`.
 [[nodiscard]] long long whole_number(pybind11::handle value, const std::string& place);

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <functional>
+#include <optional>
+#include <utility>
 
 namespace orbid::python {
 
@@ -16,5 +18,13 @@ namespace orbid::python {
 
 /// The same where a partial result is useless. @throws KeyboardInterrupt
 void compute_interruptibly(const std::function<void(const std::function<bool()>& stopped)>& compute);
+
+/// What a computation returns that goes on to its end. @throws KeyboardInterrupt
+template <class Compute>
+[[nodiscard]] auto computed_interruptibly(const Compute& compute) {
+    std::optional<decltype(compute())> result;
+    compute_interruptibly([&](const auto&) { result.emplace(compute()); });
+    return std::move(*result);
+}
 
 }  // namespace orbid::python

@@ -41,24 +41,23 @@ estimator::Prior prior(py::handle description, const std::string& where) {
     const auto [form, numbers] = only_entry(description, where, known);
     NamedArguments given(where + ": " + form, numbers);
     estimator::Prior result;
-    if (form == "normal") {
+    if (form == "normal")
         result = estimator::NormalPrior{given.required_number("mean"), given.required_number("sd")};
-    } else if (form == "lognormal") {
+    else if (form == "lognormal")
         result = estimator::LogNormalPrior{given.required_number("median"), given.required_number("log_sd")};
-    } else if (form == "uniform") {
+    else if (form == "uniform")
         result = estimator::UniformPrior{given.required_number("lower"), given.required_number("upper")};
-    } else if (form == "half_normal") {
+    else if (form == "half_normal")
         result = estimator::HalfNormalPrior{given.required_number("scale")};
-    } else if (form == "half_cauchy") {
+    else if (form == "half_cauchy")
         result = estimator::HalfCauchyPrior{given.required_number("scale")};
-    } else if (form == "gamma") {
+    else if (form == "gamma")
         result = estimator::GammaPrior{given.required_number("shape"), given.required_number("rate")};
-    } else if (form == "student_t") {
+    else if (form == "student_t")
         result = estimator::StudentPrior{given.required_number("dof"), given.required_number("location"),
                                          given.required_number("scale")};
-    } else {
+    else
         throw py::value_error(where + ": no prior '" + form + "'; known are " + known);
-    }
     given.finish();
     try {
         estimator::validate(result);
@@ -117,25 +116,9 @@ ErrorModel error_model(NamedArguments& description, const std::string& where) {
     parameter("dof", 1, student.dof);
     parameter("relative", 4, relative.relative);
     parameter("correlation", 5, autoregressive.correlation);
-    switch (form) {
-        case 0:
-            result.distribution = estimator::NormalErrors{};
-            break;
-        case 1:
-            result.distribution = student;
-            break;
-        case 2:
-            result.distribution = estimator::LaplaceErrors{};
-            break;
-        case 3:
-            result.distribution = estimator::LogNormalErrors{};
-            break;
-        case 4:
-            result.distribution = relative;
-            break;
-        default:
-            result.distribution = autoregressive;
-    }
+    const estimator::ErrorDistribution forms[] = {estimator::NormalErrors{},    student,  estimator::LaplaceErrors{},
+                                                  estimator::LogNormalErrors{}, relative, autoregressive};
+    result.distribution = forms[form];
     result.scale = error_scale(description.find("sd"), where + ": sd");
     result.floor = description.number("floor", 0.0);
     if (!(result.floor >= 0.0))
@@ -214,7 +197,7 @@ estimator::FreeParameter free_parameter(const std::string& name, py::handle desc
                                            estimator::Scale::logit};
     result.scale = scales[given.choice("scale", {"linear", "log", "log10", "logit"})];
     if (const py::object bounds = given.find_value("bounds")) {
-        if (!py::isinstance<py::sequence>(bounds) || py::isinstance<py::str>(bounds) || py::len(bounds) != 2)
+        if (!is_list(bounds) || py::len(bounds) != 2)
             throw py::value_error(where + ": bounds: needs [lower, upper], None where there is none");
         const py::object lower = bounds[py::int_(0)];
         const py::object upper = bounds[py::int_(1)];

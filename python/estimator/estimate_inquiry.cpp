@@ -1,3 +1,4 @@
+#include <optional>
 #include <utility>
 
 #include <pybind11/stl.h>
@@ -7,6 +8,7 @@
 #include "estimator/sampling/posterior_sample.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/named_arguments.hpp"
+#include "python/conversion/properties.hpp"
 #include "python/estimator/error_model.hpp"
 #include "python/estimator/python_residual.hpp"
 #include "python/estimator/result_bindings.hpp"
@@ -22,6 +24,17 @@ namespace {
 struct Inquiry {
     explicit Inquiry(const EstimateResult& result)
         : call(residuals(result), ResidualCall::Blocks::as_left), options(result.options) {}
+
+    /// What `inquire` returns, which may stop early.
+    template <class Inquire>
+    auto answered(const Inquire& inquire) {
+        std::optional<decltype(inquire())> answer;
+        (void)call.compute([&](const std::function<bool()>& stopped) {
+            options.interrupted = stopped;
+            answer.emplace(inquire());
+        });
+        return std::move(*answer);
+    }
 
     static const std::vector<py::object>& residuals(const EstimateResult& result) {
         if (result.residuals.empty())
@@ -69,19 +82,14 @@ py::dict profiles(const EstimateResult& result, const py::kwargs& keywords) {
     how.level = given.number("level", how.level);
     how.tolerance = given.number("tolerance", how.tolerance);
     how.reach = given.number("reach", how.reach);
-    how.curve_points = static_cast<int>(given.integer("curve_points", how.curve_points, 0));
-    how.maximum_points = static_cast<int>(given.integer("maximum_points", how.maximum_points, 1));
+    how.curve_points = given.whole("curve_points", how.curve_points, 0);
+    how.maximum_points = given.whole("maximum_points", how.maximum_points, 1);
     given.finish();
     Inquiry inquiry(result);
-    std::vector<estimator::Profile> found;
-    (void)inquiry.call.compute([&](const std::function<bool()>& stopped) {
-        inquiry.options.interrupted = stopped;
-        found = estimator::profiles(result.parameters, inquiry.call.residuals(), inquiry.options, result.estimate, how);
+    const auto found = inquiry.answered([&] {
+        return estimator::profiles(result.parameters, inquiry.call.residuals(), inquiry.options, result.estimate, how);
     });
-    py::dict dict;
-    for (const estimator::Profile& profile : found)
-        dict[py::str(profile.name)] = profile_dict(profile);
-    return dict;
+    return by_name(found, &estimator::Profile::name, profile_dict);
 }
 
 py::dict marginal_dict(const estimator::Marginal& marginal) {
@@ -104,20 +112,14 @@ py::dict marginals(const EstimateResult& result, const py::kwargs& keywords) {
     how.step = given.number("step", how.step);
     how.fall = given.number("fall", how.fall);
     how.reach = given.number("reach", how.reach);
-    how.maximum_points = static_cast<int>(given.integer("maximum_points", how.maximum_points, 1));
+    how.maximum_points = given.whole("maximum_points", how.maximum_points, 1);
     if (given.has("full_hessian")) how.full_hessian = given.flag("full_hessian", true);
     given.finish();
     Inquiry inquiry(result);
-    std::vector<estimator::Marginal> found;
-    (void)inquiry.call.compute([&](const std::function<bool()>& stopped) {
-        inquiry.options.interrupted = stopped;
-        found =
-            estimator::marginals(result.parameters, inquiry.call.residuals(), inquiry.options, result.estimate, how);
+    const auto found = inquiry.answered([&] {
+        return estimator::marginals(result.parameters, inquiry.call.residuals(), inquiry.options, result.estimate, how);
     });
-    py::dict dict;
-    for (const estimator::Marginal& marginal : found)
-        dict[py::str(marginal.name)] = marginal_dict(marginal);
-    return dict;
+    return by_name(found, &estimator::Marginal::name, marginal_dict);
 }
 
 py::dict quantity_dict(const estimator::SampledQuantity& quantity) {
@@ -127,55 +129,45 @@ py::dict quantity_dict(const estimator::SampledQuantity& quantity) {
                     "tail_size"_a = quantity.tail_size);
 }
 
-py::dict sample_dict(estimator::PosteriorSample&& sample) {
+py::dict quantity_dicts(const std::vector<estimator::SampledQuantity>& quantities) {
+    return by_name(quantities, &estimator::SampledQuantity::name, quantity_dict);
+}
+
+py::dict chain_dict(const estimator::SampledChain& chain) {
+    return py::dict("step"_a = chain.step, "acceptance"_a = chain.acceptance, "divergences"_a = chain.divergences,
+                    "saturated"_a = chain.saturated, "energy_mixing"_a = chain.energy_mixing,
+                    "evaluations"_a = chain.evaluations);
+}
+
+py::dict sample_dict(const estimator::PosteriorSample& sample) {
     constexpr const char* statuses[] = {"complete", "interrupted", "failed"};
-    py::dict dict("status"_a = statuses[static_cast<std::size_t>(sample.status)], "message"_a = sample.message,
-                  "trusted"_a = sample.trusted, "distrust"_a = sample.distrust);
-    for (const auto& [name, quantities] :
-         {std::pair{"parameters", &sample.parameters}, {"derived", &sample.derived}, {"errors", &sample.errors}}) {
-        py::dict named;
-        for (const estimator::SampledQuantity& quantity : *quantities)
-            named[py::str(quantity.name)] = quantity_dict(quantity);
-        dict[name] = named;
-    }
-    dict["names"] = sample.names;
-    py::list draws;
-    for (const Eigen::MatrixXd& chain : sample.draws)
-        draws.append(array(Eigen::MatrixXd(chain.transpose())));
-    dict["draws"] = draws;
-    py::list chains;
-    for (const estimator::SampledChain& chain : sample.chains) {
-        chains.append(py::dict("step"_a = chain.step, "acceptance"_a = chain.acceptance,
-                               "divergences"_a = chain.divergences, "saturated"_a = chain.saturated,
-                               "energy_mixing"_a = chain.energy_mixing, "evaluations"_a = chain.evaluations));
-    }
-    dict["chains"] = chains;
-    dict["worst_rhat"] = sample.worst_rhat;
-    dict["least_size"] = sample.least_size;
-    return dict;
+    const auto draws = [](const Eigen::MatrixXd& chain) { return array(Eigen::MatrixXd(chain.transpose())); };
+    return py::dict("status"_a = statuses[static_cast<std::size_t>(sample.status)], "message"_a = sample.message,
+                    "trusted"_a = sample.trusted, "distrust"_a = sample.distrust,
+                    "parameters"_a = quantity_dicts(sample.parameters), "derived"_a = quantity_dicts(sample.derived),
+                    "errors"_a = quantity_dicts(sample.errors), "names"_a = sample.names,
+                    "draws"_a = listed(sample.draws, draws), "chains"_a = listed(sample.chains, chain_dict),
+                    "worst_rhat"_a = sample.worst_rhat, "least_size"_a = sample.least_size);
 }
 
 py::dict sample(const EstimateResult& result, const py::kwargs& keywords) {
     NamedArguments given("sample", keywords);
     estimator::SampleOptions how;
-    how.chains = static_cast<int>(given.integer("chains", how.chains, 1));
-    how.warm_up = static_cast<int>(given.integer("warm_up", how.warm_up, 0));
-    how.draws = static_cast<int>(given.integer("draws", how.draws, 1));
+    how.chains = given.whole("chains", how.chains, 1);
+    how.warm_up = given.whole("warm_up", how.warm_up, 0);
+    how.draws = given.whole("draws", how.draws, 1);
     how.seed = static_cast<std::uint64_t>(given.integer("seed", 1, 0));
     how.acceptance = given.number("acceptance", how.acceptance);
-    how.maximum_depth = static_cast<int>(given.integer("maximum_depth", how.maximum_depth, 1));
+    how.maximum_depth = given.whole("maximum_depth", how.maximum_depth, 1);
     how.spread = given.number("spread", how.spread);
     given.finish();
     Inquiry inquiry(result);
     const auto derived = derived_quantities(result.derived, inquiry.call);
-    estimator::PosteriorSample found;
-    (void)inquiry.call.compute([&](const std::function<bool()>& stopped) {
-        inquiry.options.interrupted = stopped;
-        how.interrupted = stopped;
-        found = estimator::sample_posterior(result.parameters, inquiry.call.residuals(), derived, inquiry.options,
-                                            result.estimate, how);
-    });
-    return sample_dict(std::move(found));
+    return sample_dict(inquiry.answered([&] {
+        how.interrupted = inquiry.options.interrupted;
+        return estimator::sample_posterior(result.parameters, inquiry.call.residuals(), derived, inquiry.options,
+                                           result.estimate, how);
+    }));
 }
 
 }  // namespace

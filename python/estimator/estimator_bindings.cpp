@@ -36,8 +36,7 @@ raised here. ValueError, TypeError and KeyError name what is wrong.)";
 
 std::vector<py::object> residual_list(py::handle residuals) {
     if (py::isinstance<estimator::Residual>(residuals)) return {py::reinterpret_borrow<py::object>(residuals)};
-    if (residuals.is_none() || !py::isinstance<py::sequence>(residuals) || py::isinstance<py::str>(residuals))
-        throw py::type_error("residuals: needs a Residual or a list of them");
+    if (!is_list(residuals)) throw py::type_error("residuals: needs a Residual or a list of them");
     std::vector<py::object> list;
     for (const py::handle one : residuals)
         list.push_back(py::reinterpret_borrow<py::object>(one));
@@ -47,35 +46,15 @@ std::vector<py::object> residual_list(py::handle residuals) {
 /// What a function of theta returns, nan where it failed. Not all need be finite: at the start it may have no value.
 Eigen::VectorXd called(ResidualCall& call, py::handle function, const Eigen::VectorXd& theta, Eigen::Index size,
                        const std::string& where) {
-    if (!call.failed()) {
-        const py::gil_scoped_acquire lock;
-        try {
-            const Doubles numbers = doubles(function(array(Eigen::VectorXd(theta))), where.c_str());
-            if (numbers.size() != size || numbers.ndim() > 1)
-                throw py::value_error(where + ": shape " + std::string(py::str(numbers.attr("shape"))) + ", needs " +
-                                      std::to_string(size) + (size == 1 ? " number" : " numbers"));
-            return vector(numbers);
-        } catch (...) {
-            call.fail(std::current_exception());
-        }
-    }
-    return Eigen::VectorXd::Constant(size, std::numeric_limits<double>::quiet_NaN());
-}
-
-/// Called after every accepted step; the keyword arguments keep the function.
-std::function<void(int, double)> progress_of(NamedArguments& given, ResidualCall& call) {
-    const py::object progress = given.find_value("progress");
-    if (!progress) return nullptr;
-    if (PyCallable_Check(progress.ptr()) == 0) throw py::type_error("estimate: progress: needs a function");
-    return [&call, function = progress.ptr()](int iteration, double objective) {
-        if (call.failed()) return;
-        const py::gil_scoped_acquire lock;
-        try {
-            (void)py::handle{function}(iteration, objective);
-        } catch (...) {
-            call.fail(std::current_exception());
-        }
-    };
+    Eigen::VectorXd result = Eigen::VectorXd::Constant(size, std::numeric_limits<double>::quiet_NaN());
+    call.attempt([&] {
+        const Doubles numbers = doubles(function(array(Eigen::VectorXd(theta))), where.c_str());
+        if (numbers.size() != size || numbers.ndim() > 1)
+            throw py::value_error(where + ": shape " + std::string(py::str(numbers.attr("shape"))) + ", needs " +
+                                  std::to_string(size) + (size == 1 ? " number" : " numbers"));
+        result = vector(numbers);
+    });
+    return result;
 }
 
 std::shared_ptr<EstimateResult> estimate(py::handle parameters, py::handle residuals, py::handle derived,
@@ -88,7 +67,10 @@ std::shared_ptr<EstimateResult> estimate(py::handle parameters, py::handle resid
     NamedArguments given("estimate", keywords);
     const auto quantities = derived_quantities(result->derived, call);
     estimator::EstimateOptions options = estimate_options(given);
-    options.progress = progress_of(given, call);
+    if (const py::handle progress = progress_function(given))
+        options.progress = [&call, progress](int iteration, double objective) {
+            call.attempt([&] { progress(iteration, objective); });
+        };
     given.finish();
     const bool interrupted = call.compute([&](const std::function<bool()>& stopped) {
         options.interrupted = stopped;
@@ -111,7 +93,7 @@ std::vector<DerivedFunctions> derived_functions(py::handle derived) {
     for (const auto& [key, value] : mapping(derived, "derived")) {
         const auto name = key.cast<std::string>();
         const std::string where = "derived '" + name + "'";
-        if (!py::isinstance<py::sequence>(value) || py::isinstance<py::str>(value) || py::len(value) != 2)
+        if (!is_list(value) || py::len(value) != 2)
             throw py::type_error(where + ": needs a pair of functions (value, gradient)");
         DerivedFunctions one{name, value[py::int_(0)], value[py::int_(1)]};
         if (PyCallable_Check(one.value.ptr()) == 0 || PyCallable_Check(one.gradient.ptr()) == 0)
@@ -140,6 +122,13 @@ std::vector<estimator::DerivedQuantity> derived_quantities(const std::vector<Der
     return quantities;
 }
 
+py::handle progress_function(NamedArguments& given) {
+    const py::object progress = given.find_value("progress");
+    if (progress && PyCallable_Check(progress.ptr()) == 0)
+        throw py::type_error(given.place("progress") + ": needs a function");
+    return progress.ptr();
+}
+
 estimator::EstimateOptions estimate_options(NamedArguments& given) {
     estimator::EstimateOptions options;
     constexpr estimator::Variance variances[] = {estimator::Variance::restricted, estimator::Variance::ml,
@@ -148,8 +137,8 @@ estimator::EstimateOptions estimate_options(NamedArguments& given) {
                                                 estimator::Clusters::none};
     options.variance = variances[given.choice("variance", {"restricted", "ml", "integrated"})];
     options.clusters = clusters[given.choice("clusters", {"automatic", "blocks", "none"})];
-    options.maximum_iterations = static_cast<int>(given.integer("maximum_iterations", options.maximum_iterations, 1));
-    options.maximum_rounds = static_cast<int>(given.integer("maximum_rounds", options.maximum_rounds, 1));
+    options.maximum_iterations = given.whole("maximum_iterations", options.maximum_iterations, 1);
+    options.maximum_rounds = given.whole("maximum_rounds", options.maximum_rounds, 1);
     options.step_tolerance = given.number("step_tolerance", options.step_tolerance);
     options.relative_singular_value = given.number("relative_singular_value", options.relative_singular_value);
     options.verdict = given.flag("verdict", options.verdict);

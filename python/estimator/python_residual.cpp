@@ -9,6 +9,7 @@
 
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/named_arguments.hpp"
+#include "python/conversion/properties.hpp"
 #include "python/conversion/python_interruption.hpp"
 #include "python/estimator/error_model.hpp"
 
@@ -19,25 +20,31 @@ namespace py = pybind11;
 namespace {
 
 py::list latent_list(const std::vector<Eigen::VectorXd>& latents) {
-    py::list list;
-    for (Eigen::VectorXd one : latents)
-        list.append(array(std::move(one)));
-    return list;
+    return listed(latents, [](const Eigen::VectorXd& one) { return array(Eigen::VectorXd(one)); });
 }
 
-/// Every value of a block, in one word.
-bool finite(const estimator::BlockValue& value) {
-    return value.e.allFinite() && value.c.allFinite() && value.e_theta.allFinite() && value.e_z.allFinite() &&
-           value.e_next.allFinite() && value.c_theta.allFinite() && value.c_z.allFinite() && value.c_next.allFinite();
-}
-
-std::string first_not_finite(const Eigen::MatrixXd& values, const std::string& name) {
+template <class Values>
+std::string first_not_finite(const Values& values, const std::string& name) {
+    if (values.allFinite()) return {};
     for (Eigen::Index i = 0; i < values.rows(); ++i)
         for (Eigen::Index j = 0; j < values.cols(); ++j)
             if (!std::isfinite(values(i, j)))
                 return name + "[" + std::to_string(i) + (values.cols() > 1 ? ", " + std::to_string(j) : "") +
                        "] = " + std::to_string(values(i, j));
     return {};
+}
+
+/// The first entry of a block that is not finite, with its value; empty: all are.
+std::string first_not_finite(const estimator::BlockValue& value) {
+    std::string found = first_not_finite(value.e, "e");
+    for (const auto& [name, matrix] :
+         {std::pair{"e_theta", &value.e_theta}, {"e_z", &value.e_z}, {"e_next", &value.e_next}})
+        if (found.empty()) found = first_not_finite(*matrix, name);
+    if (found.empty()) found = first_not_finite(value.c, "c");
+    for (const auto& [name, matrix] :
+         {std::pair{"c_theta", &value.c_theta}, {"c_z", &value.c_z}, {"c_next", &value.c_next}})
+        if (found.empty()) found = first_not_finite(*matrix, name);
+    return found;
 }
 
 /// Residuals that take part in a computation: update_active_set() and deactivate() change them, those of the library as
@@ -189,18 +196,12 @@ std::vector<estimator::BlockValue> PythonResidual::evaluate(const Eigen::VectorX
                                                             const std::vector<Eigen::VectorXd>& latents,
                                                             bool derivatives) const {
     std::vector<estimator::BlockValue> values(layout_.size());
-    if (call_ != nullptr && !call_->failed()) {
-        const py::gil_scoped_acquire lock;
-        try {
-            read_values(method("evaluate")(array(Eigen::VectorXd(theta)), latent_list(latents), derivatives),
-                        theta.size(), derivatives, values);
-            evaluated_ = true;
-            return values;
-        } catch (...) {
-            call_->fail(std::current_exception());
-        }
-    }
-    for (std::size_t b = 0; b < layout_.size(); ++b)
+    const bool answered = call_ != nullptr && call_->attempt([&] {
+        read_values(method("evaluate")(array(Eigen::VectorXd(theta)), latent_list(latents), derivatives), theta.size(),
+                    derivatives, values);
+        evaluated_ = true;
+    });
+    for (std::size_t b = 0; b < layout_.size() && !answered; ++b)
         if (layout_[b].active) values[b].status = estimator::BlockStatus::failed;
     return values;
 }
@@ -213,7 +214,7 @@ void PythonResidual::read_values(py::handle answer, Eigen::Index parameters, boo
         only.append(blocks);
         blocks = only;
     }
-    if (!py::isinstance<py::sequence>(blocks) || py::isinstance<py::str>(blocks) || py::isinstance<py::array>(blocks))
+    if (!is_list(blocks) || py::isinstance<py::array>(blocks))
         throw py::type_error("evaluate() returned " +
                              std::string(py::str(py::type::handle_of(blocks).attr("__name__"))) +
                              ", needs a list with a dict for each block");
@@ -231,21 +232,11 @@ void PythonResidual::read_values(py::handle answer, Eigen::Index parameters, boo
         const Eigen::Index next =
             layout_[b].next >= 0 ? layout_.at(static_cast<std::size_t>(layout_[b].next)).latents : 0;
         values[b] = block_value(block, layout_[b], next, parameters, derivatives, where);
-        if (finite(values[b])) continue;
-        if (!evaluated_) {
-            for (const auto& [name, matrix] : {std::pair<const char*, Eigen::MatrixXd>{"e", values[b].e},
-                                               {"e_theta", values[b].e_theta},
-                                               {"e_z", values[b].e_z},
-                                               {"e_next", values[b].e_next},
-                                               {"c", values[b].c},
-                                               {"c_theta", values[b].c_theta},
-                                               {"c_z", values[b].c_z},
-                                               {"c_next", values[b].c_next}})
-                if (const std::string what = first_not_finite(matrix, name); !what.empty())
-                    throw py::value_error(where + ": " + what +
-                                          " at the start; return None for a block that cannot be "
-                                          "evaluated");
-        }
+        const std::string what = first_not_finite(values[b]);
+        if (what.empty()) continue;
+        if (!evaluated_)
+            throw py::value_error(where + ": " + what +
+                                  " at the start; return None for a block that cannot be evaluated");
         values[b] = {};
         values[b].status = estimator::BlockStatus::failed;
     }
@@ -255,50 +246,42 @@ estimator::RefreshReport PythonResidual::update_active_set(const Eigen::VectorXd
                                                            const std::vector<Eigen::VectorXd>& latents,
                                                            const Eigen::VectorXd& scales) {
     estimator::RefreshReport report;
-    if (call_ == nullptr || call_->failed()) return report;
-    const py::gil_scoped_acquire lock;
-    try {
+    const auto ask = [&] {
         const py::function update = method("update_active_set");
-        if (!update) return report;
+        if (!update) return;
         const py::object answer =
             update(array(Eigen::VectorXd(theta)), latent_list(latents), array(Eigen::VectorXd(scales)));
-        if (answer.is_none()) return report;
+        if (answer.is_none()) return;
         NamedArguments given("update_active_set()", answer);
         report.changed = given.flag("changed", false);
-        report.lost = static_cast<int>(given.integer("lost", 0, 0));
-        report.rejected = static_cast<int>(given.integer("rejected", 0, 0));
-        report.added = static_cast<int>(given.integer("added", 0, 0));
+        report.lost = given.whole("lost", 0, 0);
+        report.rejected = given.whole("rejected", 0, 0);
+        report.added = given.whole("added", 0, 0);
         given.finish();
         read_groups();
         read_layout();
-    } catch (...) {
-        call_->fail(std::current_exception());
-    }
+    };
+    if (call_ != nullptr) call_->attempt(ask);
     return report;
 }
 
 void PythonResidual::deactivate(std::size_t block) {
     suspended_.insert(block);
     layout_.at(block).active = false;
-    if (call_ == nullptr || call_->failed()) return;
-    const py::gil_scoped_acquire lock;
-    try {
+    if (call_ == nullptr) return;
+    call_->attempt([&] {
         if (const py::function hook = method("deactivate")) hook(block);
-    } catch (...) {
-        call_->fail(std::current_exception());
-    }
+    });
 }
 
 bool PythonResidual::is_intermediate_stage() const {
-    if (call_ == nullptr || call_->failed()) return false;
-    const py::gil_scoped_acquire lock;
-    try {
+    bool answer = false;
+    const auto ask = [&] {
         const py::function stage = method("is_intermediate_stage");
-        return stage && stage().cast<bool>();
-    } catch (...) {
-        call_->fail(std::current_exception());
-        return false;
-    }
+        answer = stage && stage().cast<bool>();
+    };
+    if (call_ != nullptr) call_->attempt(ask);
+    return answer;
 }
 
 }  // namespace orbid::python

@@ -40,6 +40,19 @@ public:
     [[nodiscard]] bool failed() const { return failed_; }
     /// Keeps the first exception.
     void fail(std::exception_ptr exception);
+    /// Calls Python holding the lock, unless something has failed before. @return whether that did not fail.
+    template <class Call>
+    bool attempt(const Call& call) {
+        if (failed()) return false;
+        const pybind11::gil_scoped_acquire lock;
+        try {
+            call();
+            return true;
+        } catch (...) {
+            fail(std::current_exception());
+            return false;
+        }
+    }
 
     /// Computes without the lock; `stopped` returns true after a signal or an exception.
     /// @return whether a signal requested a stop. @throws what was raised in Python; what `compute` throws.

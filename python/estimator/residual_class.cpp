@@ -2,6 +2,7 @@
 #include <pybind11/stl.h>
 
 #include "python/conversion/arrays.hpp"
+#include "python/conversion/properties.hpp"
 #include "python/estimator/python_residual.hpp"
 #include "python/estimator/result_bindings.hpp"
 
@@ -33,14 +34,14 @@ interpreter's lock, from threads that are not the caller's. profiles(), marginal
 several threads: one call may begin where another gives up the lock, in NumPy or between two lines, so evaluate() leaves
 nothing in self that another call of it reads. An exception stops the estimate and is raised there.)";
 
-py::dict value_dict(estimator::BlockValue value, bool derivatives) {
+py::dict value_dict(const estimator::BlockValue& value, bool derivatives) {
     py::dict dict;
     dict["status"] = value.status == estimator::BlockStatus::ok ? "ok" : "failed";
-    dict["e"] = array(std::move(value.e));
+    dict["e"] = array(Eigen::VectorXd(value.e));
     const auto add = [&](const char* name, const Eigen::MatrixXd& matrix) {
         if (derivatives && matrix.size() > 0) dict[name] = array(Eigen::MatrixXd(matrix.transpose()));
     };
-    if (value.c.size() > 0) dict["c"] = array(std::move(value.c));
+    if (value.c.size() > 0) dict["c"] = array(Eigen::VectorXd(value.c));
     add("e_theta", value.e_theta);
     add("e_z", value.e_z);
     add("e_next", value.e_next);
@@ -67,15 +68,8 @@ py::list evaluated(estimator::Residual& residual, py::handle theta, py::handle l
             states[b] = vector(finite_vector(one, "latents", states[b].size()));
         }
     }
-    std::vector<estimator::BlockValue> values;
-    {
-        const py::gil_scoped_release unlocked;
-        values = residual.evaluate(parameters, states, derivatives);
-    }
-    py::list list;
-    for (estimator::BlockValue& value : values)
-        list.append(value_dict(std::move(value), derivatives));
-    return list;
+    return listed(unlocked([&] { return residual.evaluate(parameters, states, derivatives); }),
+                  [&](const estimator::BlockValue& value) { return value_dict(value, derivatives); });
 }
 
 void bind_residual(py::module_& module) {

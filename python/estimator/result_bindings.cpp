@@ -3,6 +3,7 @@
 #include <pybind11/stl.h>
 
 #include "python/conversion/arrays.hpp"
+#include "python/conversion/properties.hpp"
 
 namespace orbid::python {
 
@@ -23,87 +24,57 @@ py::array_t<double> vector_array(const Eigen::VectorXd& vector) {
     return array(Eigen::VectorXd(vector));
 }
 
-py::list nested(const std::vector<std::vector<Eigen::VectorXd>>& values) {
-    py::list residuals;
-    for (const auto& residual : values) {
-        py::list blocks;
-        for (const Eigen::VectorXd& block : residual)
-            blocks.append(read_only(vector_array(block)));
-        residuals.append(blocks);
-    }
-    return residuals;
+/// One for each residual and block.
+template <class Block, class Make>
+py::list nested(const std::vector<std::vector<Block>>& values, const Make& make) {
+    return listed(values, [&](const auto& blocks) { return listed(blocks, make); });
 }
 
-py::list errors(const Estimate& estimate) {
-    py::list residuals;
-    for (const auto& residual : estimate.residuals) {
-        py::list blocks;
-        for (const estimator::BlockValue& block : residual)
-            blocks.append(read_only(vector_array(block.e)));
-        residuals.append(blocks);
-    }
-    return residuals;
+py::array copy_of(const Eigen::VectorXd& vector) {
+    return read_only(vector_array(vector));
 }
 
-/// By name: names are unique within an estimate.
-py::dict by_name(const std::vector<Estimated>& values) {
-    py::dict dict;
-    for (const Estimated& value : values)
-        dict[py::str(value.name)] = value;
-    return dict;
+/// Names are unique within an estimate.
+py::dict all_by_name(const std::vector<Estimated>& values) {
+    return by_name(values, &Estimated::name, [](const Estimated& value) { return py::cast(value); });
 }
 
 py::dict scales_by_group(const Estimate& estimate) {
-    py::dict dict;
-    for (const EstimatedScale& scale : estimate.scales)
-        dict[py::str(scale.group)] = scale;
-    return dict;
+    return by_name(estimate.scales, &EstimatedScale::group,
+                   [](const EstimatedScale& scale) { return py::cast(scale); });
 }
 
 py::list covariances(const Estimate& estimate) {
-    py::list list;
-    for (const estimator::EstimatedCovariance& covariance : estimate.covariances) {
-        list.append(py::dict("groups"_a = covariance.groups, "value"_a = matrix_array(covariance.value),
-                             "sd"_a = matrix_array(covariance.uncertainty)));
-    }
-    return list;
+    return listed(estimate.covariances, [](const estimator::EstimatedCovariance& one) {
+        return py::dict("groups"_a = one.groups, "value"_a = matrix_array(one.value),
+                        "sd"_a = matrix_array(one.uncertainty));
+    });
 }
 
 py::list counts(const Estimate& estimate) {
-    py::list list;
-    for (const estimator::ResidualCount& count : estimate.counts) {
-        list.append(py::dict("type"_a = count.type, "used"_a = count.used, "lost"_a = count.lost,
-                             "rejected"_a = count.rejected, "added"_a = count.added));
-    }
-    return list;
+    return listed(estimate.counts, [](const estimator::ResidualCount& count) {
+        return py::dict("type"_a = count.type, "used"_a = count.used, "lost"_a = count.lost,
+                        "rejected"_a = count.rejected, "added"_a = count.added);
+    });
 }
 
 py::list history(const Estimate& estimate) {
-    py::list list;
-    for (const estimator::StepRecord& step : estimate.history) {
-        list.append(py::dict("round"_a = step.round, "block"_a = std::string(step.block), "accepted"_a = step.accepted,
-                             "before"_a = step.before, "after"_a = step.after, "damping"_a = step.damping,
-                             "reason"_a = std::string(step.reason), "provisional"_a = step.provisional));
-    }
-    return list;
+    return listed(estimate.history, [](const estimator::StepRecord& step) {
+        return py::dict("round"_a = step.round, "block"_a = std::string(step.block), "accepted"_a = step.accepted,
+                        "before"_a = step.before, "after"_a = step.after, "damping"_a = step.damping,
+                        "reason"_a = std::string(step.reason), "provisional"_a = step.provisional);
+    });
 }
 
 py::list null_directions(const Estimate& estimate) {
-    py::list list;
-    for (const estimator::NullDirection& direction : estimate.null_directions)
-        list.append(read_only(vector_array(direction.components)));
-    return list;
+    return listed(estimate.null_directions,
+                  [](const estimator::NullDirection& direction) { return copy_of(direction.components); });
 }
 
 py::list sloppy_directions(const Estimate& estimate) {
-    py::list list;
-    for (const estimator::SloppyDirection& direction : estimate.sloppy_directions) {
-        py::dict dict;
-        dict["components"] = vector_array(direction.components);
-        dict["sd"] = direction.sd;
-        list.append(dict);
-    }
-    return list;
+    return listed(estimate.sloppy_directions, [](const estimator::SloppyDirection& direction) {
+        return py::dict("components"_a = vector_array(direction.components), "sd"_a = direction.sd);
+    });
 }
 
 py::dict estimated_dict(const Estimated& value) {
@@ -113,17 +84,17 @@ py::dict estimated_dict(const Estimated& value) {
                     "laplace_sd"_a = value.laplace_sd, "data_share"_a = value.data_share);
 }
 
+py::dict estimated_dicts(const std::vector<Estimated>& values) {
+    return by_name(values, &Estimated::name, estimated_dict);
+}
+
 py::dict scale_dict(const EstimatedScale& scale) {
-    py::dict dict(
-        "value"_a = scale.value, "unit"_a = scale.unit, "factor"_a = scale.factor, "estimated"_a = scale.estimated,
-        "sd"_a = scale.uncertainty, "interval95"_a = std::vector<double>{scale.lower95, scale.upper95},
-        "interval_method"_a = scale.interval_method, "count"_a = scale.count, "rms"_a = scale.rms,
-        "lag1"_a = scale.lag1, "effective_count"_a = scale.effective_count, "distribution"_a = scale.distribution);
-    py::dict shape;
-    for (const Estimated& one : scale.shape)
-        shape[py::str(one.name)] = estimated_dict(one);
-    dict["shape"] = shape;
-    return dict;
+    return py::dict("value"_a = scale.value, "unit"_a = scale.unit, "factor"_a = scale.factor,
+                    "estimated"_a = scale.estimated, "sd"_a = scale.uncertainty,
+                    "interval95"_a = std::vector<double>{scale.lower95, scale.upper95},
+                    "interval_method"_a = scale.interval_method, "count"_a = scale.count, "rms"_a = scale.rms,
+                    "lag1"_a = scale.lag1, "effective_count"_a = scale.effective_count,
+                    "distribution"_a = scale.distribution, "shape"_a = estimated_dicts(scale.shape));
 }
 
 py::tuple interval(double lower, double upper) {
@@ -144,8 +115,8 @@ void member(Class& result, const char* name, Member Estimate::*which, const char
 }
 
 /// A property that is made of the estimate.
-template <class Value>
-void made(Class& result, const char* name, Value (*make)(const Estimate&), const char* text) {
+template <class Make>
+void made(Class& result, const char* name, Make make, const char* text) {
     result.def_property_readonly(
         name, [make](const EstimateResult& one) { return make(one.estimate); }, text);
 }
@@ -153,38 +124,19 @@ void made(Class& result, const char* name, Value (*make)(const Estimate&), const
 }  // namespace
 
 py::dict estimate_dict(const Estimate& estimate) {
-    py::dict dict;
-    dict["status"] = std::string(name(estimate.status));
-    dict["message"] = estimate.message;
-    const auto described = [](const std::vector<Estimated>& values) {
-        py::dict named;
-        for (const Estimated& value : values)
-            named[py::str(value.name)] = estimated_dict(value);
-        return named;
-    };
-    dict["parameters"] = described(estimate.parameters);
-    dict["derived"] = described(estimate.derived);
-    py::dict scales;
-    for (const EstimatedScale& scale : estimate.scales)
-        scales[py::str(scale.group)] = scale_dict(scale);
-    dict["scales"] = scales;
     const auto list = [](const auto& array) { return array.attr("tolist")(); };
-    dict["covariance"] = list(matrix_array(estimate.covariance));
-    dict["correlation"] = list(matrix_array(estimate.correlation));
-    dict["singular_values"] = list(vector_array(estimate.singular_values));
-    dict["trust_normal"] = estimate.trust_normal;
-    dict["distrust"] = estimate.distrust;
-    dict["counts"] = counts(estimate);
-    dict["objective"] = estimate.objective;
-    dict["log_likelihood"] = estimate.log_likelihood;
-    dict["log_integral"] = estimate.log_integral;
-    dict["degrees_of_freedom"] = estimate.degrees_of_freedom;
-    dict["effective_count"] = estimate.effective_count;
-    dict["iterations"] = estimate.iterations;
-    dict["evaluations"] = estimate.evaluations;
-    dict["rounds"] = estimate.rounds;
-    dict["remaining"] = estimate.remaining;
-    return dict;
+    return py::dict(
+        "status"_a = std::string(name(estimate.status)), "message"_a = estimate.message,
+        "parameters"_a = estimated_dicts(estimate.parameters), "derived"_a = estimated_dicts(estimate.derived),
+        "scales"_a = by_name(estimate.scales, &EstimatedScale::group, scale_dict),
+        "covariance"_a = list(matrix_array(estimate.covariance)),
+        "correlation"_a = list(matrix_array(estimate.correlation)),
+        "singular_values"_a = list(vector_array(estimate.singular_values)), "trust_normal"_a = estimate.trust_normal,
+        "distrust"_a = estimate.distrust, "counts"_a = counts(estimate), "objective"_a = estimate.objective,
+        "log_likelihood"_a = estimate.log_likelihood, "log_integral"_a = estimate.log_integral,
+        "degrees_of_freedom"_a = estimate.degrees_of_freedom, "effective_count"_a = estimate.effective_count,
+        "iterations"_a = estimate.iterations, "evaluations"_a = estimate.evaluations, "rounds"_a = estimate.rounds,
+        "remaining"_a = estimate.remaining);
 }
 
 namespace {
@@ -219,7 +171,7 @@ void bind_estimated(py::module_& module) {
         .def_readonly("effective_count", &EstimatedScale::effective_count)
         .def_readonly("distribution", &EstimatedScale::distribution)
         .def_property_readonly(
-            "shape", [](const EstimatedScale& one) { return by_name(one.shape); },
+            "shape", [](const EstimatedScale& one) { return all_by_name(one.shape); },
             "further parameters of the distribution: dof, relative, correlation")
         .def("__repr__", [](const EstimatedScale& one) {
             return shown(one.group, one.value, one.uncertainty, one.factor ? "" : one.unit);
@@ -240,10 +192,10 @@ void bind_numbers(Class& result) {
     member(result, "remaining", &Estimate::remaining, "full step that is left, in posterior sds");
 }
 
-py::array theta_array(const EstimateResult& one) {
-    Eigen::VectorXd theta(std::ssize(one.estimate.parameters));
+py::array theta_array(const Estimate& estimate) {
+    Eigen::VectorXd theta(std::ssize(estimate.parameters));
     for (Eigen::Index i = 0; i < theta.size(); ++i)
-        theta[i] = one.estimate.parameters[static_cast<std::size_t>(i)].value;
+        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
     return read_only(array(std::move(theta)));
 }
 
@@ -252,30 +204,35 @@ py::array theta_array(const EstimateResult& one) {
 void bind_estimate_result(py::module_& module) {
     bind_estimated(module);
     Class result(module, "Estimate", "Result of estimate(); profiles, marginals and samples are asked of it.");
-    result.def_property_readonly(
-        "status", [](const EstimateResult& one) { return std::string(name(one.estimate.status)); },
+    made(
+        result, "status", [](const Estimate& one) { return std::string(name(one.status)); },
         "\"converged\", \"no_progress\", \"iteration_limit\", \"singular\", \"failed\" or \"interrupted\"");
     member(result, "message", &Estimate::message, "why it ended");
-    result.def_property_readonly(
-        "parameters", [](const EstimateResult& one) { return by_name(one.estimate.parameters); },
+    made(
+        result, "parameters", [](const Estimate& one) { return all_by_name(one.parameters); },
         "dict of Estimated, in the order of theta");
-    result.def_property_readonly("derived", [](const EstimateResult& one) { return by_name(one.estimate.derived); });
-    result.def_property_readonly("theta", theta_array, "values of the parameters, shape (parameters,)");
+    made(
+        result, "derived", [](const Estimate& one) { return all_by_name(one.derived); }, "");
+    made(result, "theta", theta_array, "values of the parameters, shape (parameters,)");
     made(result, "scales", scales_by_group, "dict of EstimatedScale by group");
     made(result, "covariances", covariances, "full covariances of several responses");
-    result.def_property_readonly(
-        "covariance", [](const EstimateResult& one) { return read_only(matrix_array(one.estimate.covariance)); },
+    made(
+        result, "covariance", [](const Estimate& one) { return read_only(matrix_array(one.covariance)); },
         "of theta in natural units, shape (parameters, parameters)");
-    result.def_property_readonly(
-        "correlation", [](const EstimateResult& one) { return read_only(matrix_array(one.estimate.correlation)); });
-    result.def_property_readonly("singular_values", [](const EstimateResult& one) {
-        return read_only(vector_array(one.estimate.singular_values));
-    });
-    result.def_property_readonly(
-        "latents", [](const EstimateResult& one) { return nested(one.estimate.latents); }, "per residual, per block");
-    result.def_property_readonly("latent_sds",
-                                 [](const EstimateResult& one) { return nested(one.estimate.latent_sds); });
-    made(result, "residuals", errors, "errors e at the estimate, per residual, per block");
+    made(
+        result, "correlation", [](const Estimate& one) { return read_only(matrix_array(one.correlation)); }, "");
+    made(
+        result, "singular_values", [](const Estimate& one) { return copy_of(one.singular_values); }, "");
+    made(
+        result, "latents", [](const Estimate& one) { return nested(one.latents, copy_of); }, "per residual, per block");
+    made(
+        result, "latent_sds", [](const Estimate& one) { return nested(one.latent_sds, copy_of); }, "");
+    made(
+        result, "residuals",
+        [](const Estimate& one) {
+            return nested(one.residuals, [](const estimator::BlockValue& block) { return copy_of(block.e); });
+        },
+        "errors e at the estimate, per residual, per block");
     made(result, "null_directions", null_directions, "in relative changes of the parameters");
     made(result, "sloppy_directions", sloppy_directions, "products of powers that the data hardly know");
     made(result, "counts", counts, "blocks used, lost, rejected, added, per residual");

@@ -30,7 +30,7 @@ using orbits::ShootingResidual;
 models::ParameterBinding binding(const models::System& system, const py::object& parameters, NamedArguments& given) {
     models::ParameterBinding result;
     result.base = parameter_values(system, given.find("values"));
-    if (parameters.is_none() || !py::isinstance<py::sequence>(parameters) || py::isinstance<py::str>(parameters))
+    if (!is_list(parameters))
         throw py::type_error(
             "parameters: needs a list, for each parameter of the estimate its name in the system, or None");
     const std::vector<std::string> names = parameter_names(system);
@@ -61,12 +61,17 @@ std::vector<std::size_t> segment_indices(NamedArguments& given) {
     return result;
 }
 
-std::vector<std::string> observed_names(const orbits::Series& series, const std::vector<std::string>& observe) {
-    if (!observe.empty()) return observe;
-    std::vector<std::string> names;
-    for (const orbits::SeriesCoordinate& one : series.coordinates)
-        names.push_back(one.name);
-    return names;
+/// Scales and forms of the errors of these coordinates.
+template <class Options>
+void read_errors(Options& options, NamedArguments& given, const std::vector<std::string>& names, bool known_sds) {
+    for (const ErrorModel& model : error_models(given.find("errors"), names, "errors")) {
+        options.errors.push_back(model.scale);
+        orbits::ErrorForm form;
+        form.distribution = model.distribution;
+        form.floor = model.floor;
+        form.known_sds = known_sds;
+        options.forms.push_back(form);
+    }
 }
 
 /// What residuals of a series have in common: name, observe, segments, sensor, errors, known_sds, start and the flow.
@@ -76,16 +81,8 @@ void read_common(Options& options, NamedArguments& given, const models::System& 
     options.observe = given.texts("observe");
     options.segments = segment_indices(given);
     options.sensor = sensor(given.find("sensor"), system);
-    const auto names = observed_names(series, options.observe);
     const bool known_sds = given.flag("known_sds", false);
-    for (const ErrorModel& model : error_models(given.find("errors"), names, "errors")) {
-        options.errors.push_back(model.scale);
-        orbits::ErrorForm form;
-        form.distribution = model.distribution;
-        form.floor = model.floor;
-        form.known_sds = known_sds;
-        options.forms.push_back(form);
-    }
+    read_errors(options, given, options.observe.empty() ? coordinate_names(series) : options.observe, known_sds);
     options.start = given.vector("start");
     options.flow = flow_options(given, options.flow);
 }
@@ -148,12 +145,11 @@ std::shared_ptr<SeriesResidual> series_residual(const py::object& system, const 
     read_common(options, given, *model, *series);
     options.initial = initial_rules(given.find("initial"), *model);
     given.finish();
-    std::shared_ptr<SeriesResidual> result;
-    compute_interruptibly([&](const auto&) {
+    return computed_interruptibly([&] {
         const MadeHere made{bound.estimated_count};
-        result = {new SeriesResidual(model, std::move(bound), *series, std::move(options)), made};
+        return std::shared_ptr<SeriesResidual>(new SeriesResidual(model, std::move(bound), *series, std::move(options)),
+                                               made);
     });
-    return result;
 }
 
 std::shared_ptr<ShootingResidual> shooting_residual(const py::object& system,
@@ -173,11 +169,8 @@ std::shared_ptr<ShootingResidual> shooting_residual(const py::object& system,
         if (!options.matching.estimate) options.matching.sd = vector(finite_vector(sd, "matching_sd"));
     }
     given.finish();
-    std::shared_ptr<ShootingResidual> result;
-    compute_interruptibly([&](const auto&) {
-        result = std::make_shared<ShootingResidual>(model, std::move(bound), *series, std::move(options));
-    });
-    return result;
+    return computed_interruptibly(
+        [&] { return std::make_shared<ShootingResidual>(model, std::move(bound), *series, std::move(options)); });
 }
 
 std::shared_ptr<CycleResidual> cycle_residual(const py::object& system, const std::vector<orbits::Cycle>& cycles,
@@ -207,23 +200,15 @@ std::shared_ptr<CycleResidual> cycle_residual(const py::object& system, const st
     options.targets.multipliers = given.flag("multipliers", false);
     options.targets.times = given.flag("times", false);
     options.targets.sensor = sensor(given.find("sensor"), *model);
-    for (const ErrorModel& one : error_models(given.find("errors"), names, "errors")) {
-        options.targets.errors.push_back(one.scale);
-        orbits::ErrorForm form;
-        form.distribution = one.distribution;
-        form.floor = one.floor;
-        options.targets.forms.push_back(form);
-    }
+    read_errors(options.targets, given, names, false);
     options.maximum_move = given.number("maximum_move", options.maximum_move);
     options.gate = given.number("gate", options.gate);
     options.flow = flow_options(given, options.flow);
     given.finish();
-    std::shared_ptr<CycleResidual> result;
-    compute_interruptibly([&](const auto&) {
-        result = std::make_shared<CycleResidual>(model, std::move(bound), cycles, place, theta,
-                                                 std::vector<Eigen::MatrixXd>{}, options);
+    return computed_interruptibly([&] {
+        return std::make_shared<CycleResidual>(model, std::move(bound), cycles, place, theta,
+                                               std::vector<Eigen::MatrixXd>{}, options);
     });
-    return result;
 }
 
 constexpr auto common_text =

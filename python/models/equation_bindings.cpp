@@ -3,6 +3,7 @@
 
 #include "models/equations/equation_text.hpp"
 #include "python/conversion/bindings.hpp"
+#include "python/conversion/properties.hpp"
 
 namespace orbid::python {
 
@@ -12,36 +13,20 @@ namespace {
 
 using models::EquationText;
 
+/// The key of a model that a part is written under; none for the model as a whole.
 const char* part_name(models::EquationProblem::Part part) {
-    using Part = models::EquationProblem::Part;
-    switch (part) {
-        case Part::coordinate:
-            return "equations";
-        case Part::definition:
-            return "definitions";
-        case Part::parameter:
-            return "parameters";
-        case Part::forcing:
-            return "forcing_phase";
-        case Part::switching:
-            return "switching";
-        case Part::input:
-            return "inputs";
-        case Part::symmetry:
-            return "symmetry";
-        case Part::model:
-            break;
-    }
-    return "";
+    constexpr const char* names[] = {"",          "equations", "definitions", "parameters", "forcing_phase",
+                                     "switching", "inputs",    "symmetry"};
+    return names[static_cast<std::size_t>(part)];
 }
 
 /// Problems as (key, index, character or None, rule), the system only where there are none.
 py::tuple system_of(const EquationText& text) {
     std::vector<models::EquationProblem> problems;
     const auto system = models::system_from_text(text, problems);
-    py::list list;
-    for (const models::EquationProblem& problem : problems)
-        list.append(py::make_tuple(part_name(problem.part), problem.index, problem.position, problem.rule));
+    const py::list list = listed(problems, [](const models::EquationProblem& problem) {
+        return py::make_tuple(part_name(problem.part), problem.index, problem.position, problem.rule);
+    });
     return py::make_tuple(problems.empty() ? held(system) : nullptr, list);
 }
 

@@ -6,6 +6,7 @@
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/bindings.hpp"
+#include "python/conversion/properties.hpp"
 
 namespace orbid::python {
 
@@ -38,12 +39,10 @@ Flow flow(const models::System& system, const py::object& x0, const py::object& 
     const auto free = free_parameters(system, sensitivities);
     const models::Clock unit = clock_of(system, clock);
     const models::FlowOptions options = flow_options(rtol, atol, maximum_steps);
-    models::FlowResult result;
-    {
-        const py::gil_scoped_release unlocked;
-        result = free ? system.flow_with_sensitivities(start, phase, span(durations), theta, *free, unit, options)
-                      : system.flow(start, phase, span(durations), theta, unit, options);
-    }
+    auto result = unlocked([&] {
+        return free ? system.flow_with_sensitivities(start, phase, span(durations), theta, *free, unit, options)
+                    : system.flow(start, phase, span(durations), theta, unit, options);
+    });
     const py::ssize_t count = result.states.cols();
     Flow flow{result.status == models::FlowStatus::ok ? "ok" : std::string(models::description(result.status)),
               array(std::move(result.states)),
@@ -66,6 +65,10 @@ Flow flow(const models::System& system, const py::object& x0, const py::object& 
 struct States {
     Doubles array;
     bool one;
+
+    [[nodiscard]] py::array like(const py::array& results) const {
+        return one ? py::array(results[py::int_(0)]) : results;
+    }
 };
 States states_of(const models::System& system, const py::object& x) {
     const Doubles array = doubles(x, "x");
@@ -78,13 +81,7 @@ py::array rhs(const models::System& system, const py::object& x, const py::objec
     const auto at = phases(phase, given.array.shape(0));
     const Eigen::VectorXd theta = parameter_values(system, parameters);
     const Eigen::MatrixXd states = matrix(given.array);
-    Eigen::MatrixXd result;
-    {
-        const py::gil_scoped_release unlocked;
-        result = system.rhs(states, at, theta);
-    }
-    const py::array derivatives = array(std::move(result));
-    return given.one ? py::array(derivatives[py::int_(0)]) : derivatives;
+    return given.like(array(unlocked([&] { return system.rhs(states, at, theta); })));
 }
 
 py::array rhs_derivatives(const models::System& system, const py::object& x, const py::object& parameters,
@@ -94,14 +91,9 @@ py::array rhs_derivatives(const models::System& system, const py::object& x, con
     const Eigen::VectorXd theta = parameter_values(system, parameters);
     const auto free = free_parameters(system, sensitivities).value_or(std::vector<Eigen::Index>{});
     const Eigen::MatrixXd states = matrix(given.array);
-    Eigen::MatrixXd result;
-    {
-        const py::gil_scoped_release unlocked;
-        result = system.rhs_derivatives(states, at, theta, free);
-    }
     const py::ssize_t directions = static_cast<py::ssize_t>(free.size()) + system.dimension();
-    const py::array derivatives = derivative_array(std::move(result), directions);
-    return given.one ? py::array(derivatives[py::int_(0)]) : derivatives;
+    return given.like(
+        derivative_array(unlocked([&] { return system.rhs_derivatives(states, at, theta, free); }), directions));
 }
 
 std::shared_ptr<models::System> with_input(const models::System& system, const py::object& times,

@@ -7,6 +7,7 @@
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/bindings.hpp"
+#include "python/conversion/properties.hpp"
 
 namespace orbid::python {
 
@@ -16,34 +17,33 @@ using namespace pybind11::literals;
 namespace {
 
 std::string kind_name(models::Kind kind) {
-    switch (kind) {
-        case models::Kind::forced:
-            return "forced";
-        case models::Kind::autonomous:
-            return "autonomous";
-        case models::Kind::map:
-            break;
-    }
-    return "map";
+    if (kind == models::Kind::map) return "map";
+    return kind == models::Kind::forced ? "forced" : "autonomous";
+}
+
+/// Text of a row, which refers to that of the system.
+template <class Row>
+auto text_of(std::string_view Row::*which) {
+    return [which](const Row& row) { return std::string(row.*which); };
 }
 
 void bind_rows(py::module_& module) {
     py::class_<models::Parameter>(module, "Parameter", "A row of a model's parameter table.")
-        .def_property_readonly("name", [](const models::Parameter& row) { return std::string(row.name); })
-        .def_property_readonly("unit", [](const models::Parameter& row) { return std::string(row.unit); })
+        .def_property_readonly("name", text_of(&models::Parameter::name))
+        .def_property_readonly("unit", text_of(&models::Parameter::unit))
         .def_property_readonly(
             "domain", [](const models::Parameter& row) { return std::string(models::rule(row.domain)); },
             "The rule in words: 'a finite number', '> 0', '>= 0'.")
         .def_readonly("default", &models::Parameter::default_value)
-        .def_property_readonly("description", [](const models::Parameter& row) { return std::string(row.description); })
+        .def_property_readonly("description", text_of(&models::Parameter::description))
         .def_readonly("typical_size", &models::Parameter::typical_size)
         .def("__repr__", [](const models::Parameter& row) {
             return "Parameter(" + std::string(row.name) + " = " + std::string(py::str(py::float_(row.default_value))) +
                    " [" + std::string(row.unit) + "], " + std::string(models::rule(row.domain)) + ")";
         });
     py::class_<models::Coordinate>(module, "Coordinate", "A coordinate of a model's state, or a measured input.")
-        .def_property_readonly("name", [](const models::Coordinate& row) { return std::string(row.name); })
-        .def_property_readonly("unit", [](const models::Coordinate& row) { return std::string(row.unit); })
+        .def_property_readonly("name", text_of(&models::Coordinate::name))
+        .def_property_readonly("unit", text_of(&models::Coordinate::unit))
         .def_readonly("angle", &models::Coordinate::angle, "On the circle of 2 pi rad.")
         .def("__repr__", [](const models::Coordinate& row) {
             return "Coordinate(" + std::string(row.name) + " [" + std::string(row.unit) + "]" +
@@ -54,13 +54,11 @@ void bind_rows(py::module_& module) {
 /// Copies of the rows, which refer to the system's text: they keep it alive.
 template <class Row>
 py::list rows(const py::object& system, std::span<const Row> table) {
-    py::list list;
-    for (const Row& row : table) {
+    return listed(table, [&](const Row& row) {
         py::object item = py::cast(row, py::return_value_policy::copy);
         py::detail::keep_alive_impl(item, system);
-        list.append(item);
-    }
-    return list;
+        return item;
+    });
 }
 
 void bind_description(SystemClass& system) {
@@ -98,18 +96,12 @@ void bind_description(SystemClass& system) {
 }
 
 py::list listing() {
-    py::list list;
-    for (const models::ModelEntry& entry : models::registered_models()) {
-        py::dict row("name"_a = std::string(entry.name), "summary"_a = std::string(entry.summary),
-                     "equations"_a = std::string(entry.equations));
-        py::list variants;
-        for (const std::string_view variant : entry.variants)
-            variants.append(std::string(variant));
-        row["variants"] = variants;
-        row["size"] = entry.size ? py::object(py::int_(entry.size->standard)) : py::object(py::none());
-        list.append(row);
-    }
-    return list;
+    return listed(models::registered_models(), [](const models::ModelEntry& entry) {
+        return py::dict("name"_a = std::string(entry.name), "summary"_a = std::string(entry.summary),
+                        "equations"_a = std::string(entry.equations),
+                        "variants"_a = std::vector<std::string>(entry.variants.begin(), entry.variants.end()),
+                        "size"_a = entry.size ? py::object(py::int_(entry.size->standard)) : py::object(py::none()));
+    });
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/bindings.hpp"
+#include "python/conversion/properties.hpp"
 #include "python/orbits/series_bindings.hpp"
 
 namespace orbid::python {
@@ -35,11 +36,7 @@ Crossings crossings(const models::System& system, const py::object& x0, const py
     std::optional<std::span<const Eigen::Index>> directions;
     if (free) directions = *free;
     const auto options = flow_options(rtol, atol, maximum_steps);
-    models::CrossingResult result;
-    {
-        const py::gil_scoped_release unlocked;
-        result = system.crossings(start, *at, count, longest, theta, directions, options);
-    }
+    auto result = unlocked([&] { return system.crossings(start, *at, count, longest, theta, directions, options); });
     const py::ssize_t reached = result.states.cols();
     Crossings found{status_name(result.status),
                     array(std::move(result.times)),
@@ -71,12 +68,10 @@ Ensemble ensemble(const models::System& system, const py::object& starts, std::s
                                  : "section: an autonomous model needs one");
     const Eigen::VectorXd theta = parameter_values(system, parameters);
     const auto options = flow_options(rtol, atol, maximum_steps);
-    models::EnsembleResult result;
-    {
-        const py::gil_scoped_release unlocked;
-        result = at ? system.crossing_ensemble(from, *at, count, longest, theta, options)
-                    : system.ensemble(from, phase, count, theta, options);
-    }
+    auto result = unlocked([&] {
+        return at ? system.crossing_ensemble(from, *at, count, longest, theta, options)
+                  : system.ensemble(from, phase, count, theta, options);
+    });
     Ensemble all;
     for (Eigen::MatrixXd& points : result.sections)
         all.sections.append(array(std::move(points)));
@@ -97,11 +92,7 @@ py::tuple readings(const models::System& system, const py::object& sensor, const
     std::optional<std::span<const Eigen::Index>> directions;
     if (free) directions = *free;
     const Eigen::MatrixXd columns = matrix(given);
-    models::ReadingResult result;
-    {
-        const py::gil_scoped_release unlocked;
-        result = system.readings(instrument, columns, at, theta, directions);
-    }
+    auto result = unlocked([&] { return system.readings(instrument, columns, at, theta, directions); });
     if (result.status != models::FlowStatus::ok) throw py::value_error("readings: " + status_name(result.status));
     py::array_t<double> derivatives(std::vector<py::ssize_t>{given.shape(0), given.shape(1), 0});
     if (free)

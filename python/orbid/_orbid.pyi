@@ -3,13 +3,19 @@ from typing import Any, Callable, Dict, Final, List, Mapping, Optional, Sequence
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 Array = npt.NDArray[np.float64]
 Numbers = Union[float, Sequence[float], Sequence[Sequence[float]], npt.NDArray[np.floating[Any]],
                 npt.NDArray[np.integer[Any]]]
 Parameters = Union[None, Mapping[str, float], Sequence[float], Array]
 Names = Union[None, bool, str, Sequence[str]]
-Section = Mapping[str, Any]
+Texts = Union[str, Sequence[str], None]
+Keys = Mapping[str, Any]
+Rows = List[Dict[str, Any]]
+Section = Keys
+Path = Union[str, "os.PathLike[str]"]
+Complex = npt.NDArray[np.complex128]
 
 __version__: str
 
@@ -83,10 +89,10 @@ class System:
     def ensemble(self, starts: Numbers, count: int, parameters: Parameters = None, *, phase: float = 0.0,
                  section: Optional[Section] = None, longest: float = 1e4, rtol: float = 1e-12, atol: float = 1e-12,
                  maximum_steps: int = 1000000) -> Ensemble: ...
-    def readings(self, sensor: Mapping[str, Any], states: Numbers, parameters: Parameters = None, *,
+    def readings(self, sensor: Keys, states: Numbers, parameters: Parameters = None, *,
                  sensitivities: Names = None, phase: Numbers = 0.0) -> Tuple[Array, Array]: ...
 
-def models() -> List[Dict[str, Any]]: ...
+def models() -> Rows: ...
 def model(name: str, variant: str = "", size: Optional[int] = None) -> System: ...
 
 class EquationText:
@@ -103,9 +109,7 @@ class EquationText:
     def set_forcing(self, phase: str, frequency: str) -> None: ...
     def set_symmetry(self, signs: Sequence[float], phase_shift: float) -> None: ...
 
-def system_from_text(
-    text: EquationText,
-) -> Tuple[Optional[System], List[Tuple[str, int, Optional[int], str]]]: ...
+def system_from_text(text: EquationText) -> Tuple[Optional[System], List[Tuple[str, int, Optional[int], str]]]: ...
 
 # Periodic orbits
 
@@ -117,7 +121,7 @@ class PeriodicOrbit:
     points: Final[Array]
     times: Final[Array]
     time: Final[float]
-    multipliers: Final[npt.NDArray[np.complex128]]
+    multipliers: Final[Complex]
     trivial_multiplier: Final[complex]
     jacobians: Final[List[Array]]
     sensitivities: Final[Array]
@@ -134,7 +138,7 @@ class Stability:
     unstable: Final[int]
     nearest: Final[str]
     distance: Final[float]
-    directions: Final[List[npt.NDArray[np.complex128]]]
+    directions: Final[List[Complex]]
     ln_multiplier_sensitivities: Final[Array]
 
 class FoundOrbit:
@@ -191,8 +195,8 @@ def follow_branches(system: System, guess: Numbers, parameter: str, lower: float
 
 _ProblemRow = Tuple[str, int, int, str, bool, str]
 
-def job_problems(text: str, source: Union[str, "os.PathLike[str]"]) -> List[_ProblemRow]: ...
-def run_job(text: str, source: Union[str, "os.PathLike[str]"], out: Union[str, "os.PathLike[str]"], threads: int,
+def job_problems(text: str, source: Path) -> List[_ProblemRow]: ...
+def run_job(text: str, source: Path, out: Path, threads: int,
             stage: str, force: bool,
             progress: Optional[Callable[[str], object]]) -> Tuple[int, List[_ProblemRow], str, str, str]: ...
 
@@ -245,7 +249,7 @@ class Estimate:
     derived: Final[Dict[str, Estimated]]
     theta: Final[Array]
     scales: Final[Dict[str, EstimatedScale]]
-    covariances: Final[List[Dict[str, Any]]]
+    covariances: Final[Rows]
     covariance: Final[Array]
     correlation: Final[Array]
     singular_values: Final[Array]
@@ -253,9 +257,9 @@ class Estimate:
     latent_sds: Final[List[List[Array]]]
     residuals: Final[List[List[Array]]]
     null_directions: Final[List[Array]]
-    sloppy_directions: Final[List[Dict[str, Any]]]
-    counts: Final[List[Dict[str, Any]]]
-    history: Final[List[Dict[str, Any]]]
+    sloppy_directions: Final[Rows]
+    counts: Final[Rows]
+    history: Final[Rows]
     trust_normal: Final[bool]
     distrust: Final[str]
     objective: Final[float]
@@ -268,68 +272,25 @@ class Estimate:
     rounds: Final[int]
     remaining: Final[float]
     def to_dict(self) -> Dict[str, Any]: ...
-    def profiles(
-        self,
-        *,
-        names: Union[str, Sequence[str], None] = None,
-        level: float = 0.95,
-        tolerance: float = 1e-4,
-        reach: float = 40.0,
-        curve_points: int = 4,
-        maximum_points: int = 60,
-    ) -> Dict[str, Dict[str, Any]]: ...
-    def marginals(
-        self,
-        *,
-        names: Union[str, Sequence[str], None] = None,
-        step: float = 0.5,
-        fall: float = 12.0,
-        reach: float = 40.0,
-        maximum_points: int = 41,
-        full_hessian: bool = ...,
-    ) -> Dict[str, Dict[str, Any]]: ...
-    def sample(
-        self,
-        *,
-        chains: int = 4,
-        warm_up: int = 500,
-        draws: int = 1000,
-        seed: int = 1,
-        acceptance: float = 0.8,
-        maximum_depth: int = 10,
-        spread: float = 1.0,
-    ) -> Dict[str, Any]: ...
+    def profiles(self, *, names: Texts = None, level: float = 0.95, tolerance: float = 1e-4, reach: float = 40.0,
+                 curve_points: int = 4, maximum_points: int = 60) -> Dict[str, Dict[str, Any]]: ...
+    def marginals(self, *, names: Texts = None, step: float = 0.5, fall: float = 12.0, reach: float = 40.0,
+                  maximum_points: int = 41, full_hessian: bool = ...) -> Dict[str, Dict[str, Any]]: ...
+    def sample(self, *, chains: int = 4, warm_up: int = 500, draws: int = 1000, seed: int = 1, acceptance: float = 0.8,
+               maximum_depth: int = 10, spread: float = 1.0) -> Dict[str, Any]: ...
 
-def estimate(
-    parameters: Mapping[str, Union[float, Mapping[str, Any]]],
-    residuals: Union[Residual, Sequence[Residual]],
-    derived: Optional[Mapping[str, Tuple[Callable[[Array], float], Callable[[Array], npt.ArrayLike]]]] = None,
-    *,
-    variance: str = "restricted",
-    clusters: str = "automatic",
-    maximum_iterations: int = 200,
-    maximum_rounds: int = 20,
-    step_tolerance: float = 1e-6,
-    relative_singular_value: float = 3e-8,
-    verdict: bool = True,
-    full_hessian: bool = False,
-    joint_priors: Optional[Sequence[Mapping[str, Any]]] = None,
-    progress: Optional[Callable[[int, float], object]] = None,
-) -> Estimate: ...
-def multi_start(
-    parameters: Mapping[str, Union[float, Mapping[str, Any]]],
-    residuals: Callable[[], Union[Residual, Sequence[Residual]]],
-    derived: Optional[Mapping[str, Tuple[Callable[[Array], float], Callable[[Array], npt.ArrayLike]]]] = None,
-    *,
-    starts: int = 20,
-    seed: int = 1,
-    width: float = 1.0,
-    screening_iterations: int = 0,
-    kept: int = 10,
-    distance: float = 0.1,
-    objective_tolerance: float = 0.01,
-    **options: Any,
-) -> Dict[str, Any]: ...
+Values = Mapping[str, Union[float, Keys]]
+Derived = Optional[Mapping[str, Tuple[Callable[[Array], float], Callable[[Array], ArrayLike]]]]
+
+def estimate(parameters: Values, residuals: Union[Residual, Sequence[Residual]], derived: Derived = None, *,
+             variance: str = "restricted", clusters: str = "automatic", maximum_iterations: int = 200,
+             maximum_rounds: int = 20, step_tolerance: float = 1e-6, relative_singular_value: float = 3e-8,
+             verdict: bool = True, full_hessian: bool = False, joint_priors: Optional[Sequence[Keys]] = None,
+             progress: Optional[Callable[[int, float], object]] = None) -> Estimate: ...
+def multi_start(parameters: Values, residuals: Callable[[], Union[Residual, Sequence[Residual]]],
+                derived: Derived = None, *, starts: int = 20, seed: int = 1, width: float = 1.0,
+                screening_iterations: int = 0, kept: int = 10, distance: float = 0.1, objective_tolerance: float = 0.01,
+                **options: Any) -> Dict[str, Any]: ...
 
 # Series, cycles, their residuals
 
@@ -342,26 +303,17 @@ class Segment:
     deviations: Final[Array]
     def __len__(self) -> int: ...
 
-Coordinates = Union[System, Sequence[Union[str, Mapping[str, Any]]]]
-Records = Union[npt.ArrayLike, Sequence[npt.ArrayLike]]
+Coordinates = Union[System, Sequence[Union[str, Keys]]]
+Records = Union[ArrayLike, Sequence[ArrayLike]]
 
 class Series:
     """A measured or simulated record in segments, shape (records, coordinates) each; nan is a missing reading."""
 
-    def __init__(
-        self,
-        values: Records,
-        coordinates: Coordinates,
-        *,
-        times: Optional[Records] = None,
-        deviations: Optional[Records] = None,
-        labels: Union[str, Sequence[str], None] = None,
-        sampling: str = ...,
-        phase: float = 0.0,
-        origin: str = "",
-    ) -> None: ...
+    def __init__(self, values: Records, coordinates: Coordinates, *, times: Optional[Records] = None,
+                 deviations: Optional[Records] = None, labels: Texts = None, sampling: str = ..., phase: float = 0.0,
+                 origin: str = "") -> None: ...
     sampling: Final[str]
-    coordinates: Final[List[Dict[str, Any]]]
+    coordinates: Final[Rows]
     segments: Final[List[Segment]]
     phase: Final[float]
     origin: Final[str]
@@ -369,77 +321,41 @@ class Series:
     scale: Final[Array]
     def __len__(self) -> int: ...
 
-def read_csv(
-    file: Union[str, "os.PathLike[str]"],
-    columns: Mapping[str, Union[str, Mapping[str, Any]]],
-    coordinates: Optional[Coordinates] = None,
-    *,
-    segment: str = "",
-    time: str = "",
-    time_unit: str = "s",
-    sampling: str = ...,
-    nan_is_missing: bool = False,
-    phase: float = 0.0,
-    minimum_points: int = 1,
-    time_tolerance: float = 0.05,
-    equidistant: bool = True,
-    complete: bool = False,
-) -> Series: ...
-def read_hdf5(file: Union[str, "os.PathLike[str]"], *, minimum_points: int = 1) -> Series: ...
-def write_csv(file: Union[str, "os.PathLike[str]"], series: Series) -> None: ...
-def write_hdf5(file: Union[str, "os.PathLike[str]"], series: Series) -> None: ...
+def read_csv(file: Path, columns: Mapping[str, Union[str, Keys]], coordinates: Optional[Coordinates] = None, *,
+             segment: str = "", time: str = "", time_unit: str = "s", sampling: str = ..., nan_is_missing: bool = False,
+             phase: float = 0.0, minimum_points: int = 1, time_tolerance: float = 0.05, equidistant: bool = True,
+             complete: bool = False) -> Series: ...
+def read_hdf5(file: Path, *, minimum_points: int = 1) -> Series: ...
+def write_csv(file: Path, series: Series) -> None: ...
+def write_hdf5(file: Path, series: Series) -> None: ...
 
 class VirtualExperiment:
     """A simulated record and what happened."""
 
     series: Final[Series]
-    events: Final[List[Dict[str, Any]]]
+    events: Final[Rows]
     complete: Final[bool]
     message: Final[str]
 
-def simulate(
-    system: System,
-    parameters: Parameters = None,
-    *,
-    sections: int = ...,
-    section: Optional[Section] = None,
-    longest_return: float = 0.0,
-    step: float = ...,
-    count: int = ...,
-    transient: int = ...,
-    trajectories: int = 1,
-    initial: Optional[npt.ArrayLike] = None,
-    random_range: Optional[npt.ArrayLike] = None,
-    restart: bool = True,
-    phase: float = 0.0,
-    sensor: Optional[Mapping[str, Any]] = None,
-    noise: Optional[npt.ArrayLike] = None,
-    noise_correlation: Optional[npt.ArrayLike] = None,
-    seed: int = 0,
-    rtol: float = ...,
-    atol: float = ...,
-    maximum_steps: int = ...,
-) -> VirtualExperiment: ...
+def simulate(system: System, parameters: Parameters = None, *, sections: int = ..., section: Optional[Section] = None,
+             longest_return: float = 0.0, step: float = ..., count: int = ..., transient: int = ...,
+             trajectories: int = 1, initial: Optional[ArrayLike] = None, random_range: Optional[ArrayLike] = None,
+             restart: bool = True, phase: float = 0.0, sensor: Optional[Keys] = None, noise: Optional[ArrayLike] = None,
+             noise_correlation: Optional[ArrayLike] = None, seed: int = 0, rtol: float = ..., atol: float = ...,
+             maximum_steps: int = ...) -> VirtualExperiment: ...
 
 class Cycle:
     """An unstable periodic orbit found in a series."""
 
-    def __init__(
-        self,
-        points: npt.ArrayLike,
-        *,
-        covariance: Optional[npt.ArrayLike] = None,
-        multipliers: Optional[Sequence[complex]] = None,
-        ln_multiplier: Optional[npt.ArrayLike] = None,
-        ln_multiplier_covariance: Optional[npt.ArrayLike] = None,
-        time: float = ...,
-        time_sd: float = ...,
-    ) -> None: ...
+    def __init__(self, points: ArrayLike, *, covariance: Optional[ArrayLike] = None,
+                 multipliers: Optional[Sequence[complex]] = None, ln_multiplier: Optional[ArrayLike] = None,
+                 ln_multiplier_covariance: Optional[ArrayLike] = None, time: float = ...,
+                 time_sd: float = ...) -> None: ...
     period: Final[int]
     rotation: Final[List[int]]
     points: Final[Array]
     covariance: Final[Array]
-    multipliers: Final[npt.NDArray[np.complex128]]
+    multipliers: Final[Complex]
     ln_multiplier: Final[Array]
     ln_multiplier_covariance: Final[Array]
     time: Final[float]
@@ -460,139 +376,57 @@ class CycleSearch:
     reading_covariance: Final[Array]
     remarks: Final[List[str]]
 
-def find_cycles(
-    series: Series,
-    *,
-    method: str = "automatic",
-    periods: Optional[Sequence[int]] = None,
-    box: float = 0.1,
-    neighbours: int = 0,
-    order: int = 0,
-    minimum_recurrences: int = 1,
-    symmetry_signs: Optional[Sequence[float]] = None,
-    reading_covariance: Optional[npt.ArrayLike] = None,
-    partition: Optional[Mapping[str, Any]] = None,
-) -> CycleSearch: ...
-def harvest(
-    series: Series,
-    system: System,
-    parameters: Parameters,
-    known: Sequence[Cycle],
-    *,
-    covariance: Optional[npt.ArrayLike] = None,
-    free: Union[str, Sequence[str], None] = None,
-    sensor: Optional[Mapping[str, Any]] = None,
-    phase: float = 0.0,
-    section: Optional[Section] = None,
-    maximum_orbits: int = 400,
-    search_points: int = 100000,
-    **options: Any,
-) -> Dict[str, Any]: ...
-def lyapunov_spectrum(
-    series: Series,
-    *,
-    order: int = 0,
-    neighbours: int = 0,
-    steps: int = 262144,
-    symmetry_signs: Optional[Sequence[float]] = None,
-) -> Dict[str, Any]: ...
-def correlation_dimension(
-    series: Series, *, theiler: int = 0, pairs: int = 1000000, points: int = 200000
-) -> Dict[str, Any]: ...
+def find_cycles(series: Series, *, method: str = "automatic", periods: Optional[Sequence[int]] = None, box: float = 0.1,
+                neighbours: int = 0, order: int = 0, minimum_recurrences: int = 1,
+                symmetry_signs: Optional[Sequence[float]] = None, reading_covariance: Optional[ArrayLike] = None,
+                partition: Optional[Keys] = None) -> CycleSearch: ...
+def harvest(series: Series, system: System, parameters: Parameters, known: Sequence[Cycle], *,
+            covariance: Optional[ArrayLike] = None, free: Texts = None, sensor: Optional[Keys] = None,
+            phase: float = 0.0, section: Optional[Section] = None, maximum_orbits: int = 400,
+            search_points: int = 100000, **options: Any) -> Dict[str, Any]: ...
+def lyapunov_spectrum(series: Series, *, order: int = 0, neighbours: int = 0, steps: int = 262144,
+                      symmetry_signs: Optional[Sequence[float]] = None) -> Dict[str, Any]: ...
+def correlation_dimension(series: Series, *, theiler: int = 0, pairs: int = 1000000,
+                          points: int = 200000) -> Dict[str, Any]: ...
 def expand_cycles(cycles: Sequence[Cycle], *, complete_to: int, continuous: bool = True) -> Dict[str, Any]: ...
-def embed(
-    series: Series,
-    *,
-    coordinate: str = ...,
-    delay: int = 0,
-    dimension: int = 0,
-    largest_delay: int = 1000,
-    largest_dimension: int = 8,
-) -> Dict[str, Any]: ...
+def embed(series: Series, *, coordinate: str = ..., delay: int = 0, dimension: int = 0, largest_delay: int = 1000,
+          largest_dimension: int = 8) -> Dict[str, Any]: ...
+
+Latents = Optional[Sequence[ArrayLike]]
 
 class SeriesResidual(Residual):
     """Samples minus their prediction from one initial state per segment (single shooting)."""
 
-    def evaluate(
-        self, theta: npt.ArrayLike, latents: Optional[Sequence[npt.ArrayLike]] = None, derivatives: bool = False
-    ) -> List[Dict[str, Any]]: ...
-    def __init__(
-        self,
-        system: System,
-        series: Series,
-        parameters: Sequence[Optional[str]],
-        *,
-        values: Parameters = None,
-        name: str = "series",
-        observe: Union[str, Sequence[str], None] = None,
-        segments: Optional[Sequence[int]] = None,
-        sensor: Optional[Mapping[str, Any]] = None,
-        errors: Optional[Mapping[str, Mapping[str, Any]]] = None,
-        known_sds: bool = False,
-        start: Optional[npt.ArrayLike] = None,
-        initial: Optional[Mapping[str, Union[float, Mapping[str, Any]]]] = None,
-        rtol: float = ...,
-        atol: float = ...,
-        maximum_steps: int = ...,
-    ) -> None: ...
-    def state(self, block: int, theta: npt.ArrayLike, latents: npt.ArrayLike) -> Array: ...
+    def evaluate(self, theta: ArrayLike, latents: Latents = None, derivatives: bool = False) -> Rows: ...
+    def __init__(self, system: System, series: Series, parameters: Sequence[Optional[str]], *,
+                 values: Parameters = None, name: str = "series", observe: Texts = None,
+                 segments: Optional[Sequence[int]] = None, sensor: Optional[Keys] = None,
+                 errors: Optional[Mapping[str, Keys]] = None, known_sds: bool = False,
+                 start: Optional[ArrayLike] = None, initial: Optional[Values] = None, rtol: float = ...,
+                 atol: float = ..., maximum_steps: int = ...) -> None: ...
+    def state(self, block: int, theta: ArrayLike, latents: ArrayLike) -> Array: ...
 
 class ShootingResidual(Residual):
     """A recorded series by multiple shooting: nodes along every segment, matched exactly or with an error."""
 
-    def evaluate(
-        self, theta: npt.ArrayLike, latents: Optional[Sequence[npt.ArrayLike]] = None, derivatives: bool = False
-    ) -> List[Dict[str, Any]]: ...
-    def __init__(
-        self,
-        system: System,
-        series: Series,
-        parameters: Sequence[Optional[str]],
-        *,
-        values: Parameters = None,
-        name: str = "series",
-        observe: Union[str, Sequence[str], None] = None,
-        segments: Optional[Sequence[int]] = None,
-        sensor: Optional[Mapping[str, Any]] = None,
-        errors: Optional[Mapping[str, Mapping[str, Any]]] = None,
-        known_sds: bool = False,
-        start: Optional[npt.ArrayLike] = None,
-        interval: int = 0,
-        matching: str = "exact",
-        matching_sd: Union[npt.ArrayLike, str] = ...,
-        rtol: float = ...,
-        atol: float = ...,
-        maximum_steps: int = ...,
-    ) -> None: ...
+    def evaluate(self, theta: ArrayLike, latents: Latents = None, derivatives: bool = False) -> Rows: ...
+    def __init__(self, system: System, series: Series, parameters: Sequence[Optional[str]], *,
+                 values: Parameters = None, name: str = "series", observe: Texts = None,
+                 segments: Optional[Sequence[int]] = None, sensor: Optional[Keys] = None,
+                 errors: Optional[Mapping[str, Keys]] = None, known_sds: bool = False,
+                 start: Optional[ArrayLike] = None, interval: int = 0, matching: str = "exact",
+                 matching_sd: Union[ArrayLike, str] = ..., rtol: float = ..., atol: float = ...,
+                 maximum_steps: int = ...) -> None: ...
     interval: Final[int]
 
 class CycleResidual(Residual):
     """Measured cycles against re-solved periodic orbits of the model."""
 
-    def evaluate(
-        self, theta: npt.ArrayLike, latents: Optional[Sequence[npt.ArrayLike]] = None, derivatives: bool = False
-    ) -> List[Dict[str, Any]]: ...
-    def __init__(
-        self,
-        system: System,
-        cycles: Sequence[Cycle],
-        parameters: Sequence[Optional[str]],
-        start: npt.ArrayLike,
-        *,
-        values: Parameters = None,
-        phase: float = 0.0,
-        section: Optional[Section] = None,
-        periods: Optional[Sequence[int]] = None,
-        weights: str = "covariance",
-        positions: bool = True,
-        multipliers: bool = False,
-        times: bool = False,
-        sensor: Optional[Mapping[str, Any]] = None,
-        errors: Optional[Mapping[str, Mapping[str, Any]]] = None,
-        maximum_move: float = 0.05,
-        gate: float = 25.0,
-        rtol: float = ...,
-        atol: float = ...,
-        maximum_steps: int = ...,
-    ) -> None: ...
+    def evaluate(self, theta: ArrayLike, latents: Latents = None, derivatives: bool = False) -> Rows: ...
+    def __init__(self, system: System, cycles: Sequence[Cycle], parameters: Sequence[Optional[str]], start: ArrayLike,
+                 *, values: Parameters = None, phase: float = 0.0, section: Optional[Section] = None,
+                 periods: Optional[Sequence[int]] = None, weights: str = "covariance", positions: bool = True,
+                 multipliers: bool = False, times: bool = False, sensor: Optional[Keys] = None,
+                 errors: Optional[Mapping[str, Keys]] = None, maximum_move: float = 0.05, gate: float = 25.0,
+                 rtol: float = ..., atol: float = ..., maximum_steps: int = ...) -> None: ...
     at_rest: Final[List[int]]

@@ -72,6 +72,25 @@ def _set_symmetry(text: _orbid.EquationText, symmetry: Mapping[str, Any], coordi
     text.set_symmetry(list(signs.values()), _number(symmetry.get("phase_shift", 0.0), "symmetry", "phase_shift"))
 
 
+def _set_forcing(text: _orbid.EquationText, forcing: Any) -> None:
+    if isinstance(forcing, str):
+        forcing = {"frequency": forcing}
+    _check_keys(_mapping(forcing, "forcing_phase"), ("name", "frequency"), "/forcing_phase")
+    text.set_forcing(_text(forcing.get("name", "phase"), "forcing_phase", "name"),
+                     _text(forcing.get("frequency", ""), "forcing_phase", "frequency"))
+
+
+def _refusal(problems: Iterable[tuple[str, int, int | None, str]], names: Mapping[str, list[str]]) -> ValueError:
+    """All problems of a text, each with its place."""
+    lines = []
+    for key, index, character, rule in problems:
+        of = names.get(key, [])
+        place = _pointer(key, of[index]) if index < len(of) else _pointer(key) if key else ""
+        where = "" if character is None else f", character {character + 1}"
+        lines.append(f"{place}{where}: {rule}" if place else rule)
+    return ValueError("\n".join(lines))
+
+
 def equations(model: Mapping[str, Any]) -> _orbid.System:
     """A model from its equations, with the keys of "model" in a job.
 
@@ -108,13 +127,8 @@ def equations(model: Mapping[str, Any]) -> _orbid.System:
         text.add_definition(name, _text(formula, "definitions", name))
     parameters = _mapping(model.get("parameters", {}), "parameters")
     _add_parameters(text, parameters)
-    forcing = model.get("forcing_phase")
-    if isinstance(forcing, str):
-        forcing = {"frequency": forcing}
-    if forcing is not None:
-        _check_keys(_mapping(forcing, "forcing_phase"), ("name", "frequency"), "/forcing_phase")
-        text.set_forcing(_text(forcing.get("name", "phase"), "forcing_phase", "name"),
-                         _text(forcing.get("frequency", ""), "forcing_phase", "frequency"))
+    if model.get("forcing_phase") is not None:
+        _set_forcing(text, model["forcing_phase"])
     if "switching" in model:
         text.switching = [_text(item, "switching") for item in model["switching"]]
     inputs = _mapping(model.get("inputs", {}), "inputs")
@@ -125,13 +139,6 @@ def equations(model: Mapping[str, Any]) -> _orbid.System:
 
     system, problems = _orbid.system_from_text(text)
     if system is None:
-        names = {"equations": order, "definitions": list(definitions), "parameters": list(parameters),
-                 "inputs": list(inputs)}
-        lines = []
-        for key, index, character, rule in problems:
-            of = names.get(key, [])
-            place = _pointer(key, of[index]) if index < len(of) else _pointer(key) if key else ""
-            where = "" if character is None else f", character {character + 1}"
-            lines.append(f"{place}{where}: {rule}" if place else rule)
-        raise ValueError("\n".join(lines))
+        raise _refusal(problems, {"equations": order, "definitions": list(definitions),
+                                  "parameters": list(parameters), "inputs": list(inputs)})
     return system

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _orbid
+from .equation import _pointer
 
 Job = Union[Mapping[str, Any], str, "os.PathLike[str]"]
 
@@ -131,12 +132,9 @@ def _plain(value: Any, pointer: str = "") -> Any:
         for key in value:
             if not isinstance(key, str):
                 raise _refused(pointer, f"the key {key!r} is no text")
-        return {key: _plain(item, pointer + "/" + key.replace("~", "~0").replace("/", "~1"))
-                for key, item in value.items()}
-    if isinstance(value, np.ndarray):
+        return {key: _plain(item, pointer + _pointer(key)) for key, item in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
-    elif isinstance(value, np.generic):
-        value = value.item()
     if isinstance(value, (list, tuple)):
         return [_plain(item, f"{pointer}/{k}") for k, item in enumerate(value)]
     if isinstance(value, float) and not math.isfinite(value):
@@ -182,20 +180,17 @@ def _write_table(columns: Mapping[str, Any], pointer: str, folder: pathlib.Path)
 
 def _with_tables(job: Mapping[str, Any], folder: pathlib.Path) -> Dict[str, Any]:
     """The job with data whose "file" is a dict of arrays written to files."""
-    whole = dict(job)
-    data = whole.get("data")
-    blocks = data if isinstance(data, (list, tuple)) else [data]
+    data = job.get("data")
+    several = isinstance(data, (list, tuple))
     written: List[Any] = []
-    for k, block in enumerate(blocks):
-        pointer = f"/data/{k}/file" if isinstance(data, (list, tuple)) else "/data/file"
+    for k, block in enumerate(data if several else [data]):
+        pointer = f"/data/{k}/file" if several else "/data/file"
         if isinstance(block, Mapping) and isinstance(block.get("file"), Mapping):
             columns = block["file"]
             own_names = {"time" if name == "t" else name: name for name in columns}
             block = {"columns": own_names, **block, "file": _write_table(columns, pointer, folder)}
         written.append(block)
-    if data is not None:
-        whole["data"] = written if isinstance(data, (list, tuple)) else written[0]
-    return whole
+    return dict(job) if data is None else {**job, "data": written if several else written[0]}
 
 
 def _problem(row: Tuple[str, int, int, str, bool, str], with_lines: bool) -> Problem:
@@ -208,8 +203,7 @@ def _problem(row: Tuple[str, int, int, str, bool, str], with_lines: bool) -> Pro
 def _text_of(job: Job, folder: pathlib.Path) -> Tuple[str, pathlib.Path, bool]:
     """Text of a job, the file that its paths are relative to, whether its lines mean something to the caller."""
     if isinstance(job, Mapping):
-        text = json.dumps(_plain(_with_tables(job, folder)), indent=1)
-        return text, pathlib.Path.cwd() / "job.json", False
+        return json.dumps(_plain(_with_tables(job, folder)), indent=1), pathlib.Path.cwd() / "job.json", False
     if isinstance(job, str) and job.lstrip().startswith("{"):
         return job, pathlib.Path.cwd() / "job.json", True
     if isinstance(job, (str, os.PathLike)):
@@ -303,5 +297,4 @@ def stored_run(folder: Union[str, "os.PathLike[str]"]) -> Run:
     if not file.exists():
         raise FileNotFoundError(f"{file}: there is no result of a run in this folder")
     result = json.loads(file.read_text(encoding="utf-8"))
-    status = result.get("status")
-    return Run(path, result, 130 if status == "interrupted" else 0 if status == "converged" else 1)
+    return Run(path, result, {"interrupted": 130, "converged": 0}.get(result.get("status"), 1))

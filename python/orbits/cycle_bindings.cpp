@@ -9,6 +9,7 @@
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/named_arguments.hpp"
+#include "python/conversion/properties.hpp"
 #include "python/conversion/python_interruption.hpp"
 #include "python/orbits/series_bindings.hpp"
 
@@ -38,14 +39,6 @@ parameters  of the system: dict, array of all, or None. known: the cycles of fin
 covariance  of the free parameters, shape (f, f), and free, their names: how far off they may be; sensor, phase, section as
             in simulate(); maximum_orbits (400), search_points (100000); and the options of find_cycles().)";
 
-const Cycle& cycle_of(const py::object& self) {
-    return self.cast<const Cycle&>();
-}
-
-py::object optional_index(const std::optional<std::size_t>& index) {
-    return index ? py::object(py::int_(*index)) : py::object(py::none());
-}
-
 orbits::CycleSearchOptions search_options(NamedArguments& given, const std::vector<std::string>& names) {
     orbits::CycleSearchOptions options;
     constexpr Method methods[] = {Method::automatic, Method::local_maps, Method::spline_map, Method::closest_return};
@@ -58,10 +51,9 @@ orbits::CycleSearchOptions search_options(NamedArguments& given, const std::vect
             options.periods.push_back(static_cast<int>(whole_number(period, "find_cycles: periods")));
     }
     options.box = given.number("box", options.box);
-    options.neighbours = static_cast<int>(given.integer("neighbours", options.neighbours, 0));
-    options.order = static_cast<int>(given.integer("order", options.order, 0));
-    options.minimum_recurrences =
-        static_cast<int>(given.integer("minimum_recurrences", options.minimum_recurrences, 1));
+    options.neighbours = given.whole("neighbours", options.neighbours, 0);
+    options.order = given.whole("order", options.order, 0);
+    options.minimum_recurrences = given.whole("minimum_recurrences", options.minimum_recurrences, 1);
     if (const Eigen::VectorXd signs = given.vector("symmetry_signs"); signs.size() > 0)
         options.symmetry_signs = std::vector<double>(signs.begin(), signs.end());
     options.reading_covariance = given.matrix("reading_covariance");
@@ -78,20 +70,11 @@ orbits::CycleSearchOptions search_options(NamedArguments& given, const std::vect
     return options;
 }
 
-std::vector<std::string> names_of(const orbits::Series& series) {
-    std::vector<std::string> names;
-    for (const orbits::SeriesCoordinate& coordinate : series.coordinates)
-        names.push_back(coordinate.name);
-    return names;
-}
-
 std::shared_ptr<CycleSearch> find_cycles(const std::shared_ptr<orbits::Series>& series, const py::kwargs& keywords) {
     NamedArguments given("find_cycles", keywords);
-    const orbits::CycleSearchOptions options = search_options(given, names_of(*series));
+    const orbits::CycleSearchOptions options = search_options(given, coordinate_names(*series));
     given.finish();
-    auto search = std::make_shared<CycleSearch>();
-    compute_interruptibly([&](const auto&) { *search = orbits::find_cycles(*series, options); });
-    return search;
+    return std::make_shared<CycleSearch>(computed_interruptibly([&] { return orbits::find_cycles(*series, options); }));
 }
 
 py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object& system, const py::object& parameters,
@@ -100,7 +83,7 @@ py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object
     const Eigen::VectorXd theta = parameter_values(*model, parameters);
     NamedArguments given("harvest", keywords);
     orbits::ModelGuidedSearchOptions options;
-    options.search = search_options(given, names_of(*series));
+    options.search = search_options(given, coordinate_names(*series));
     options.sensor = sensor(given.find("sensor"), *model);
     options.phase = given.number("phase", 0.0);
     if (const py::object crossed = given.find_value("section")) options.section = plane(*model, crossed);
@@ -110,9 +93,8 @@ py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object
     options.maximum_orbits = static_cast<std::size_t>(given.integer("maximum_orbits", 400, 1));
     options.search_points = static_cast<std::size_t>(given.integer("search_points", 100000, 100));
     given.finish();
-    orbits::ModelGuidedSearch found;
-    compute_interruptibly(
-        [&](const auto&) { found = orbits::model_guided_search(*series, *model, theta, known, options); });
+    const auto found =
+        computed_interruptibly([&] { return orbits::model_guided_search(*series, *model, theta, known, options); });
     return py::dict("cycles"_a = found.cycles, "orbits"_a = found.orbits, "candidates"_a = found.candidates,
                     "not_visited"_a = found.not_visited, "rejected"_a = found.rejected, "known"_a = found.known,
                     "remarks"_a = found.remarks);
@@ -157,45 +139,26 @@ void bind_cycles(py::module_& module) {
         .def(py::init(&make_cycle), py::arg("points"))
         .def_readonly("period", &Cycle::period, "prime period, in sections")
         .def_readonly("rotation", &Cycle::rotation, "turns per cycle, one per angle; empty: the data do not tell")
-        .def_property_readonly("points", [](const py::object& self) { return view(cycle_of(self).points, self); })
-        .def_property_readonly(
-            "covariance",
-            [](const py::object& self) -> py::object { return view(cycle_of(self).covariance, self).attr("T"); })
-        .def_property_readonly("multipliers",
-                               [](const py::object& self) {
-                                   const std::vector<std::complex<double>>& values = cycle_of(self).multipliers;
-                                   return read_only(py::array_t<std::complex<double>>(
-                                       static_cast<py::ssize_t>(values.size()), values.data(), self));
-                               })
-        .def_property_readonly("ln_multiplier",
-                               [](const py::object& self) { return view(cycle_of(self).ln_multiplier, self); })
-        .def_property_readonly("ln_multiplier_covariance",
-                               [](const py::object& self) -> py::object {
-                                   return view(cycle_of(self).ln_multiplier_covariance, self).attr("T");
-                               })
+        .def_property_readonly("points", memory_of(&Cycle::points))
+        .def_property_readonly("covariance", written_memory_of(&Cycle::covariance))
+        .def_property_readonly("multipliers", memory_of(&Cycle::multipliers))
+        .def_property_readonly("ln_multiplier", memory_of(&Cycle::ln_multiplier))
+        .def_property_readonly("ln_multiplier_covariance", written_memory_of(&Cycle::ln_multiplier_covariance))
         .def_readonly("time", &Cycle::time)
         .def_readonly("time_sd", &Cycle::time_sd)
         .def_readonly("code", &Cycle::code, "one symbol per point; empty without a partition")
         .def_readonly("recurrences", &Cycle::recurrences, "points of the series that led here")
-        .def_property_readonly(
-            "mirror", [](const Cycle& one) { return optional_index(one.mirror); },
-            "index of the mirror partner in the list, or None")
+        .def_readonly("mirror", &Cycle::mirror, "index of the mirror partner in the list, or None")
         .def_readonly("quality", &Cycle::quality, "remarks in words; empty: nothing to remark")
         .def("__repr__", [](const Cycle& one) { return "<Cycle of period " + std::to_string(one.period) + ">"; });
     py::class_<CycleSearch, std::shared_ptr<CycleSearch>>(module, "CycleSearch", "What a search for cycles found.")
-        .def_property_readonly(
-            "cycles", [](const CycleSearch& one) -> const std::vector<Cycle>& { return one.cycles; },
-            "by period, then by descending recurrences")
+        .def_readonly("cycles", &CycleSearch::cycles, "by period, then by descending recurrences")
         .def_readonly("missing", &CycleSearch::missing, "periods of which no cycle was found")
         .def_readonly("candidates", &CycleSearch::candidates)
         .def_readonly("rejected", &CycleSearch::rejected)
         .def_readonly("patch_map", &CycleSearch::spline_map)
-        .def_property_readonly(
-            "reading_covariance",
-            [](const py::object& self) -> py::object {
-                return view(self.cast<const CycleSearch&>().reading_covariance, self).attr("T");
-            },
-            "of the errors of one reading, shape (n, n); empty: not estimated")
+        .def_property_readonly("reading_covariance", written_memory_of(&CycleSearch::reading_covariance),
+                               "of the errors of one reading, shape (n, n); empty: not estimated")
         .def_readonly("remarks", &CycleSearch::remarks);
     module.def("find_cycles", &find_cycles, py::arg("series").none(false), search_text);
     module.def("harvest", &harvest, py::arg("series").none(false), py::arg("system"), py::arg("parameters"),

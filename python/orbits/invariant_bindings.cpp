@@ -9,6 +9,7 @@
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/named_arguments.hpp"
+#include "python/conversion/properties.hpp"
 #include "python/conversion/python_interruption.hpp"
 #include "python/orbits/series_bindings.hpp"
 
@@ -26,12 +27,11 @@ py::dict lyapunov(const SharedSeries& series, const py::kwargs& keywords) {
     orbits::LyapunovOptions options;
     options.order = static_cast<int>(given.integer("order", 0, 0));
     options.neighbours = static_cast<std::size_t>(given.integer("neighbours", 0, 0));
-    options.steps = static_cast<std::size_t>(given.integer("steps", static_cast<long long>(options.steps), 1));
+    options.steps = given.whole("steps", options.steps, 1);
     if (const Eigen::VectorXd signs = given.vector("symmetry_signs"); signs.size() > 0)
         options.symmetry_signs = std::vector<double>(signs.begin(), signs.end());
     given.finish();
-    orbits::LyapunovSpectrum found;
-    compute_interruptibly([&](const auto&) { found = orbits::lyapunov_spectrum(*series, options); });
+    auto found = computed_interruptibly([&] { return orbits::lyapunov_spectrum(*series, options); });
     return py::dict("exponents"_a = array(std::move(found.exponents)), "sds"_a = array(std::move(found.sds)),
                     "dimension"_a = found.dimension, "timed"_a = found.timed, "mean_time"_a = found.mean_time,
                     "divergence_rate"_a = found.divergence_rate, "divergence_sd"_a = found.divergence_sd,
@@ -44,11 +44,10 @@ py::dict correlation(const SharedSeries& series, const py::kwargs& keywords) {
     NamedArguments given("correlation_dimension", keywords);
     orbits::CorrelationOptions options;
     options.theiler = static_cast<std::size_t>(given.integer("theiler", 0, 0));
-    options.pairs = static_cast<std::size_t>(given.integer("pairs", static_cast<long long>(options.pairs), 1));
-    options.points = static_cast<std::size_t>(given.integer("points", static_cast<long long>(options.points), 1));
+    options.pairs = given.whole("pairs", options.pairs, 1);
+    options.points = given.whole("points", options.points, 1);
     given.finish();
-    orbits::CorrelationDimension found;
-    compute_interruptibly([&](const auto&) { found = orbits::correlation_dimension(*series, options); });
+    const auto found = computed_interruptibly([&] { return orbits::correlation_dimension(*series, options); });
     return py::dict(
         "dimension"_a = found.dimension, "sd"_a = found.sd, "takens"_a = found.takens, "takens_sd"_a = found.takens_sd,
         "radii"_a = py::make_tuple(found.smallest_radius, found.largest_radius), "entropy"_a = found.entropy,
@@ -66,13 +65,9 @@ py::dict expansion(const std::vector<orbits::Cycle>& cycles, py::handle complete
     orbits::CycleExpansionOptions options;
     options.complete_to = static_cast<int>(whole_number(complete_to, "complete_to"));
     options.continuous = continuous;
-    orbits::CycleExpansion found;
-    compute_interruptibly([&](const auto&) { found = orbits::expand_cycles(cycles, options); });
+    const auto found = computed_interruptibly([&] { return orbits::expand_cycles(cycles, options); });
     py::dict dict = term_dict(found.answer());
-    py::list by_period;
-    for (const orbits::CycleExpansionTerm& term : found.by_period)
-        by_period.append(term_dict(term));
-    dict["by_period"] = by_period;
+    dict["by_period"] = listed(found.by_period, term_dict);
     dict["timed"] = found.timed;
     dict["index_sums"] = found.index_sums;
     dict["escape_rate_sd"] = found.escape_rate_sd;
@@ -82,18 +77,15 @@ py::dict expansion(const std::vector<orbits::Cycle>& cycles, py::handle complete
 
 py::dict embedded(const SharedSeries& series, const py::kwargs& keywords) {
     NamedArguments given("embed", keywords);
-    std::vector<std::string> names;
-    for (const orbits::SeriesCoordinate& coordinate : series->coordinates)
-        names.push_back(coordinate.name);
+    const std::vector<std::string> names = coordinate_names(*series);
     orbits::DelayEmbeddingOptions options;
     options.coordinate = index_of(given.text("coordinate", names.front()), names, "coordinate");
     options.delay = static_cast<int>(given.integer("delay", 0, 0));
     options.dimension = static_cast<int>(given.integer("dimension", 0, 0));
-    options.largest_delay = static_cast<int>(given.integer("largest_delay", options.largest_delay, 1));
-    options.largest_dimension = static_cast<int>(given.integer("largest_dimension", options.largest_dimension, 1));
+    options.largest_delay = given.whole("largest_delay", options.largest_delay, 1);
+    options.largest_dimension = given.whole("largest_dimension", options.largest_dimension, 1);
     given.finish();
-    orbits::DelayEmbedding found;
-    compute_interruptibly([&](const auto&) { found = orbits::embed(*series, options); });
+    auto found = computed_interruptibly([&] { return orbits::embed(*series, options); });
     return py::dict("series"_a = std::make_shared<orbits::Series>(std::move(found.series)), "delay"_a = found.delay,
                     "dimension"_a = found.dimension,
                     "mutual_information"_a = array(std::move(found.mutual_information)),

@@ -11,6 +11,7 @@
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/named_arguments.hpp"
+#include "python/conversion/properties.hpp"
 
 namespace orbid::python {
 
@@ -119,11 +120,9 @@ struct SegmentView {
 };
 
 /// The memory of readings (n, m) as a read-only array (m, n) that keeps their owner alive.
-py::array_t<double> values_array(const py::object& self) {
-    const Segment& segment = self.cast<const SegmentView&>().segment();
-    py::array_t<double> array({segment.values.cols(), segment.values.rows()}, segment.values.data(), self);
-    array.attr("setflags")(py::arg("write") = false);
-    return array;
+py::array values_array(const py::object& self) {
+    const orbits::Readings& values = self.cast<const SegmentView&>().segment().values;
+    return read_only(py::array_t<double>({values.cols(), values.rows()}, values.data(), self));
 }
 
 py::list segments(const std::shared_ptr<Series>& series) {
@@ -134,11 +133,9 @@ py::list segments(const std::shared_ptr<Series>& series) {
 }
 
 py::list coordinate_list(const Series& series) {
-    py::list list;
-    for (const orbits::SeriesCoordinate& coordinate : series.coordinates) {
-        list.append(py::dict("name"_a = coordinate.name, "unit"_a = coordinate.unit, "angle"_a = coordinate.angle));
-    }
-    return list;
+    return listed(series.coordinates, [](const orbits::SeriesCoordinate& one) {
+        return py::dict("name"_a = one.name, "unit"_a = one.unit, "angle"_a = one.angle);
+    });
 }
 
 constexpr auto series_text =
@@ -158,6 +155,13 @@ std::shared_ptr<const models::System> system_of(py::handle system) {
     return system.cast<std::shared_ptr<models::System>>();
 }
 
+std::vector<std::string> coordinate_names(const Series& series) {
+    std::vector<std::string> names;
+    for (const orbits::SeriesCoordinate& coordinate : series.coordinates)
+        names.push_back(coordinate.name);
+    return names;
+}
+
 std::vector<orbits::SeriesCoordinate> series_coordinates(py::handle coordinates) {
     std::vector<orbits::SeriesCoordinate> result;
     if (py::isinstance<models::System>(coordinates)) {
@@ -165,7 +169,7 @@ std::vector<orbits::SeriesCoordinate> series_coordinates(py::handle coordinates)
             result.push_back({std::string(one.name), std::string(one.unit), one.angle});
         return result;
     }
-    if (coordinates.is_none() || !py::isinstance<py::sequence>(coordinates) || py::isinstance<py::str>(coordinates))
+    if (!is_list(coordinates))
         throw py::type_error("coordinates: needs a System, or a list of names or of dicts with name, unit, angle");
     for (const py::handle item : coordinates) {
         if (py::isinstance<py::str>(item)) {
@@ -189,8 +193,7 @@ std::vector<orbits::SeriesCoordinate> series_coordinates(py::handle coordinates)
 models::FlowOptions flow_options(NamedArguments& given, models::FlowOptions usual) {
     usual.relative_tolerance = given.number("rtol", usual.relative_tolerance);
     usual.absolute_tolerance = given.number("atol", usual.absolute_tolerance);
-    usual.maximum_steps =
-        static_cast<std::size_t>(given.integer("maximum_steps", static_cast<long long>(usual.maximum_steps), 1));
+    usual.maximum_steps = given.whole("maximum_steps", usual.maximum_steps, 1);
     return usual;
 }
 
@@ -218,15 +221,7 @@ void bind_series(py::module_& module) {
         .def_readonly("origin", &Series::origin)
         .def_property_readonly("timed", &Series::timed)
         .def_property_readonly(
-            "scale",
-            [](const Series& one) {
-                Eigen::VectorXd scale;
-                {
-                    const py::gil_scoped_release unlocked;
-                    scale = one.scale();
-                }
-                return array(std::move(scale));
-            },
+            "scale", [](const Series& one) { return array(unlocked([&] { return one.scale(); })); },
             "size of each coordinate's range, shape (coordinates,): 2 pi for angles")
         .def("__len__", &Series::size, "records of all segments")
         .def("__repr__", [](const Series& one) {

@@ -17,6 +17,8 @@ class NamedArguments;
 /// The system as the library expects it.
 [[nodiscard]] std::shared_ptr<const models::System> system_of(pybind11::handle system);
 
+[[nodiscard]] std::vector<std::string> coordinate_names(const orbits::Series& series);
+
 /// Coordinates of a series: a system's, or a list of names or of dicts with name, unit and angle.
 [[nodiscard]] std::vector<orbits::SeriesCoordinate> series_coordinates(pybind11::handle coordinates);
 

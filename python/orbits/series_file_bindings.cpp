@@ -65,9 +65,7 @@ std::shared_ptr<Series> read_csv(const std::filesystem::path& file, const py::ob
     layout.equidistant = given.flag("equidistant", layout.equidistant);
     layout.complete = given.flag("complete", layout.complete);
     given.finish();
-    auto series = std::make_shared<Series>();
-    compute_interruptibly([&](const auto&) { *series = orbits::read_csv(file, layout); });
-    return series;
+    return std::make_shared<Series>(computed_interruptibly([&] { return orbits::read_csv(file, layout); }));
 }
 
 }  // namespace
@@ -82,9 +80,8 @@ void bind_series_files(py::module_& module) {
     module.def(
         "read_hdf5",
         [](const std::filesystem::path& file, std::size_t minimum_points) {
-            auto series = std::make_shared<Series>();
-            compute_interruptibly([&](const auto&) { *series = orbits::read_hdf5(file, minimum_points); });
-            return series;
+            return std::make_shared<Series>(
+                computed_interruptibly([&] { return orbits::read_hdf5(file, minimum_points); }));
         },
         py::arg("file"), py::kw_only(), py::arg("minimum_points") = 1,
         "The Series that write_hdf5() wrote, to the bit.");

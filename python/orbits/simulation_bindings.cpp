@@ -6,6 +6,7 @@
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/named_arguments.hpp"
+#include "python/conversion/properties.hpp"
 #include "python/conversion/python_interruption.hpp"
 #include "python/orbits/series_bindings.hpp"
 
@@ -34,8 +35,7 @@ orbits::VirtualExperimentOptions experiment(NamedArguments& given, const models:
     if (sections) {
         orbits::SectionPlan plan;
         plan.sections = static_cast<std::size_t>(given.integer("sections", 0, 1));
-        plan.transient =
-            static_cast<std::size_t>(given.integer("transient", static_cast<long long>(plan.transient), 0));
+        plan.transient = given.whole("transient", plan.transient, 0);
         const py::object crossed = given.find_value("section");
         if (crossed) plan.section = plane(system, crossed);
         plan.longest_return = given.number("longest_return", 0.0);
@@ -65,13 +65,11 @@ orbits::VirtualExperimentOptions experiment(NamedArguments& given, const models:
 }
 
 py::list event_list(const orbits::VirtualExperiment& experiment) {
-    py::list list;
-    for (const orbits::TrajectoryEvent& event : experiment.events) {
-        list.append(py::dict("kind"_a = std::string(name(event.kind)), "trajectory"_a = event.trajectory,
-                             "section"_a = event.section, "period"_a = event.period,
-                             "state"_a = array(Eigen::VectorXd(event.state))));
-    }
-    return list;
+    return listed(experiment.events, [](const orbits::TrajectoryEvent& event) {
+        return py::dict("kind"_a = std::string(name(event.kind)), "trajectory"_a = event.trajectory,
+                        "section"_a = event.section, "period"_a = event.period,
+                        "state"_a = array(Eigen::VectorXd(event.state)));
+    });
 }
 
 }  // namespace
@@ -96,9 +94,8 @@ void bind_simulation(py::module_& module) {
             NamedArguments given("simulate", keywords);
             const orbits::VirtualExperimentOptions options = experiment(given, *model);
             given.finish();
-            auto result = std::make_shared<VirtualExperiment>();
-            compute_interruptibly([&](const auto&) { *result = orbits::simulate(*model, theta, options); });
-            return result;
+            return std::make_shared<VirtualExperiment>(
+                computed_interruptibly([&] { return orbits::simulate(*model, theta, options); }));
         },
         py::arg("system"), py::arg("parameters") = py::none(), simulate_text);
 }

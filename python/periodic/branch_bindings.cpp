@@ -5,6 +5,7 @@
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/bindings.hpp"
+#include "python/conversion/properties.hpp"
 #include "python/conversion/python_interruption.hpp"
 #include "python/periodic/orbit_start_bindings.hpp"
 
@@ -59,31 +60,24 @@ void bind_branches(py::module_& module) {
     py::class_<BranchPoint>(module, "BranchPoint", "One orbit of a branch.")
         .def_readonly("parameter", &BranchPoint::parameter)
         .def_readonly("arclength", &BranchPoint::arclength)
-        .def_property_readonly("orbit",
-                               [](const BranchPoint& point) -> const periodic::PeriodicOrbit& { return point.orbit; })
+        .def_readonly("orbit", &BranchPoint::orbit)
         .def_readonly("unstable", &BranchPoint::unstable, "Multipliers outside the unit circle.")
-        .def_property_readonly(
-            "bifurcation", [](const BranchPoint& point) { return std::string(name(point.bifurcation)); },
-            "'none', or what happens exactly here.")
+        .def_property_readonly("bifurcation", name_of(&BranchPoint::bifurcation),
+                               "'none', or what happens exactly here.")
         .def_readonly("parameter_error", &BranchPoint::parameter_error);
     py::class_<Branch>(module, "Branch", "A one-parameter family of orbits, in the order of their arclength.")
         .def_property_readonly("values", &values, "Of the parameter, one for each point.")
-        .def_property_readonly("points",
-                               [](const Branch& branch) -> const std::vector<BranchPoint>& { return branch.points; })
-        .def_property_readonly("first", [](const Branch& branch) { return std::string(name(branch.first)); })
-        .def_property_readonly(
-            "last", [](const Branch& branch) { return std::string(name(branch.last)); }, "Why it ended.")
+        .def_readonly("points", &Branch::points)
+        .def_property_readonly("first", name_of(&Branch::first))
+        .def_property_readonly("last", name_of(&Branch::last), "Why it ended.")
         .def_property_readonly("origin", [](const Branch& branch) -> py::object {
             if (!branch.origin) return py::none();
             return py::make_tuple(branch.origin->branch, branch.origin->point);
         });
     py::class_<BifurcationDiagram, std::shared_ptr<BifurcationDiagram>>(module, "BifurcationDiagram",
                                                                         "Branches of orbits over a parameter.")
-        .def_property_readonly(
-            "start_status", [](const BifurcationDiagram& diagram) { return std::string(name(diagram.start_status)); })
-        .def_property_readonly("branches", [](const BifurcationDiagram& diagram) -> const std::vector<Branch>& {
-            return diagram.branches;
-        });
+        .def_property_readonly("start_status", name_of(&BifurcationDiagram::start_status))
+        .def_readonly("branches", &BifurcationDiagram::branches);
     const periodic::ContinuationOptions standard;
     module.def(
         "follow_branches", &follow, py::arg("system"), py::arg("guess"), py::arg("parameter"), py::arg("lower"),

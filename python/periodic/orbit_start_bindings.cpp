@@ -5,6 +5,7 @@
 
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
+#include "python/conversion/properties.hpp"
 
 namespace orbid::python {
 
@@ -39,11 +40,8 @@ periodic::StartingSolution orbit_start(const models::System& system, const Eigen
         throw py::value_error("guess: " + std::to_string(count) +
                               " points, needs one or period = " + std::to_string(periods));
     if (autonomous) throw py::value_error("guess: one point for each crossing is needed");
-    models::EnsembleResult result;
-    {
-        const py::gil_scoped_release unlocked;
-        result = system.ensemble(start.points, phase, static_cast<std::size_t>(periods - 1), theta, flow);
-    }
+    const auto result = unlocked(
+        [&] { return system.ensemble(start.points, phase, static_cast<std::size_t>(periods - 1), theta, flow); });
     if (result.status.front() != models::FlowStatus::ok)
         throw py::value_error("guess: cannot be followed over the period: " +
                               std::string(models::description(result.status.front())));

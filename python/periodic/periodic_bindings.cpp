@@ -1,6 +1,6 @@
-#include <algorithm>
 #include "periodic/solution/solve_orbit.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include <pybind11/complex.h>
@@ -13,6 +13,7 @@
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
 #include "python/conversion/bindings.hpp"
+#include "python/conversion/properties.hpp"
 #include "python/conversion/python_interruption.hpp"
 #include "python/periodic/orbit_start_bindings.hpp"
 
@@ -30,34 +31,23 @@ const PeriodicOrbit& orbit_of(const py::object& self) {
 
 void bind_orbit(py::module_& module) {
     py::class_<PeriodicOrbit, std::shared_ptr<PeriodicOrbit>>(module, "PeriodicOrbit", "A periodic orbit.")
-        .def_property_readonly("status", [](const PeriodicOrbit& orbit) { return std::string(name(orbit.status)); })
+        .def_property_readonly("status", name_of(&PeriodicOrbit::status))
         .def_property_readonly(
             "converged", [](const PeriodicOrbit& orbit) { return orbit.status == periodic::OrbitStatus::converged; })
         .def_readonly("period", &PeriodicOrbit::period, "In periods of the forcing, iterations or crossings.")
         .def_readonly("rotation", &PeriodicOrbit::rotation, "Turns per orbit, one per angle coordinate.")
-        .def_property_readonly(
-            "points", [](const py::object& self) { return view(orbit_of(self).points, self); },
-            "Shape (p, n), angles in (-pi, pi].")
-        .def_property_readonly(
-            "times", [](const py::object& self) { return view(orbit_of(self).times, self); },
-            "Shape (p,): of each point since the first [s].")
+        .def_property_readonly("points", memory_of(&PeriodicOrbit::points), "Shape (p, n), angles in (-pi, pi].")
+        .def_property_readonly("times", memory_of(&PeriodicOrbit::times),
+                               "Shape (p,): of each point since the first [s].")
         .def_readonly("time", &PeriodicOrbit::time, "Duration of the orbit [s]; iterations of a map.")
-        .def_property_readonly(
-            "multipliers",
-            [](const py::object& self) {
-                const PeriodicOrbit& orbit = orbit_of(self);
-                return read_only(py::array_t<std::complex<double>>(static_cast<py::ssize_t>(orbit.multipliers.size()),
-                                                                   orbit.multipliers.data(), self));
-            },
-            "Floquet multipliers, largest modulus first, without the trivial one.")
+        .def_property_readonly("multipliers", memory_of(&PeriodicOrbit::multipliers),
+                               "Floquet multipliers, largest modulus first, without the trivial one.")
         .def_readonly("trivial_multiplier", &PeriodicOrbit::trivial_multiplier)
         .def_property_readonly(
             "jacobians",
             [](const py::object& self) {
-                py::list list;
-                for (const Eigen::MatrixXd& jacobian : orbit_of(self).jacobians)
-                    list.append(view(jacobian, self).attr("T"));
-                return list;
+                return listed(orbit_of(self).jacobians,
+                              [&](const Eigen::MatrixXd& jacobian) { return view(jacobian, self).attr("T"); });
             },
             "Derivatives from each point to the next, shape (n, n) each.")
         .def_property_readonly(
@@ -123,8 +113,7 @@ void bind_stability(py::module_& module) {
     py::class_<Stability>(module, "Stability", "How an orbit attracts and repels.")
         .def_readonly("simulated", &Stability::simulated)
         .def_readonly("unstable", &Stability::unstable, "Number of multipliers outside the unit circle.")
-        .def_property_readonly("nearest",
-                               [](const Stability& stability) { return std::string(name(stability.nearest)); })
+        .def_property_readonly("nearest", name_of(&Stability::nearest))
         .def_readonly("distance", &Stability::distance, "Smallest distance of a modulus from 1.")
         .def_readonly("directions", &Stability::directions,
                       "At each point the eigenvectors, shape (n, number of multipliers), complex.")
@@ -177,8 +166,8 @@ Search find(const models::System& system, const std::vector<int>& periods, const
 void bind_search(py::module_& module) {
     using periodic::FoundOrbit;
     py::class_<FoundOrbit>(module, "FoundOrbit", "A prime periodic orbit that was found.")
-        .def_property_readonly("orbit", [](const FoundOrbit& found) -> const PeriodicOrbit& { return found.orbit; })
-        .def_property_readonly("origin", [](const FoundOrbit& found) { return std::string(name(found.origin)); })
+        .def_readonly("orbit", &FoundOrbit::orbit)
+        .def_property_readonly("origin", name_of(&FoundOrbit::origin))
         .def_readonly("mirror", &FoundOrbit::mirror, "Number of its mirror image, -1: not known.")
         .def_readonly("hits", &FoundOrbit::hits, "Starts that led to it.");
     py::class_<Search>(module, "OrbitSearch", "What a search for periodic orbits found.")
