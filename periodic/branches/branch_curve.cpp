@@ -56,6 +56,29 @@ VectorXd next_nodes(const VectorXd& y, Index n, Index count) {
     return next;
 }
 
+/// Beside the columns of ln T and of the parameter the border has that of the unfolding, where a direction is locked.
+CyclicSystem::Border border_below(const MatrixXd& rows, Index inner, Index own) {
+    const Index k = rows.rows();
+    CyclicSystem::Border border{MatrixXd::Zero(inner, k), rows.leftCols(inner), MatrixXd::Zero(k, k)};
+    border.corner.leftCols(own) = rows.rightCols(own);
+    return border;
+}
+
+/// Right-hand sides of Newton's step from y towards the plane through the guess, and of the tangent.
+MatrixXd step_and_tangent(const OrbitCurve& curve, const ClosingError& closing, const MatrixXd& rows, const VectorXd& y,
+                          const VectorXd& guess) {
+    const Index inner = closing.error.size();
+    MatrixXd right = MatrixXd::Zero(inner + rows.rows(), 2);
+    right.col(0).head(inner) = closing.error.reshaped();
+    VectorXd back = guess - y;
+    back(back.size() - 1) /= curve.setting().range;
+    right.col(0).tail(rows.rows()) = rows * back;
+    if (const auto& phase = curve.phase())
+        right(inner, 0) = (phase->offset - phase->normal.dot(y.head(phase->normal.size()))) / phase->normal.norm();
+    right(right.rows() - 1, 1) = 1.0;
+    return right;
+}
+
 /// What the last step knows of its point; `moves`: the step and the tangent.
 CurvePoint curve_point(std::shared_ptr<const OrbitCurve> curve, ClosingError& closing, const MatrixXd& moves,
                        const MatrixXd& columns, double length) {
@@ -168,9 +191,7 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
     directions.push_back(direction / norm(direction));
     const MatrixXd rows = rows_across(directions);
     const Index own = size() - inner;  // ln T and the parameter
-    const Index k = rows.rows();
-    CyclicSystem::Border border{MatrixXd::Zero(inner, k), rows.leftCols(inner), MatrixXd::Zero(k, k)};
-    border.corner.leftCols(own) = rows.rightCols(own);
+    CyclicSystem::Border border = border_below(rows, inner, own);
     // The null vector at the end of each segment: it is not orthogonal to what the equations miss at a branch point.
     if (locked != nullptr) border.columns.col(own) = next_nodes(*locked, n_, count_);
     const std::vector<Index> free{setting_->parameter};
@@ -188,14 +209,8 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
         border.columns.leftCols(own) << closing.by_ln_time, closing.parameters * setting_->range;
         const CyclicSystem matrix(closing.jacobians, border);
         // The tangent belongs to the same matrix as the step.
-        MatrixXd right = MatrixXd::Zero(inner + k, 2);
-        right.col(0).head(inner) = closing.error.reshaped();
+        MatrixXd right = step_and_tangent(*this, closing, rows, y, guess);
         if (locked != nullptr) right.col(0).head(inner) += result.unfolding * border.columns.col(own);
-        VectorXd back = guess - y;
-        back(back.size() - 1) /= setting_->range;
-        right.col(0).tail(k) = rows * back;
-        if (autonomous()) right(inner, 0) = (phase_->offset - phase_->normal.dot(y.head(n_))) / phase_->normal.norm();
-        right(right.rows() - 1, 1) = 1.0;
         const MatrixXd solution = matrix.solve(right);
         if (!solution.allFinite()) {
             result.status = OrbitStatus::singular;
@@ -241,12 +256,7 @@ VectorXd OrbitCurve::crossing_direction(const CurvePoint& point) const {
     std::vector<MatrixXd> factors = point.jacobians;
     factors.front() *= 1.0 + offset;
     const CyclicSystem matrix(factors, {point.columns, rows.leftCols(inner), rows.rightCols(size() - inner)});
-    VectorXd v(size());
-    for (Index i = 0; i < v.size(); ++i)
-        v(i) = std::sin(1.0 + 37.0 * static_cast<double>(i * i));  // without structure, the same every time
-    constexpr int steps = 3;
-    for (int step = 0; step < steps; ++step)
-        v = matrix.solve(v).col(0).stableNormalized();
+    VectorXd v = matrix.null_vector();
     v(v.size() - 1) *= setting_->range;
     v -= product(v, point.tangent) * point.tangent;
     return v / norm(v);

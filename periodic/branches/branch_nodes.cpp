@@ -1,13 +1,11 @@
 #include "periodic/branches/branch_nodes.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
 
-#include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/shooting_steps.hpp"
 #include "periodic/orbit/winding_number.hpp"
 
@@ -32,6 +30,11 @@ double phase_cosine(const CurvePoint& point) {
     return normal.dot(f) / (normal.norm() * f.norm());
 }
 
+PhasePlane plane_across_flow(const models::System& system, const VectorXd& theta, const VectorXd& x) {
+    const VectorXd f = system.rhs(x, std::vector<double>{0.0}, theta);
+    return {f, f.dot(x)};
+}
+
 VectorXd scale_along(const CurveSetting& setting, const ShootingMesh& mesh) {
     if (setting.solver.scale.size() > 0) return setting.solver.scale;
     constexpr int instants = 16;  // of a segment: an extremum between them is missed by a few per cent
@@ -53,9 +56,7 @@ VectorXd scale_along(const CurveSetting& setting, const ShootingMesh& mesh) {
 CurvePoint with_fitting_nodes(const CurvePoint& point) {
     const OrbitCurve& old = *point.curve;
     const CurveSetting& setting = old.setting();
-    const bool grows = setting.system.kind() != models::Kind::map &&
-                       std::any_of(point.jacobians.begin(), point.jacobians.end(),
-                                   [&](const MatrixXd& x) { return grows_beyond(x, setting.solver.segment_growth); });
+    const bool grows = grows_too_much(setting.system, point.jacobians, setting.solver);
     const bool oblique = old.autonomous() && std::abs(phase_cosine(point)) < 0.7;
     VectorXd scale = old.scale();
     if (setting.solver.scale.size() == 0) {
@@ -72,9 +73,8 @@ CurvePoint with_fitting_nodes(const CurvePoint& point) {
     VectorXd direction = point.tangent;
     if (grows) {
         ShootingMesh finer = refined(setting.system, theta, mesh, setting.solver.segment_growth, setting.solver.flow);
-        const MatrixXd none = MatrixXd::Zero(finer.nodes.rows(), finer.nodes.cols());
         const auto closing =
-            closing_error(FlowSteps(setting.system, theta, finer, setting.solver.flow), finer.nodes, finer.time, none);
+            closing_error(FlowSteps(setting.system, theta, finer, setting.solver.flow), finer.nodes, finer.time);
         if (!closing.simulated) return point;
         turns = winding_numbers(closing.error, angle_coordinates(setting.system), {});
         const Index n = finer.nodes.rows();
@@ -87,11 +87,7 @@ CurvePoint with_fitting_nodes(const CurvePoint& point) {
         direction = lifted;
         mesh = std::move(finer);
     }
-    if (oblique) {
-        const VectorXd x = mesh.nodes.col(0);
-        const VectorXd f = setting.system.rhs(x, std::vector<double>{0.0}, theta);
-        phase = PhasePlane{f, f.dot(x)};
-    }
+    if (oblique) phase = plane_across_flow(setting.system, theta, mesh.nodes.col(0));
     const MatrixXd nodes = mesh.nodes;
     const double time = mesh.time;
     const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(mesh), turns, scale, phase, old.period());

@@ -9,6 +9,10 @@ namespace orbid::periodic {
 /// Cosine between the flow at the first node of an autonomous orbit and the normal of its phase condition.
 [[nodiscard]] double phase_cosine(const CurvePoint& point);
 
+/// The plane through a state across the flow there.
+[[nodiscard]] PhasePlane plane_across_flow(const models::System& system, const Eigen::VectorXd& theta,
+                                           const Eigen::VectorXd& x);
+
 /// Unit of each coordinate along a mesh: the one asked for. Otherwise 2 pi for angles and the largest value between the
 /// nodes for the others. Shape (n).
 [[nodiscard]] Eigen::VectorXd scale_along(const CurveSetting& setting, const ShootingMesh& mesh);

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "periodic/orbit/winding_number.hpp"
-#include "periodic/solution/newton.hpp"
 #include "periodic/solution/orbit_report.hpp"
 
 namespace orbid::periodic {
@@ -78,25 +77,18 @@ MatrixXd section_points(const CurvePoint& point) {
     return points;
 }
 
-/// The same points in the order that begins with a later one.
-MatrixXd begun_later(const MatrixXd& points, Index shift) {
-    MatrixXd later(points.rows(), points.cols());
-    later << points.rightCols(points.cols() - shift), points.leftCols(shift);
-    return later;
-}
-
 double distance(const MatrixXd& difference, const OrbitCurve& curve) {
     return relative_size(wrapped_angles(difference, angle_coordinates(curve.setting().system)), curve.scale());
 }
 
 /// Where an autonomous orbit comes near a state, as fractions of T, and how near: local minima among samples, each
 /// improved along the flow.
-struct FarStartSearch {
+struct Approach {
     double share;
     double distance;
 };
 
-std::vector<FarStartSearch> approaches(const CurvePoint& point, const VectorXd& x) {
+std::vector<Approach> approaches(const CurvePoint& point, const VectorXd& x) {
     // A state on the orbit is at most half an instant away from a sample, where the flow is almost straight.
     constexpr int instants = 64;
     constexpr int most_improvements = 8;
@@ -123,7 +115,7 @@ std::vector<FarStartSearch> approaches(const CurvePoint& point, const VectorXd& 
         }
         begin += mesh.segments[s].share;
     }
-    std::vector<FarStartSearch> result;
+    std::vector<Approach> result;
     const std::size_t count = states.size();
     for (std::size_t k = 0; k < count; ++k) {
         if (gaps[k] > gaps[(k + count - 1) % count] || gaps[k] > gaps[(k + 1) % count]) continue;
@@ -155,7 +147,7 @@ std::vector<FarStartSearch> approaches(const CurvePoint& point, const VectorXd& 
 double gap_between(const CurvePoint& point, const MatrixXd& points) {
     double smallest = std::numeric_limits<double>::infinity();
     if (point.curve->autonomous()) {
-        for (const FarStartSearch& near : approaches(point, points.col(0)))
+        for (const Approach& near : approaches(point, points.col(0)))
             smallest = std::min(smallest, near.distance);
         return smallest;
     }
@@ -222,12 +214,8 @@ PeriodicOrbit reported(const CurvePoint& walked) {
             }
         }
         orbit.points = wrapped_angles(curve.nodes(point.y), angles);
-        orbit.times.resize(orbit.points.cols());
-        double share = 0.0;
-        for (Index j = 0; j < orbit.times.size(); ++j) {
-            orbit.times(j) = share * orbit.time;
-            share += curve.mesh().segments[static_cast<std::size_t>(j)].share;
-        }
+        const std::vector<double> shares = curve.mesh().begins();
+        orbit.times = orbit.time * Eigen::Map<const VectorXd>(shares.data(), orbit.points.cols());
         orbit.jacobians = point.jacobians;
         return orbit;
     }
@@ -259,7 +247,7 @@ double repetition_gap(const CurvePoint& point) {
     if (point.curve->autonomous()) {
         // The first node itself is met at the start and after T.
         constexpr double itself = 1e-3;
-        for (const FarStartSearch& near : approaches(point, point.curve->nodes(point.y).col(0)))
+        for (const Approach& near : approaches(point, point.curve->nodes(point.y).col(0)))
             if (near.share > itself && near.share < 1.0 - itself) smallest = std::min(smallest, near.distance);
         return smallest;
     }

@@ -8,7 +8,7 @@
 #include "periodic/branches/bifurcation_point.hpp"
 #include "periodic/branches/branch_nodes.hpp"
 #include "periodic/branches/branch_report.hpp"
-#include "periodic/solution/newton.hpp"
+#include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
 namespace {
@@ -59,27 +59,7 @@ public:
     }
 
     Walk walk() {
-        std::optional<BranchEnd> edge;
-        (void)edge_beyond(here_.parameter() + options_.smallest_step * here_.parameter_slope(), edge);
-        const bool at_edge = here_.parameter() == range_.lower || here_.parameter() == range_.upper;
-        if (edge && at_edge) {
-            result_.end = *edge;
-            return std::move(result_);
-        }
-        while (result_.points.size() < most_) {
-            // A branch has two points or more.
-            if (!result_.points.empty() && options_.interrupted && options_.interrupted()) {
-                result_.end = BranchEnd::interrupted;
-                return std::move(result_);
-            }
-            step_ = std::min(step_, options_.largest_step);
-            if (!(step_ >= options_.smallest_step)) {
-                result_.end = simulated_ ? BranchEnd::smallest_step : BranchEnd::not_simulated;
-                return std::move(result_);
-            }
-            if (advance()) return std::move(result_);
-        }
-        result_.end = BranchEnd::point_limit;
+        result_.end = steps();
         return std::move(result_);
     }
 
@@ -88,6 +68,24 @@ private:
         Correction correction;
         std::optional<BranchEnd> edge;  ///< of the range, where it ends
     };
+
+    /// Takes steps until the branch ends. @return why it does.
+    BranchEnd steps() {
+        std::optional<BranchEnd> edge;
+        (void)edge_beyond(here_.parameter() + options_.smallest_step * here_.parameter_slope(), edge);
+        const bool at_edge = here_.parameter() == range_.lower || here_.parameter() == range_.upper;
+        if (edge && at_edge) return *edge;
+        while (result_.points.size() < most_) {
+            // A branch has two points or more.
+            if (!result_.points.empty() && options_.interrupted && options_.interrupted())
+                return BranchEnd::interrupted;
+            step_ = std::min(step_, options_.largest_step);
+            if (!(step_ >= options_.smallest_step))
+                return simulated_ ? BranchEnd::smallest_step : BranchEnd::not_simulated;
+            if (const auto end = advance()) return *end;
+        }
+        return BranchEnd::point_limit;
+    }
 
     [[nodiscard]] double edge_beyond(double parameter, std::optional<BranchEnd>& end) const {
         if (parameter < range_.lower) {
@@ -139,19 +137,18 @@ private:
         return result;
     }
 
-    void shorten(double factor) { step_ *= factor; }
+    /// No point: a shorter step next time.
+    std::optional<BranchEnd> shorten() {
+        step_ *= 0.5;
+        return std::nullopt;
+    }
 
-    /// One step, or a shorter one next time; true when the walk is over.
-    bool advance() {
+    /// One step, or a shorter one next time. @return why the walk is over, where it is.
+    std::optional<BranchEnd> advance() {
         Trial next = trial();
         const Correction& correction = next.correction;
-        simulated_ = simulated_ && correction.status != OrbitStatus::not_simulated;
-        if (correction.status != OrbitStatus::converged) {
-            simulated_ = correction.status != OrbitStatus::not_simulated;
-            shorten(0.5);
-            return false;
-        }
-        simulated_ = true;
+        simulated_ = correction.status != OrbitStatus::not_simulated;
+        if (correction.status != OrbitStatus::converged) return shorten();
         const CurvePoint& there = correction.point;
         const OrbitCurve& curve = *here_.curve;
         const double length = curve.norm(there.y - here_.y);
@@ -159,35 +156,21 @@ private:
         const double move = largest_multiplier_move(here_, there);
         const bool last_chance = step_ < 2.0 * options_.smallest_step;
         if (correction.contraction > walk_contraction || correction.distance > walk_distance * step_ ||
-            angle > largest_angle || (move > walk_move && !last_chance)) {
-            shorten(0.5);
-            return false;
-        }
+            angle > largest_angle || (move > walk_move && !last_chance))
+            return shorten();
         double size = 0.0;
         if (curve.autonomous()) {
             size = orbit_size(there);
             // Beyond the equilibrium the orbit lies on the other side, and the flow runs the other way.
-            if ((phase_cosine(there) < 0.3 && size < 0.5) || size < 0.3 * size_) {
-                if (size_ < smallest_orbit || last_chance) {
-                    result_.end = BranchEnd::equilibrium;
-                    return true;
-                }
-                shorten(0.5);
-                return false;
-            }
+            if ((phase_cosine(there) < 0.3 && size < 0.5) || size < 0.3 * size_)
+                return size_ < smallest_orbit || last_chance ? std::optional(BranchEnd::equilibrium) : shorten();
         }
         const Events events = events_between(here_, there);
-        if (events.several && !last_chance && move > 0.1) {
-            shorten(0.5);
-            return false;
-        }
-        if (note_events(events, there)) return true;
-        if (closes(there)) return true;
+        if (events.several && !last_chance && move > 0.1) return shorten();
+        if (note_events(events, there)) return BranchEnd::other_branch;
+        if (closes(there)) return BranchEnd::closed;
         add({there, Bifurcation::none, 0.0, arclength_ + length});
-        if (const auto end = end_at(next, size)) {
-            result_.end = *end;
-            return true;
-        }
+        if (const auto end = end_at(next, size)) return end;
         choose_step(correction, angle, move, size);
         arclength_ += length;
         size_ = size;
@@ -196,7 +179,7 @@ private:
         before_ = std::move(here_);
         here_ = std::move(fitting);
         if (!same) before_.reset();
-        return false;
+        return std::nullopt;
     }
 
     /// Why the walk is over at this point; none while it goes on.
@@ -234,10 +217,8 @@ private:
         };
         look(events.fold, Bifurcation::fold);
         if (!found.empty() && meets_another(found.front().point)) {
-            WalkPoint last{found.front().point, Bifurcation::none, found.front().parameter_error,
-                           arclength_ + found.front().position};
-            add(std::move(last));
-            result_.end = BranchEnd::other_branch;
+            add({found.front().point, Bifurcation::none, found.front().parameter_error,
+                 arclength_ + found.front().position});
             return true;
         }
         look(events.branch_point, Bifurcation::branch_point);
@@ -271,7 +252,6 @@ private:
         if (back.status != OrbitStatus::converged || !same_orbit(start_, back.point, same_solution)) return false;
         const double length = here_.curve->norm(back.point.y - here_.y);
         add({back.point, Bifurcation::none, 0.0, arclength_ + length});
-        result_.end = BranchEnd::closed;
         return true;
     }
 

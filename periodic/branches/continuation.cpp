@@ -14,11 +14,9 @@
 #include "periodic/branches/branch_report.hpp"
 #include "periodic/branches/branch_switch.hpp"
 #include "periodic/branches/branch_walk.hpp"
-#include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/shooting_steps.hpp"
 #include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
-#include "periodic/solution/orbit_solution.hpp"
 
 namespace orbid::periodic {
 namespace {
@@ -73,6 +71,14 @@ struct Followed {
     BranchEnd first = BranchEnd::start;
     BranchEnd last = BranchEnd::start;
     std::optional<Branch::Origin> origin;
+
+    /// Points of a walk that begins a length after the first point.
+    void append(std::vector<WalkPoint>& walk, double length) {
+        for (WalkPoint& point : walk) {
+            point.arclength += length;
+            points.push_back(std::move(point));
+        }
+    }
 };
 
 /// The solved start on a curve of its own; none when its nodes cannot be simulated.
@@ -87,25 +93,13 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
     const auto& system = setting.system;
     ShootingMesh mesh = mesh_from_guess(system, setting.theta, solved, setting.solver.flow);
     if (!mesh.simulated) return std::nullopt;
-    const auto close = [&] {
-        return closing_error(FlowSteps(system, setting.theta, mesh, setting.solver.flow), mesh.nodes, mesh.time,
-                             MatrixXd::Zero(mesh.nodes.rows(), mesh.nodes.cols()));
-    };
-    ClosingError closing = close();
+    const ClosingError closing = refine_and_close(system, setting.theta, mesh, setting.solver);
     if (!closing.simulated) return std::nullopt;
-    const bool grows = std::any_of(closing.jacobians.begin(), closing.jacobians.end(),
-                                   [&](const MatrixXd& x) { return grows_beyond(x, setting.solver.segment_growth); });
-    if (grows && system.kind() != models::Kind::map) {
-        mesh = refined(system, setting.theta, mesh, setting.solver.segment_growth, setting.solver.flow);
-        closing = close();
-        if (!closing.simulated) return std::nullopt;
-    }
     std::optional<PhasePlane> phase;
     if (system.kind() == models::Kind::autonomous) {
-        const VectorXd x = mesh.nodes.col(0);
-        const VectorXd f = system.rhs(x, std::vector<double>{0.0}, setting.theta);
-        phase = start.section ? PhasePlane{start.section->normal, start.section->offset} : PhasePlane{f, f.dot(x)};
-        if (phase->normal.dot(f) < 0.0) phase = PhasePlane{-phase->normal, -phase->offset};
+        const PhasePlane across = plane_across_flow(system, setting.theta, mesh.nodes.col(0));
+        phase = start.section ? PhasePlane{start.section->normal, start.section->offset} : across;
+        if (phase->normal.dot(across.normal) < 0.0) phase = PhasePlane{-phase->normal, -phase->offset};
     }
     const MatrixXd turns = winding_numbers(closing.error, angle_coordinates(system), orbit.rotation);
     const MatrixXd nodes = mesh.nodes;
@@ -164,21 +158,10 @@ public:
     [[nodiscard]] std::vector<Branch> branches() const {
         std::vector<Branch> result;
         for (const Followed& followed : followed_) {
-            Branch branch;
-            branch.parameter = setting_.parameter;
-            branch.first = followed.first;
-            branch.last = followed.last;
-            branch.origin = followed.origin;
-            for (const WalkPoint& point : followed.points) {
-                BranchPoint entry;
-                entry.parameter = point.point.parameter();
-                entry.arclength = point.arclength;
-                entry.orbit = reported(point.point);
-                entry.unstable = point.point.unstable();
-                entry.bifurcation = point.bifurcation;
-                entry.parameter_error = point.parameter_error;
-                branch.points.push_back(std::move(entry));
-            }
+            Branch branch{setting_.parameter, {}, followed.first, followed.last, followed.origin};
+            for (const WalkPoint& at : followed.points)
+                branch.points.push_back({at.point.parameter(), at.arclength, reported(at.point), at.point.unstable(),
+                                         at.bifurcation, at.parameter_error});
             result.push_back(std::move(branch));
         }
         return result;
@@ -214,10 +197,7 @@ private:
         from = start;
         if ((from.parameter_slope() > 0.0) != (first > 0)) from.tangent = -from.tangent;
         result.points.push_back({from, Bifurcation::none, 0.0, length});
-        for (WalkPoint& point : forwards.points) {
-            point.arclength += length;
-            result.points.push_back(std::move(point));
-        }
+        result.append(forwards.points, length);
         return result;
     }
 
@@ -244,21 +224,14 @@ private:
                 return ends_at(start, other) || lies_on(start.first, other);
             });
             if (known) continue;
-            Followed result;
-            result.first = BranchEnd::other_branch;
-            result.origin = Branch::Origin{branch, index};
+            Followed result{{}, BranchEnd::other_branch, BranchEnd::point_limit, Branch::Origin{branch, index}};
             const double length = start.first.curve->norm(start.first.y - start.origin.y);
             result.points.push_back({start.origin, Bifurcation::none, 0.0, 0.0});
             result.points.push_back({start.first, Bifurcation::none, 0.0, length});
             if (options_.maximum_points > 2) {
                 Walk walk = walked(start.first, range_, options_, length, options_.maximum_points - 2);
-                for (WalkPoint& point : walk.points) {
-                    point.arclength += length;
-                    result.points.push_back(std::move(point));
-                }
+                result.append(walk.points, length);
                 result.last = walk.end;
-            } else {
-                result.last = BranchEnd::point_limit;
             }
             followed_.push_back(std::move(result));
         }

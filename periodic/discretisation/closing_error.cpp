@@ -29,6 +29,17 @@ std::vector<MatrixXd> Discretisation::propagators(const std::vector<MatrixXd>& j
     return jacobians;
 }
 
+std::vector<double> equidistant(Index steps) {
+    std::vector<double> shares;
+    for (Index j = 0; j < steps; ++j)
+        shares.push_back(static_cast<double>(j) / static_cast<double>(steps));
+    return shares;
+}
+
+ClosingError closing_error(const Discretisation& discretisation, const MatrixXd& nodes, double time) {
+    return closing_error(discretisation, nodes, time, MatrixXd::Zero(nodes.rows(), nodes.cols()));
+}
+
 ClosingError closing_error(const Discretisation& discretisation, const MatrixXd& nodes, double time,
                            const MatrixXd& turns, std::span<const Index> free) {
     const Index d = nodes.rows();

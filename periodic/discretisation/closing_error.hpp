@@ -26,5 +26,8 @@ struct ClosingError {
 [[nodiscard]] ClosingError closing_error(const Discretisation& discretisation, const Eigen::MatrixXd& nodes,
                                          double time, const Eigen::MatrixXd& turns,
                                          std::span<const Eigen::Index> free = {});
+/// The same with whole turns not taken off.
+[[nodiscard]] ClosingError closing_error(const Discretisation& discretisation, const Eigen::MatrixXd& nodes,
+                                         double time);
 
 }  // namespace orbid::periodic

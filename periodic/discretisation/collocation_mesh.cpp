@@ -33,9 +33,9 @@ MatrixXd PiecewisePolynomial::at(const std::vector<double>& shares, const GaussM
 
 PiecewisePolynomial piecewise_polynomial(const GaussSteps& steps, const MatrixXd& nodes, double time) {
     PiecewisePolynomial result;
+    result.mesh = steps.shares();
     result.nodes = nodes;
     for (Index j = 0; j < steps.steps(); ++j) {
-        result.mesh.push_back(steps.share(j));
         result.slopes.push_back(steps.slopes(j, nodes.col(j), time));
         if (result.slopes.back().size() == 0) {
             result.slopes.clear();

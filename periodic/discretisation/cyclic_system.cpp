@@ -150,4 +150,14 @@ MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
     return d;
 }
 
+Eigen::VectorXd CyclicSystem::null_vector() const {
+    constexpr int steps = 3;
+    Eigen::VectorXd v(n_ * p_ + k_);
+    for (Index i = 0; i < v.size(); ++i)
+        v(i) = std::sin(1.0 + 37.0 * static_cast<double>(i * i));  // without structure
+    for (int step = 0; step < steps; ++step)
+        v = solve(v).col(0).stableNormalized();
+    return v;
+}
+
 }  // namespace orbid::periodic

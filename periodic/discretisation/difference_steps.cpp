@@ -10,16 +10,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-namespace {
-
-double equidistant(Index j, Index steps) {
-    return static_cast<double>(j) / static_cast<double>(steps);
-}
-
-}  // namespace
-
 SecondOrderSteps::SecondOrderSteps(const OrbitField& field, Index steps, const std::vector<Index>& velocity)
-    : field_(field), steps_(steps) {
+    : Discretisation(equidistant(steps), field.dimension(), field.autonomous()), field_(field) {
     for (std::size_t i = 0; i < velocity.size(); ++i)
         if (velocity[i] >= 0) {
             positions_.push_back(static_cast<Index>(i));
@@ -27,14 +19,10 @@ SecondOrderSteps::SecondOrderSteps(const OrbitField& field, Index steps, const s
         }
 }
 
-double SecondOrderSteps::share(Index j) const {
-    return equidistant(j, steps_);
-}
-
 StepImage SecondOrderSteps::state(Index j, const VectorXd& z, double time, std::span<const Index> free) const {
     const Index n = z.size();
     const auto half = static_cast<Index>(velocities_.size());
-    const double h = 1.0 / static_cast<double>(steps_);
+    const double h = 1.0 / static_cast<double>(steps());
     const std::array<double, 1> shares{share(j)};
     StepImage image;
     VectorXd x = z;
@@ -84,7 +72,7 @@ StepImage SecondOrderSteps::state(Index j, const VectorXd& z, double time, std::
 StepImage SecondOrderSteps::advance(Index j, const VectorXd& z, double time, std::span<const Index> free) const {
     StepImage image = state(j, z, time, free);
     if (!image.simulated) return image;
-    const double step = field_.duration(time) / static_cast<double>(steps_);
+    const double step = field_.duration(time) / static_cast<double>(steps());
     // w+ = 2 v - w, q+ = q + h T w+
     image.value(velocities_) = 2.0 * image.value(velocities_) - z(velocities_);
     const VectorXd w = image.value(velocities_);
@@ -107,14 +95,10 @@ StepImage SecondOrderSteps::advance(Index j, const VectorXd& z, double time, std
     return image;
 }
 
-double CentredSteps::share(Index j) const {
-    return equidistant(j, steps_);
-}
-
 StepImage CentredSteps::advance(Index j, const VectorXd& z, double time, std::span<const Index> free) const {
     const Index n = field_.dimension();
     const auto f = static_cast<Index>(free.size());
-    const double step = 2.0 / static_cast<double>(steps_);
+    const double step = 2.0 / static_cast<double>(steps());
     const std::array<double, 1> shares{share(j)};
     const FieldValues g = field_.values(z.tail(n), shares, time, free);
     StepImage image;

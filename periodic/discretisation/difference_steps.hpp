@@ -20,10 +20,6 @@ public:
     /// @param velocity  index of the velocity of each position, -1 for velocities (complete).
     SecondOrderSteps(const OrbitField& field, Eigen::Index steps, const std::vector<Eigen::Index>& velocity);
 
-    [[nodiscard]] Eigen::Index steps() const override { return steps_; }
-    [[nodiscard]] Eigen::Index dimension() const override { return field_.dimension(); }
-    [[nodiscard]] bool unknown_time() const override { return field_.autonomous(); }
-    [[nodiscard]] double share(Eigen::Index j) const override;
     [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
                                     std::span<const Eigen::Index> free) const override;
     [[nodiscard]] StepImage state(Eigen::Index j, const Eigen::VectorXd& z, double time,
@@ -31,7 +27,6 @@ public:
 
 private:
     const OrbitField& field_;
-    Eigen::Index steps_;
     std::vector<Eigen::Index> positions_;
     std::vector<Eigen::Index> velocities_;  ///< in the order of positions_
 };
@@ -39,12 +34,9 @@ private:
 /// Centred differences of the first-order system as one-step maps on z_k = (x_{k-1}, x_k).
 class CentredSteps final : public Discretisation {
 public:
-    CentredSteps(const OrbitField& field, Eigen::Index steps) : field_(field), steps_(steps) {}
+    CentredSteps(const OrbitField& field, Eigen::Index steps)
+        : Discretisation(equidistant(steps), 2 * field.dimension(), field.autonomous()), field_(field) {}
 
-    [[nodiscard]] Eigen::Index steps() const override { return steps_; }
-    [[nodiscard]] Eigen::Index dimension() const override { return 2 * field_.dimension(); }
-    [[nodiscard]] bool unknown_time() const override { return field_.autonomous(); }
-    [[nodiscard]] double share(Eigen::Index j) const override;
     [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
                                     std::span<const Eigen::Index> free) const override;
     [[nodiscard]] StepImage state(Eigen::Index j, const Eigen::VectorXd& z, double time,
@@ -56,7 +48,6 @@ public:
 
 private:
     const OrbitField& field_;
-    Eigen::Index steps_;
 };
 
 }  // namespace orbid::periodic

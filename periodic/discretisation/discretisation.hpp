@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -28,28 +30,38 @@ class Discretisation {
 public:
     virtual ~Discretisation() = default;
 
-    [[nodiscard]] virtual Eigen::Index steps() const = 0;
+    [[nodiscard]] Eigen::Index steps() const { return static_cast<Eigen::Index>(shares_.size()); }
     /// Length of z: a multiple of the model's dimension n; entries i, i + n, ... belong to coordinate i.
-    [[nodiscard]] virtual Eigen::Index dimension() const = 0;
+    [[nodiscard]] Eigen::Index dimension() const { return dimension_; }
     /// The period T is an unknown (autonomous flows).
-    [[nodiscard]] virtual bool unknown_time() const = 0;
+    [[nodiscard]] bool unknown_time() const { return unknown_time_; }
+    /// Where each z_j lies on the orbit: time since z_0 / T, ascending in [0, 1).
+    [[nodiscard]] const std::vector<double>& shares() const { return shares_; }
+    [[nodiscard]] double share(Eigen::Index j) const { return shares_[static_cast<std::size_t>(j)]; }
     /// F_j(z).
     [[nodiscard]] virtual StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
                                             std::span<const Eigen::Index> free) const = 0;
     /// The model's state at z_j, shape (n); by_state has shape (n, d).
     [[nodiscard]] virtual StepImage state(Eigen::Index j, const Eigen::VectorXd& z, double time,
                                           std::span<const Eigen::Index> free) const;
-    /// Where z_j lies on the orbit: time since z_0 / T, in [0, 1).
-    [[nodiscard]] virtual double share(Eigen::Index j) const = 0;
     /// n x n factors of the monodromy matrix, the first one applied first; `jacobians` are those of advance(). One per
     /// step, or several where steps are split to keep the digits of the small multipliers.
     [[nodiscard]] virtual std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
                                                                    const Eigen::MatrixXd& nodes, double time) const;
 
 protected:
-    Discretisation() = default;
+    Discretisation(std::vector<double> shares, Eigen::Index dimension, bool unknown_time)
+        : shares_(std::move(shares)), dimension_(dimension), unknown_time_(unknown_time) {}
     Discretisation(const Discretisation&) = default;
     Discretisation& operator=(const Discretisation&) = default;
+
+private:
+    std::vector<double> shares_;
+    Eigen::Index dimension_;
+    bool unknown_time_;
 };
+
+/// Shares of so many steps of equal length.
+[[nodiscard]] std::vector<double> equidistant(Eigen::Index steps);
 
 }  // namespace orbid::periodic

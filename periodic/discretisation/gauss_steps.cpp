@@ -11,11 +11,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 double GaussSteps::width(Index j) const {
-    const auto slot = static_cast<std::size_t>(j);
-    return (slot + 1 < mesh_.size() ? mesh_[slot + 1] : 1.0) - mesh_[slot];
+    return (j + 1 < steps() ? share(j + 1) : 1.0) - share(j);
 }
 
-std::vector<double> GaussSteps::shares(Index j) const {
+std::vector<double> GaussSteps::instants(Index j) const {
     std::vector<double> result;
     for (Index i = 0; i < method_.nodes.size(); ++i)
         result.push_back(share(j) + method_.nodes(i) * width(j));
@@ -38,12 +37,12 @@ MatrixXd GaussSteps::matrix(Index j, const MatrixXd& by_state) const {
 
 MatrixXd GaussSteps::slopes(Index j, const VectorXd& z, double time) const {
     const Index m = method_.nodes.size();
-    const std::vector<double> instants = shares(j);
-    MatrixXd k = field_.value(z.replicate(1, m), instants, time);
+    const std::vector<double> shares = instants(j);
+    MatrixXd k = field_.value(z.replicate(1, m), shares, time);
     // Squares its error from step to step; an interval that takes more is far too long for its polynomial.
     constexpr int most_steps = 15;
     for (int i = 0; i < most_steps; ++i) {
-        const FieldValues g = field_.values(states(j, z, k), instants, time, {});
+        const FieldValues g = field_.values(states(j, z, k), shares, time, {});
         if (!g.value.allFinite() || !g.by_state.allFinite()) return {};
         const VectorXd gap = (g.value - k).reshaped();
         const VectorXd step = models::LuFactor(matrix(j, g.by_state)).solve(gap);
@@ -66,7 +65,7 @@ StepImage GaussSteps::advance(Index j, const VectorXd& z, double time, std::span
     image.value = z + width(j) * k * method_.weights;
 
     // d k = (1 - h a J)^-1 (J dx + G_theta dtheta + G dlnT)
-    const FieldValues g = field_.values(states(j, z, k), shares(j), time, free);
+    const FieldValues g = field_.values(states(j, z, k), instants(j), time, free);
     MatrixXd right(n * m, n + f + (unknown_time() ? 1 : 0));
     for (Index i = 0; i < m; ++i) {
         right.block(n * i, 0, n, n) = g.by_state.middleCols(n * i, n);

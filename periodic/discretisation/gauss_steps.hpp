@@ -19,12 +19,8 @@ class GaussSteps final : public Discretisation {
 public:
     /// @param mesh  ascending shares of the orbit, the first one 0, all below 1.
     GaussSteps(const OrbitField& field, const GaussMethod& method, std::vector<double> mesh)
-        : field_(field), method_(method), mesh_(std::move(mesh)) {}
+        : Discretisation(std::move(mesh), field.dimension(), field.autonomous()), field_(field), method_(method) {}
 
-    [[nodiscard]] Eigen::Index steps() const override { return static_cast<Eigen::Index>(mesh_.size()); }
-    [[nodiscard]] Eigen::Index dimension() const override { return field_.dimension(); }
-    [[nodiscard]] bool unknown_time() const override { return field_.autonomous(); }
-    [[nodiscard]] double share(Eigen::Index j) const override { return mesh_[static_cast<std::size_t>(j)]; }
     [[nodiscard]] double width(Eigen::Index j) const;
     [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
                                     std::span<const Eigen::Index> free) const override;
@@ -34,14 +30,13 @@ public:
 
 private:
     /// Collocation points of interval j as shares.
-    [[nodiscard]] std::vector<double> shares(Eigen::Index j) const;
+    [[nodiscard]] std::vector<double> instants(Eigen::Index j) const;
     [[nodiscard]] Eigen::MatrixXd states(Eigen::Index j, const Eigen::VectorXd& z, const Eigen::MatrixXd& slopes) const;
     /// 1 - h a_il J_i, shape (n m, n m).
     [[nodiscard]] Eigen::MatrixXd matrix(Eigen::Index j, const Eigen::MatrixXd& by_state) const;
 
     const OrbitField& field_;
     const GaussMethod& method_;
-    std::vector<double> mesh_;
 };
 
 }  // namespace orbid::periodic

@@ -1,37 +1,22 @@
 #include "periodic/discretisation/shooting_steps.hpp"
 
+#include <algorithm>
 #include <cstddef>
 
 namespace orbid::periodic {
 
 using Eigen::Index;
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 FlowSteps::FlowSteps(const models::System& system, const VectorXd& theta, const ShootingMesh& mesh,
                      const models::FlowOptions& options)
-    : system_(system), theta_(theta), clock_(mesh.clock), segments_(mesh.segments), options_(options) {
-    double share = 0.0;
-    for (const Segment& segment : segments_) {
-        shares_.push_back(share);
-        share += segment.share;
-    }
-}
-
-Index FlowSteps::steps() const {
-    return static_cast<Index>(segments_.size());
-}
-
-Index FlowSteps::dimension() const {
-    return system_.dimension();
-}
-
-bool FlowSteps::unknown_time() const {
-    return system_.kind() == models::Kind::autonomous;
-}
-
-double FlowSteps::share(Index j) const {
-    return shares_[static_cast<std::size_t>(j)];
-}
+    : Discretisation(mesh.begins(), system.dimension(), system.kind() == models::Kind::autonomous),
+      system_(system),
+      theta_(theta),
+      clock_(mesh.clock),
+      segments_(mesh.segments),
+      options_(options) {}
 
 StepImage FlowSteps::advance(Index j, const VectorXd& z, double time, std::span<const Index> free) const {
     const Segment& segment = segments_[static_cast<std::size_t>(j)];
@@ -49,18 +34,18 @@ StepImage FlowSteps::advance(Index j, const VectorXd& z, double time, std::span<
     return image;
 }
 
-std::vector<Eigen::MatrixXd> FlowSteps::propagators(const std::vector<Eigen::MatrixXd>& jacobians,
-                                                    const Eigen::MatrixXd& nodes, double time) const {
+std::vector<MatrixXd> FlowSteps::propagators(const std::vector<MatrixXd>& jacobians, const MatrixXd& nodes,
+                                             double time) const {
     // Two digits; pieces of less gain nothing. Measured on cycles of the torque-driven pendulum up to period 12.
     constexpr double piece_growth = 1e2;
     if (system_.kind() == models::Kind::map) return jacobians;
-    std::vector<Eigen::MatrixXd> factors;
+    std::vector<MatrixXd> factors;
     for (std::size_t j = 0; j < jacobians.size(); ++j) {
         const int pieces = pieces_of(jacobians[j], piece_growth);
         const Segment& segment = segments_[j];
         const double length = (unknown_time() ? segment.share * time : segment.duration) / pieces;
-        std::vector<Eigen::MatrixXd> parts;
-        Eigen::VectorXd x = nodes.col(static_cast<Eigen::Index>(j));
+        std::vector<MatrixXd> parts;
+        VectorXd x = nodes.col(static_cast<Index>(j));
         for (int k = 0; pieces > 1 && k < pieces; ++k) {
             const double durations[] = {length};
             const double phase = segment.phase + (clock_ == models::Clock::phase ? k * length : 0.0);
@@ -74,6 +59,24 @@ std::vector<Eigen::MatrixXd> FlowSteps::propagators(const std::vector<Eigen::Mat
         factors.insert(factors.end(), parts.begin(), parts.end());
     }
     return factors;
+}
+
+bool grows_too_much(const models::System& system, const std::vector<MatrixXd>& jacobians,
+                    const ShootingOptions& options) {
+    return system.kind() != models::Kind::map &&
+           std::any_of(jacobians.begin(), jacobians.end(),
+                       [&](const MatrixXd& x) { return grows_beyond(x, options.segment_growth); });
+}
+
+ClosingError refine_and_close(const models::System& system, const VectorXd& theta, ShootingMesh& mesh,
+                              const ShootingOptions& options) {
+    const auto close = [&] {
+        return closing_error(FlowSteps(system, theta, mesh, options.flow), mesh.nodes, mesh.time);
+    };
+    ClosingError closing = close();
+    if (!closing.simulated || !grows_too_much(system, closing.jacobians, options)) return closing;
+    mesh = refined(system, theta, mesh, options.segment_growth, options.flow);
+    return close();
 }
 
 }  // namespace orbid::periodic

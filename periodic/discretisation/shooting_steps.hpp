@@ -6,8 +6,10 @@
 #include <Eigen/Core>
 
 #include "models/system/system.hpp"
+#include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/discretisation.hpp"
 #include "periodic/orbit/shooting_mesh.hpp"
+#include "periodic/orbit/solver_options.hpp"
 
 namespace orbid::periodic {
 
@@ -18,10 +20,6 @@ public:
     FlowSteps(const models::System& system, const Eigen::VectorXd& theta, const ShootingMesh& mesh,
               const models::FlowOptions& options);
 
-    [[nodiscard]] Eigen::Index steps() const override;
-    [[nodiscard]] Eigen::Index dimension() const override;
-    [[nodiscard]] bool unknown_time() const override;
-    [[nodiscard]] double share(Eigen::Index j) const override;
     [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
                                     std::span<const Eigen::Index> free) const override;
     /// Segments with large error growth are followed once more in pieces. If the largest singular value of a Jacobian
@@ -34,8 +32,16 @@ private:
     const Eigen::VectorXd& theta_;
     models::Clock clock_;
     std::vector<Segment> segments_;
-    std::vector<double> shares_;
     models::FlowOptions options_;
 };
+
+/// Errors grow too much over a segment with one of these Jacobians, so that the mesh needs further nodes.
+[[nodiscard]] bool grows_too_much(const models::System& system, const std::vector<Eigen::MatrixXd>& jacobians,
+                                  const ShootingOptions& options);
+
+/// The closing error at the nodes of a mesh, whole turns not taken off. The mesh gets further nodes first where errors
+/// grow too much.
+[[nodiscard]] ClosingError refine_and_close(const models::System& system, const Eigen::VectorXd& theta,
+                                            ShootingMesh& mesh, const ShootingOptions& options);
 
 }  // namespace orbid::periodic

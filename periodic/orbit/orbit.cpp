@@ -1,29 +1,14 @@
 #include "periodic/orbit/orbit.hpp"
 
+#include <cstddef>
+
 namespace orbid::periodic {
 
 std::string_view name(OrbitStatus status) {
-    switch (status) {
-        case OrbitStatus::converged:
-            return "converged";
-        case OrbitStatus::no_progress:
-            return "no_progress";
-        case OrbitStatus::iteration_limit:
-            return "iteration_limit";
-        case OrbitStatus::not_simulated:
-            return "not_simulated";
-        case OrbitStatus::singular:
-            return "singular";
-        case OrbitStatus::other_orbit:
-            return "other_orbit";
-        case OrbitStatus::shorter_period:
-            return "shorter_period";
-        case OrbitStatus::equilibrium:
-            return "equilibrium";
-        case OrbitStatus::period_vanished:
-            return "period_vanished";
-    }
-    return "unknown";
+    constexpr std::string_view names[] = {"converged",      "no_progress", "iteration_limit",
+                                          "not_simulated",  "singular",    "other_orbit",
+                                          "shorter_period", "equilibrium", "period_vanished"};
+    return names[static_cast<std::size_t>(status)];
 }
 
 }  // namespace orbid::periodic

@@ -28,6 +28,12 @@ enum class OrbitStatus {
 
 [[nodiscard]] std::string_view name(OrbitStatus status);
 
+/// An orbit was found, whichever.
+[[nodiscard]] constexpr bool is_orbit(OrbitStatus status) {
+    return status == OrbitStatus::converged || status == OrbitStatus::other_orbit ||
+           status == OrbitStatus::shorter_period;
+}
+
 /// A periodic orbit. Forced model or map: one node per period. Autonomous flow: its crossings of a section, or the
 /// nodes of its discretisation where no section was named.
 ///

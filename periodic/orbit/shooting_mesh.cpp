@@ -8,6 +8,7 @@
 #include <string>
 
 #include "models/arithmetic/singular_values.hpp"
+#include "periodic/orbit/coarse_flow.hpp"
 #include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
@@ -93,7 +94,21 @@ void check(const models::System& system, const VectorXd& theta, const StartingSo
     }
 }
 
+bool is_point(const ShootingMesh& mesh, std::size_t node) {
+    return std::find(mesh.points.begin(), mesh.points.end(), static_cast<Index>(node)) != mesh.points.end();
+}
+
 }  // namespace
+
+std::vector<double> ShootingMesh::begins() const {
+    std::vector<double> result;
+    double share = 0.0;
+    for (const Segment& segment : segments) {
+        result.push_back(share);
+        share += segment.share;
+    }
+    return result;
+}
 
 ShootingMesh mesh_from_guess(const models::System& system, const VectorXd& theta, const StartingSolution& start,
                              const models::FlowOptions& options) {
@@ -126,9 +141,7 @@ ShootingMesh mesh_from_guess(const models::System& system, const VectorXd& theta
 ShootingMesh refined(const models::System& system, const VectorXd& theta, const ShootingMesh& mesh, double growth,
                      const models::FlowOptions& options) {
     if (system.kind() == models::Kind::map || !mesh.simulated) return mesh;
-    models::FlowOptions coarse = options;
-    coarse.relative_tolerance = std::max(options.relative_tolerance, coarse_tolerance);
-    coarse.absolute_tolerance = std::max(options.absolute_tolerance, coarse_tolerance);
+    const models::FlowOptions coarse = coarsened(options, coarse_tolerance);
     const Index n = mesh.nodes.rows();
     ShootingMesh finer = mesh;
     finer.segments.clear();
@@ -149,8 +162,7 @@ ShootingMesh refined(const models::System& system, const VectorXd& theta, const 
         const double total = most.empty() ? 0.0 : most.back();
         const int pieces = std::clamp(static_cast<int>(std::ceil(total / std::log(growth))), 1, instants);
         double done = 0.0;
-        if (std::find(mesh.points.begin(), mesh.points.end(), static_cast<Index>(s)) != mesh.points.end())
-            finer.points.push_back(static_cast<Index>(nodes.size()));
+        if (is_point(mesh, s)) finer.points.push_back(static_cast<Index>(nodes.size()));
         nodes.push_back(start);
         const auto close_at = [&](double part) {
             const double share = part - done;
@@ -195,8 +207,7 @@ ShootingMesh split_uniformly(const models::System& system, const VectorXd& theta
             system.flow(mesh.nodes.col(static_cast<Index>(s)), whole.phase, durations, theta, mesh.clock, options);
         if (flow.status != models::FlowStatus::ok) return finer;
         finer.nodes.middleCols(first, pieces) = flow.states;
-        if (std::find(mesh.points.begin(), mesh.points.end(), static_cast<Index>(s)) != mesh.points.end())
-            finer.points.push_back(first);
+        if (is_point(mesh, s)) finer.points.push_back(first);
     }
     finer.simulated = mesh.simulated;
     return finer;

@@ -41,6 +41,9 @@ struct ShootingMesh {
     std::vector<Segment> segments;     ///< N
     std::vector<Eigen::Index> points;  ///< which nodes are the points of the starting solution
     double time = 0.0;                 ///< T [s]; iterations of a map
+
+    /// Shares of the orbit at which its segments begin.
+    [[nodiscard]] std::vector<double> begins() const;
 };
 
 /// The mesh through the points themselves, one segment from each to the next. Segments of autonomous flows last as long

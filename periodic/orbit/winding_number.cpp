@@ -71,15 +71,22 @@ MatrixXd wrapped_angles(MatrixXd difference, const std::vector<Index>& angles) {
     return difference;
 }
 
+MatrixXd begun_later(const MatrixXd& points, Index first) {
+    MatrixXd later(points.rows(), points.cols());
+    later << points.rightCols(points.cols() - first), points.leftCols(first);
+    return later;
+}
+
+double relative_size(const MatrixXd& difference, const VectorXd& scale) {
+    return (difference.array().colwise() / scale.array()).abs().maxCoeff();
+}
+
 int repeats_of(const MatrixXd& points, const std::vector<Index>& angles, const VectorXd& scale, double same) {
     const Index p = points.cols();
     for (Index d = 1; d < p; ++d) {
         if (p % d != 0) continue;
-        MatrixXd difference(points.rows(), p);
-        for (Index j = 0; j < p; ++j)
-            difference.col(j) = points.col((j + d) % p) - points.col(j);
-        difference = wrapped_angles(difference, angles);
-        if ((difference.array().colwise() / scale.array()).abs().maxCoeff() < same) return static_cast<int>(p / d);
+        const MatrixXd difference = wrapped_angles(begun_later(points, d) - points, angles);
+        if (relative_size(difference, scale) < same) return static_cast<int>(p / d);
     }
     return 1;
 }

@@ -34,6 +34,12 @@ namespace orbid::periodic {
 [[nodiscard]] int repeats_of(const Eigen::MatrixXd& points, const std::vector<Eigen::Index>& angles,
                              const Eigen::VectorXd& scale, double same = 1e-7);
 
+/// The points of a closed orbit in the order that begins with a later one.
+[[nodiscard]] Eigen::MatrixXd begun_later(const Eigen::MatrixXd& points, Eigen::Index first);
+
+/// Largest element relative to the scale of its row.
+[[nodiscard]] double relative_size(const Eigen::MatrixXd& difference, const Eigen::VectorXd& scale);
+
 /// Differences of states, in (-pi, pi] for angles. Shape (n, m).
 [[nodiscard]] Eigen::MatrixXd wrapped_angles(Eigen::MatrixXd difference, const std::vector<Eigen::Index>& angles);
 

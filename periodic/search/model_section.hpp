@@ -3,11 +3,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "models/system/system.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 
 namespace orbid::periodic {
 
@@ -19,6 +21,11 @@ struct ModelSection {
     double phase = 0.0;                      ///< [rad] (forced models)
     std::optional<models::Section> section;  ///< autonomous flows
     double longest = 0.0;                    ///< [s] allowed for a return (autonomous flows)
+
+    /// Points of a guess on it.
+    [[nodiscard]] StartingSolution start(Eigen::MatrixXd points) const {
+        return {std::move(points), {}, phase, section, 0.0};
+    }
 };
 
 /// Points of a section along the model's own trajectories, from random states.

@@ -22,14 +22,6 @@ constexpr double same_orbit = 1e-6;
 /// Components that differ by less are taken as equal when the first point is chosen.
 constexpr double tie = 1e-9;
 
-MatrixXd rotated(const MatrixXd& points, Index first) {
-    MatrixXd result(points.rows(), points.cols());
-    const Index p = points.cols();
-    result.leftCols(p - first) = points.rightCols(p - first);
-    result.rightCols(first) = points.leftCols(first);
-    return result;
-}
-
 /// Crossings of an autonomous orbit from its first point over one period.
 std::optional<MatrixXd> crossings_of(const ModelSection& section, const VectorXd& start, double time,
                                      std::size_t at_most, const models::FlowOptions& flow) {
@@ -56,7 +48,7 @@ MatrixXd in_canonical_order(const MatrixXd& points, const VectorXd& size) {
             break;
         }
     }
-    return rotated(points, first);
+    return begun_later(points, first);
 }
 
 std::optional<MatrixXd> mirror_image(const ModelSection& section, const PeriodicOrbit& orbit,
@@ -90,13 +82,6 @@ OrbitList::OrbitList(const ModelSection& section, VectorXd size, ShootingOptions
       size_(std::move(size)),
       solver_(std::move(solver)),
       angles_(angle_coordinates(section.system)) {}
-
-std::size_t OrbitList::count(int period) const {
-    std::size_t number = 0;
-    for (const FoundOrbit& found : orbits_)
-        number += found.orbit.period == period ? 1 : 0;
-    return number;
-}
 
 std::optional<std::size_t> OrbitList::find(const MatrixXd& points, double radius) const {
     const Index p = points.cols();
@@ -141,30 +126,24 @@ std::optional<std::size_t> OrbitList::insert(const MatrixXd& points, StartOrigin
     ShootingOptions options = solver_;
     options.maximum_distance = std::numeric_limits<double>::infinity();
     options.scale = size_;
-    StartingSolution start;
-    start.phase = section_.phase;
-    start.section = section_.section;
-    start.points = in_canonical_order(guess, size_);
-    PeriodicOrbit orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, options);
-    if (orbit.status != OrbitStatus::converged) return std::nullopt;
+    PeriodicOrbit orbit;
+    const auto solved = [&](const MatrixXd& from) {
+        const StartingSolution start = section_.start(in_canonical_order(from, size_));
+        orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, options);
+        return orbit.status == OrbitStatus::converged;
+    };
+    if (!solved(guess)) return std::nullopt;
     if (section_.section) {
         // An orbit may touch the section between the points of its guess, or cross one of them the other way.
         const auto crossed = crossings_of(section_, orbit.points.col(0), orbit.time,
                                           4 * static_cast<std::size_t>(orbit.period) + 4, solver_.flow);
         if (!crossed) return std::nullopt;
-        if (crossed->cols() != orbit.points.cols() || !crosses_forwards(orbit.points)) {
-            start.points = in_canonical_order(*crossed, size_);
-            orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, options);
-            if (orbit.status != OrbitStatus::converged) return std::nullopt;
-        }
+        const bool fits = crossed->cols() == orbit.points.cols() && crosses_forwards(orbit.points);
+        if (!fits && !solved(*crossed)) return std::nullopt;
     }
     // Newton's method may have left the guess, and the first point may have changed.
-    const MatrixXd ordered = in_canonical_order(orbit.points, size_);
-    if (ordered.col(0) != orbit.points.col(0)) {
-        start.points = ordered;
-        orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, options);
-        if (orbit.status != OrbitStatus::converged) return std::nullopt;
-    }
+    const MatrixXd found = orbit.points;
+    if (in_canonical_order(found, size_).col(0) != found.col(0) && !solved(found)) return std::nullopt;
     if (const auto known = find(orbit.points, same_orbit)) {
         ++orbits_[*known].hits;
         return std::nullopt;

@@ -27,8 +27,6 @@ public:
     std::optional<std::size_t> add(const Eigen::MatrixXd& points, StartOrigin origin, bool mirror);
 
     [[nodiscard]] const std::vector<FoundOrbit>& orbits() const { return orbits_; }
-    /// Number of orbits of one prime period.
-    [[nodiscard]] std::size_t count(int period) const;
     /// The known orbit that passes all these points, in their order, within `radius` of `size`; none if there is none.
     [[nodiscard]] std::optional<std::size_t> find(const Eigen::MatrixXd& points, double radius) const;
 

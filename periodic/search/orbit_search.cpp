@@ -86,21 +86,8 @@ std::vector<FoundOrbit> ordered(const std::vector<FoundOrbit>& found, const std:
 }  // namespace
 
 std::string_view name(StartOrigin origin) {
-    switch (origin) {
-        case StartOrigin::recurrence:
-            return "recurrence";
-        case StartOrigin::joined:
-            return "joined";
-        case StartOrigin::symmetry:
-            return "symmetry";
-        case StartOrigin::orbit:
-            return "orbit";
-        case StartOrigin::code:
-            return "code";
-        case StartOrigin::scattered:
-            return "scattered";
-    }
-    return "unknown";
+    constexpr std::string_view names[] = {"recurrence", "joined", "symmetry", "orbit", "code", "scattered"};
+    return names[static_cast<std::size_t>(origin)];
 }
 
 OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, const OrbitSearchOptions& options) {

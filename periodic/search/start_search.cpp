@@ -8,6 +8,7 @@
 #include <tbb/parallel_for.h>
 
 #include "models/arithmetic/splitmix64.hpp"
+#include "periodic/orbit/coarse_flow.hpp"
 #include "periodic/search/pseudo_orbit_start.hpp"
 #include "periodic/search/recurrence_start.hpp"
 #include "periodic/search/section_cell.hpp"
@@ -57,10 +58,7 @@ std::vector<double> section_signs(const ModelSection& section) {
 }  // namespace
 
 models::FlowOptions coarse_flow(const models::FlowOptions& flow) {
-    models::FlowOptions coarse = flow;
-    coarse.relative_tolerance = std::max(flow.relative_tolerance, coarse_tolerance);
-    coarse.absolute_tolerance = std::max(flow.absolute_tolerance, coarse_tolerance);
-    return coarse;
+    return coarsened(flow, coarse_tolerance);
 }
 
 StartSearch::StartSearch(const ModelSection& section, const OrbitSearchOptions& options, const SectionPieces& pieces)
@@ -87,10 +85,7 @@ void StartSearch::solve(std::size_t count, StartOrigin origin, const std::functi
         const std::size_t size = std::min(batch, count - done);
         std::vector<MatrixXd> closed(size);
         tbb::parallel_for(std::size_t{0}, size, [&](std::size_t k) {
-            StartingSolution start;
-            start.phase = section_.phase;
-            start.section = section_.section;
-            start.points = start_at(done + k);
+            const StartingSolution start = section_.start(start_at(done + k));
             if (start.points.cols() == 0) return;
             const PeriodicOrbit orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, coarse_);
             if (orbit.status == OrbitStatus::converged || orbit.status == OrbitStatus::shorter_period)

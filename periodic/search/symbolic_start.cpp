@@ -83,15 +83,12 @@ CodedOrbit SymbolicStarts::solve(const std::string& word, const ShootingOptions&
             throw std::invalid_argument("orbit from code: symbol '" + std::string(1, symbol) + "' is not among \"" +
                                         partition_.symbols + "\"");
     CodedOrbit result;
-    StartingSolution start;
-    start.phase = section_.phase;
-    start.section = section_.section;
     ShootingOptions shooting = options;
     shooting.maximum_distance = std::numeric_limits<double>::infinity();
     if (shooting.scale.size() == 0) shooting.scale = pieces_.size;
     for (std::size_t rank = 0; rank < tries && !result.found; ++rank) {
         int agreement = 0;
-        start.points = this->start(word, rank, agreement);
+        const StartingSolution start = section_.start(this->start(word, rank, agreement));
         if (rank == 0) result.agreement = agreement;
         if (start.points.cols() == 0) break;
         result.orbit = solve_multiple_shooting(section_.system, section_.theta, start, {}, shooting);

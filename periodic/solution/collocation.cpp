@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -21,39 +20,29 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-void require_collocation(bool holds, const std::string& message) {
-    if (!holds) throw std::invalid_argument("solve_collocation: " + message);
-}
+constexpr auto collocation_name = "solve_collocation";
 
-void check(const models::System& system, const CollocationOptions& options) {
-    require_collocation(system.kind() != models::Kind::map, "a map has no time derivative; use multiple shooting");
-    require_collocation(options.intervals >= 2, "intervals is " + std::to_string(options.intervals) + ", must be >= 2");
-    require_collocation(options.mesh_updates >= 0, "mesh_updates must be >= 0");
-    require_collocation(options.accuracy > 0.0, "accuracy must be > 0");
-    require_collocation(options.halvings >= 0, "halvings must be >= 0");
+void check(const CollocationOptions& options) {
+    const auto require = [](bool holds, const std::string& message) {
+        if (!holds) throw std::invalid_argument(std::string(collocation_name) + ": " + message);
+    };
+    require(options.intervals >= 2, "intervals is " + std::to_string(options.intervals) + ", must be >= 2");
+    require(options.mesh_updates >= 0, "mesh_updates must be >= 0");
+    require(options.accuracy > 0.0, "accuracy must be > 0");
+    require(options.halvings >= 0, "halvings must be >= 0");
 }
 
 /// A start that is solved on one mesh after the other.
 class Refinement {
 public:
-    Refinement(const models::System& system, const VectorXd& theta, const StartingSolution& start,
-               const FarStartSearch& near, const VectorXd& scale, const CollocationOptions& options)
-        : system_(system),
-          theta_(theta),
-          start_(start),
-          options_(options),
-          field_(system, theta, start.phase, start.points.cols()),
-          method_(gauss_method(options.stages)),
+    /// @param problem  with the scale among its options.
+    Refinement(const OrbitProblem& problem, const FarStartSearch& near, int stages)
+        : problem_(problem),
+          field_(problem.system, problem.theta, problem.start.phase, problem.start.points.cols()),
+          method_(gauss_method(stages)),
+          points_(problem.without_section() ? std::vector<double>{0.0} : near.mesh.begins()),
           rotation_(near.rotation),
-          time_(near.mesh.time) {
-        options_.solver.scale = scale;
-        double share = 0.0;
-        for (const Segment& segment : near.mesh.segments) {
-            points_.push_back(share);
-            share += segment.share;
-        }
-        if (system.kind() == models::Kind::autonomous && !start.section) points_ = {0.0};
-    }
+          time_(near.mesh.time) {}
 
     /// Solves on a mesh, with the guess at its points. Later guesses come from the solution.
     PeriodicOrbit solve(const std::vector<double>& mesh, MatrixXd guess, std::span<const Index> free) {
@@ -63,33 +52,28 @@ public:
         first.time = time_;
         first.points = points_;
         first.rotation = rotation_;
-        first.closing =
-            closing_error(steps, first.nodes, time_, MatrixXd::Zero(first.nodes.rows(), first.nodes.cols()));
-        DiscreteSolution solution = solve_discrete(system_, theta_, start_, steps, first, free, options_.solver);
-        if (solved(solution.orbit)) {
+        first.closing = closing_error(steps, first.nodes, time_);
+        DiscreteSolution solution =
+            solve_discrete({problem_.system, problem_.theta, problem_.start, free, problem_.options}, steps, first);
+        if (is_orbit(solution.orbit.status)) {
             time_ = solution.orbit.time;
             polynomial_ = piecewise_polynomial(steps, solution.nodes, time_);
         }
         return std::move(solution.orbit);
     }
 
-    /// An orbit was found, whichever.
-    [[nodiscard]] static bool solved(const PeriodicOrbit& orbit) {
-        return orbit.status == OrbitStatus::converged || orbit.status == OrbitStatus::other_orbit ||
-               orbit.status == OrbitStatus::shorter_period;
+    /// The solution can be looked at on another mesh.
+    [[nodiscard]] bool can_move(const PeriodicOrbit& orbit) const {
+        return is_orbit(orbit.status) && !polynomial_.slopes.empty();
     }
-    [[nodiscard]] bool can_move() const { return !polynomial_.slopes.empty(); }
     [[nodiscard]] std::vector<double> moved() const {
-        return equidistributed(polynomial_, method_, options_.solver.scale);
+        return equidistributed(polynomial_, method_, problem_.options.scale);
     }
     [[nodiscard]] std::vector<double> finer() const { return halved(polynomial_.mesh); }
     [[nodiscard]] MatrixXd at(const std::vector<double>& mesh) const { return polynomial_.at(mesh, method_); }
 
 private:
-    const models::System& system_;
-    const VectorXd& theta_;
-    const StartingSolution& start_;
-    CollocationOptions options_;
+    const OrbitProblem& problem_;
     OrbitField field_;
     GaussMethod method_;
     std::vector<double> points_;
@@ -102,23 +86,20 @@ private:
 
 PeriodicOrbit solve_collocation(const models::System& system, const VectorXd& theta, const StartingSolution& start,
                                 std::span<const Index> free, const CollocationOptions& options) {
-    check(system, options);
-    validate(system, free, options.solver);
+    require_flow(system, collocation_name);
+    check(options);
+    validate({system, theta, start, free, options.solver});
     const ShootingMesh course = mesh_from_guess(system, theta, start, options.solver.flow);
-    require_collocation(system.smooth(theta),
-                        std::string(system.name()) + " is not smooth at these parameters; use multiple shooting");
-    PeriodicOrbit orbit;
-    orbit.status = OrbitStatus::not_simulated;
-    orbit.period = static_cast<int>(start.points.cols());
+    ShootingOptions solver = options.solver;
+    const OrbitProblem problem{system, theta, start, free, solver};
+    require_smooth(problem, collocation_name);
+    solver.scale = problem.scale();
+    PeriodicOrbit orbit = problem.unsolved(OrbitStatus::not_simulated);
     if (!course.simulated) return orbit;
-    const VectorXd scale = options.solver.scale.size() > 0 ? options.solver.scale : default_scale(system, start.points);
-    const FarStartSearch near = improve_guess(system, theta, course, start, scale, options.solver);
-    Refinement refinement(system, theta, start, near, scale, options);
+    const FarStartSearch near = improve_guess(problem, course);
+    Refinement refinement(problem, near, options.stages);
 
-    const Index intervals = options.intervals * start.points.cols();
-    std::vector<double> mesh;
-    for (Index j = 0; j < intervals; ++j)
-        mesh.push_back(static_cast<double>(j) / static_cast<double>(intervals));
+    const std::vector<double> mesh = equidistant(options.intervals * start.points.cols());
     const SampledMesh guess = sampled(system, theta, near.mesh, mesh, options.solver.flow);
     if (!guess.simulated) return orbit;
     const bool single = options.mesh_updates == 0 && options.halvings == 0;
@@ -130,7 +111,7 @@ PeriodicOrbit solve_collocation(const models::System& system, const VectorXd& th
         orbit.iterations += iterations;
     };
     for (int i = 0; i < options.mesh_updates; ++i) {
-        if (!Refinement::solved(orbit) || !refinement.can_move()) return orbit;
+        if (!refinement.can_move(orbit)) return orbit;
         again(refinement.moved(), options.halvings == 0 && i + 1 == options.mesh_updates);
     }
     orbit.discretisation_error = std::numeric_limits<double>::quiet_NaN();
@@ -139,12 +120,12 @@ PeriodicOrbit solve_collocation(const models::System& system, const VectorXd& th
     // Reductions seen there are erratic, and dividing by 4^m - 1 gave estimates 100 times too small.
     constexpr double reduction = 4.0;
     for (int i = 0; i < options.halvings; ++i) {
-        if (!Refinement::solved(orbit) || !refinement.can_move()) return orbit;
+        if (!refinement.can_move(orbit)) return orbit;
         const MatrixXd coarse = orbit.points;
         const double coarse_time = orbit.time;
         again(refinement.finer(), true);
-        if (!Refinement::solved(orbit)) return orbit;
-        const double difference = std::max(relative_size(wrapped_angles(orbit.points - coarse, angles), scale),
+        if (!is_orbit(orbit.status)) return orbit;
+        const double difference = std::max(relative_size(wrapped_angles(orbit.points - coarse, angles), solver.scale),
                                            std::abs(orbit.time / coarse_time - 1.0));
         orbit.discretisation_error = difference / (reduction - 1.0);
         if (orbit.discretisation_error <= options.accuracy) break;

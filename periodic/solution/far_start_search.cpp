@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "periodic/discretisation/shooting_steps.hpp"
+#include "periodic/orbit/coarse_flow.hpp"
 #include "periodic/orbit/full_turn.hpp"
 #include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/guess_correction.hpp"
@@ -44,47 +45,47 @@ double distance(const NewtonResult& found, const ShootingMesh& guess, const Vect
     return sum;
 }
 
-VectorXd shares(const ShootingMesh& mesh) {
-    VectorXd result(mesh.nodes.cols());
-    double share = 0.0;
-    for (Index j = 0; j < result.size(); ++j) {
-        result(j) = share;
-        share += mesh.segments[static_cast<std::size_t>(j)].share;
-    }
-    return result;
-}
-
-ShootingOptions coarsened(const ShootingOptions& options) {
-    ShootingOptions coarse = options;
-    coarse.flow.relative_tolerance = std::max(options.flow.relative_tolerance, coarse_tolerance);
-    coarse.flow.absolute_tolerance = std::max(options.flow.absolute_tolerance, coarse_tolerance);
-    coarse.tolerance = std::max(options.tolerance, coarsely_closed);
-    return coarse;
+/// The mesh through the nodes that were found.
+ShootingMesh moved(ShootingMesh mesh, const NewtonResult& found, bool autonomous) {
+    mesh.nodes = found.nodes;
+    if (!autonomous) return mesh;
+    for (Segment& segment : mesh.segments)
+        segment.duration = segment.duration * found.time / mesh.time;
+    mesh.time = found.time;
+    return mesh;
 }
 
 }  // namespace
 
-FarStartSearch improve_guess(const models::System& system, const VectorXd& theta, const ShootingMesh& mesh,
-                             const StartingSolution& start, const VectorXd& scale, const ShootingOptions& options) {
+FarStartSearch improve_guess(const OrbitProblem& problem, const ShootingMesh& mesh) {
+    const models::System& system = problem.system;
+    const StartingSolution& start = problem.start;
+    const ShootingOptions& options = problem.options;
+    const VectorXd scale = problem.scale();
     FarStartSearch result{mesh, false, {}, 0};
     if (!mesh.simulated) return result;
-    ShootingOptions coarse = coarsened(options);
-    const FlowSteps steps(system, theta, mesh, coarse.flow);
-    const ClosingError first =
-        closing_error(steps, mesh.nodes, mesh.time, MatrixXd::Zero(mesh.nodes.rows(), mesh.nodes.cols()));
+    ShootingOptions coarse = options;
+    coarse.flow = coarsened(options.flow, coarse_tolerance);
+    coarse.tolerance = std::max(options.tolerance, coarsely_closed);
+    const FlowSteps steps(system, problem.theta, mesh, coarse.flow);
+    const ClosingError first = closing_error(steps, mesh.nodes, mesh.time);
     if (!first.simulated) return result;
     const std::vector<Index> angles = angle_coordinates(system);
     const MatrixXd nearest = winding_numbers(first.error, angles, start.rotation);
     const MatrixXd likely = likely_turns(first, nearest, angles, scale, start.rotation);
     result.rotation = total_rotation(likely, angles);
-    const auto condition = phase_condition(system, theta, mesh.nodes, shares(mesh), start.section, options.phase);
+    const auto condition =
+        phase_condition(system, problem.theta, mesh.nodes, steps.shares(), start.section, options.phase);
 
-    const auto solve = [&](const MatrixXd& turns, bool carefully) {
+    const auto taken_off = [&](const MatrixXd& turns) {
         ClosingError closing = first;
         closing.error -= full_turn * turns;
-        if (!carefully)
-            return newton(steps, mesh.nodes, mesh.time, std::move(closing), turns, condition, scale, coarse);
-        CorrectedGuess corrected = corrected_guess(steps, mesh.nodes, mesh.time, closing, turns, mesh.points, scale);
+        return closing;
+    };
+    const auto solve = [&](const MatrixXd& turns, bool carefully) {
+        if (!carefully) return newton(steps, mesh.nodes, mesh.time, taken_off(turns), turns, condition, scale, coarse);
+        CorrectedGuess corrected =
+            corrected_guess(steps, mesh.nodes, mesh.time, taken_off(turns), turns, mesh.points, scale);
         if (!corrected.closed) return NewtonResult{};
         return newton(steps, corrected.nodes, corrected.time, std::move(corrected.closing), turns, condition, scale,
                       coarse);
@@ -93,15 +94,7 @@ FarStartSearch improve_guess(const models::System& system, const VectorXd& theta
     const auto consider = [&](const NewtonResult& found, const MatrixXd& turns) {
         if (found.status != OrbitStatus::converged || !(distance(found, mesh, scale) < best)) return;
         best = distance(found, mesh, scale);
-        result.mesh.nodes = found.nodes;
-        if (system.kind() == models::Kind::autonomous) {
-            result.mesh.time = found.time;
-            for (std::size_t j = 0; j < mesh.segments.size(); ++j)
-                result.mesh.segments[j].duration = mesh.segments[j].duration * found.time / mesh.time;
-        }
-        result.rotation = total_rotation(turns, angles);
-        result.closed = true;
-        result.iterations = found.iterations;
+        result = {moved(mesh, found, problem.autonomous()), true, total_rotation(turns, angles), found.iterations};
     };
     // A map has no coarse image: its first step tells whether Newton's method needs no help.
     const bool map = system.kind() == models::Kind::map;
@@ -110,9 +103,7 @@ FarStartSearch improve_guess(const models::System& system, const VectorXd& theta
     const auto trusted = [&] {
         if (!options.nearest) return true;
         if (!(direct.contraction < contracting)) return false;
-        ClosingError closing = first;
-        closing.error -= full_turn * likely;
-        return direct.first_step <= needlessly_long * shortest_correction(closing, scale, weight_of_rest);
+        return direct.first_step <= needlessly_long * shortest_correction(taken_off(likely), scale, weight_of_rest);
     };
     if (map && trusted()) return result;
     coarse.maximum_iterations = options.maximum_iterations;

@@ -2,11 +2,8 @@
 
 #include <vector>
 
-#include <Eigen/Core>
-
-#include "models/system/system.hpp"
 #include "periodic/orbit/shooting_mesh.hpp"
-#include "periodic/orbit/solver_options.hpp"
+#include "periodic/solution/orbit_problem.hpp"
 
 namespace orbid::periodic {
 
@@ -22,10 +19,7 @@ struct FarStartSearch {
 /// step of Newton's method does not contract, they look for the orbit nearest to the guess instead (corrected_guess()).
 /// The accurate computation that follows then starts from the right place.
 ///
-/// @param mesh  through the points of `start`.
-/// @param scale   typical size of each coordinate.
-[[nodiscard]] FarStartSearch improve_guess(const models::System& system, const Eigen::VectorXd& theta,
-                                           const ShootingMesh& mesh, const StartingSolution& start,
-                                           const Eigen::VectorXd& scale, const ShootingOptions& options);
+/// @param mesh  through the points of the problem's start.
+[[nodiscard]] FarStartSearch improve_guess(const OrbitProblem& problem, const ShootingMesh& mesh);
 
 }  // namespace orbid::periodic

@@ -4,11 +4,11 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <numbers>
 #include <stdexcept>
 #include <string>
 
 #include "periodic/discretisation/difference_steps.hpp"
+#include "periodic/orbit/full_turn.hpp"
 #include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/far_start_search.hpp"
 #include "periodic/solution/orbit_solution.hpp"
@@ -25,39 +25,30 @@ double scattered(int k) {
     return 2.0 * std::fmod(0.6180339887498949 * (k + 1), 1.0) - 1.0;
 }
 
-PeriodicOrbit solve_on(Index steps, const models::System& system, const VectorXd& theta, const StartingSolution& start,
-                       const FarStartSearch& near, const VectorXd& scale, std::span<const Index> free,
-                       const FiniteDifferenceOptions& options) {
-    const ShootingMesh& mesh = near.mesh;
-    PeriodicOrbit failed;
-    failed.status = OrbitStatus::not_simulated;
-    failed.period = static_cast<int>(start.points.cols());
+constexpr auto finite_difference_name = "solve_finite_difference";
+
+/// @param problem  with the scale among its options.
+PeriodicOrbit solve_on(Index steps, const OrbitProblem& problem, const FarStartSearch& near, bool second_order) {
+    const auto& [system, theta, start, free, options] = problem;
     const Index n = system.dimension();
     const OrbitField field(system, theta, start.phase, start.points.cols());
 
     // At the nodes, and midway between them for the velocities of Fey's scheme.
-    std::vector<double> shares;
-    for (Index k = 0; k < 2 * steps; ++k)
-        shares.push_back(static_cast<double>(k) / static_cast<double>(2 * steps));
-    const SampledMesh guess = sampled(system, theta, mesh, shares, options.solver.flow);
-    if (!guess.simulated) return failed;
-    const VectorXd turns = 2.0 * std::numbers::pi * guess.turns;
+    const SampledMesh guess = sampled(system, theta, near.mesh, equidistant(2 * steps), options.flow);
+    if (!guess.simulated) return problem.unsolved(OrbitStatus::not_simulated);
+    const VectorXd turns = full_turn * guess.turns;
     const auto at_half = [&](Index k) -> VectorXd {
         return k >= 0 ? VectorXd(guess.states.col(k)) : VectorXd(guess.states.col(k + 2 * steps) - turns);
     };
 
     DiscreteStart first;
-    first.time = mesh.time;
+    first.time = near.mesh.time;
     first.rotation = near.rotation;
     first.iterations = near.iterations;
-    double share = 0.0;
-    for (const Segment& segment : mesh.segments) {
-        first.points.push_back(share);
-        share += segment.share;
-    }
-    const SecondOrderStructure structure = second_order_structure(system, theta, guess.states, scale);
+    if (!problem.without_section()) first.points = near.mesh.begins();
+    const SecondOrderStructure structure = second_order_structure(system, theta, guess.states, options.scale);
     std::unique_ptr<Discretisation> scheme;
-    if (options.second_order && structure.complete) {
+    if (second_order && structure.complete) {
         scheme = std::make_unique<SecondOrderSteps>(field, steps, structure.velocity);
         first.nodes.resize(n, steps);
         for (Index k = 0; k < steps; ++k) {
@@ -72,11 +63,8 @@ PeriodicOrbit solve_on(Index steps, const models::System& system, const VectorXd
         for (Index k = 0; k < steps; ++k)
             first.nodes.col(k) << at_half(2 * k - 2), at_half(2 * k);
     }
-    if (system.kind() == models::Kind::autonomous && !start.section) first.points.clear();
-    first.closing = closing_error(*scheme, first.nodes, first.time, MatrixXd::Zero(first.nodes.rows(), steps));
-    ShootingOptions solver = options.solver;
-    solver.scale = scale;
-    return solve_discrete(system, theta, start, *scheme, first, free, solver).orbit;
+    first.closing = closing_error(*scheme, first.nodes, first.time);
+    return solve_discrete(problem, *scheme, first).orbit;
 }
 
 }  // namespace
@@ -117,30 +105,26 @@ SecondOrderStructure second_order_structure(const models::System& system, const 
 PeriodicOrbit solve_finite_difference(const models::System& system, const VectorXd& theta,
                                       const StartingSolution& start, std::span<const Index> free,
                                       const FiniteDifferenceOptions& options) {
-    if (system.kind() == models::Kind::map)
-        throw std::invalid_argument("solve_finite_difference: a map has no time derivative; use multiple shooting");
+    require_flow(system, finite_difference_name);
     if (!(options.nodes >= 5))
-        throw std::invalid_argument("solve_finite_difference: nodes is " + std::to_string(options.nodes) +
-                                    ", must be >= 5");
-    validate(system, free, options.solver);
-    const ShootingMesh mesh = mesh_from_guess(system, theta, start, options.solver.flow);
-    if (!system.smooth(theta))
-        throw std::invalid_argument("solve_finite_difference: " + std::string(system.name()) +
-                                    " is not smooth at these parameters; use multiple shooting");
-    PeriodicOrbit orbit;
-    orbit.status = OrbitStatus::not_simulated;
-    orbit.period = static_cast<int>(start.points.cols());
-    if (!mesh.simulated) return orbit;
-    const VectorXd scale = options.solver.scale.size() > 0 ? options.solver.scale : default_scale(system, start.points);
-    const FarStartSearch near = improve_guess(system, theta, mesh, start, scale, options.solver);
+        throw std::invalid_argument(std::string(finite_difference_name) + ": nodes is " +
+                                    std::to_string(options.nodes) + ", must be >= 5");
+    ShootingOptions solver = options.solver;
+    const OrbitProblem problem{system, theta, start, free, solver};
+    validate(problem);
+    const ShootingMesh mesh = mesh_from_guess(system, theta, start, solver.flow);
+    require_smooth(problem, finite_difference_name);
+    solver.scale = problem.scale();
+    if (!mesh.simulated) return problem.unsolved(OrbitStatus::not_simulated);
+    const FarStartSearch near = improve_guess(problem, mesh);
     const auto solve = [&](Index nodes, std::span<const Index> wanted) {
         Index steps = nodes * start.points.cols();
         const bool pairs = options.second_order &&
-                           second_order_structure(system, theta, start.points.replicate(1, 30), scale).complete;
+                           second_order_structure(system, theta, start.points.replicate(1, 30), solver.scale).complete;
         if (!pairs && steps % 2 == 0) ++steps;
-        return solve_on(steps, system, theta, start, near, scale, wanted, options);
+        return solve_on(steps, {system, theta, start, wanted, solver}, near, options.second_order);
     };
-    orbit = solve(options.nodes, free);
+    PeriodicOrbit orbit = solve(options.nodes, free);
     orbit.discretisation_error = std::numeric_limits<double>::quiet_NaN();
     if (!options.estimate_error || orbit.status != OrbitStatus::converged) return orbit;
     const PeriodicOrbit coarse = solve(std::max(5, options.nodes / 2), {});
@@ -150,7 +134,7 @@ PeriodicOrbit solve_finite_difference(const models::System& system, const Vector
     const MatrixXd difference = orbit.points.cols() == coarse.points.cols()
                                     ? MatrixXd(orbit.points - coarse.points)
                                     : MatrixXd(orbit.points.col(0) - coarse.points.col(0));
-    orbit.discretisation_error = relative_size(wrapped_angles(difference, angles), scale) / 3.0;
+    orbit.discretisation_error = relative_size(wrapped_angles(difference, angles), solver.scale) / 3.0;
     return orbit;
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "periodic/discretisation/cyclic_system.hpp"
+#include "periodic/orbit/winding_number.hpp"
 
 namespace orbid::periodic {
 namespace {
@@ -152,10 +153,6 @@ OrbitStatus damped_step(const NewtonProblem& problem, const Linearisation& matri
 }
 
 }  // namespace
-
-double relative_size(const MatrixXd& difference, const VectorXd& scale) {
-    return (difference.array().colwise() / scale.array()).abs().maxCoeff();
-}
 
 NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start, double time, ClosingError first,
                     const MatrixXd& turns, const std::optional<PhaseCondition>& condition, const VectorXd& scale,

@@ -49,7 +49,4 @@ struct NewtonResult {
                                                  const std::optional<PhaseCondition>& condition,
                                                  const Eigen::VectorXd& scale, std::span<const Eigen::Index> free);
 
-/// Largest element relative to the scale of its row.
-[[nodiscard]] double relative_size(const Eigen::MatrixXd& difference, const Eigen::VectorXd& scale);
-
 }  // namespace orbid::periodic

@@ -22,40 +22,33 @@ struct Instant {
     double time = 0.0;  ///< since the first node [s]
 };
 
-class Report {
-public:
-    Report(const models::System& system, const VectorXd& theta, const StartingSolution& start,
-           const Discretisation& discretisation, const MatrixXd& nodes, const MatrixXd& sensitivities, double time,
-           std::span<const Index> free, const models::FlowOptions& options)
-        : system_(system),
-          theta_(theta),
-          start_(start),
-          discretisation_(discretisation),
-          nodes_(nodes),
-          sensitivities_(sensitivities),
-          time_(time),
-          free_(free),
-          options_(options) {}
+/// A solved orbit, of which any instant can be asked.
+struct SolvedOrbit {
+    const OrbitProblem& problem;
+    const Discretisation& discretisation;
+    const MatrixXd& nodes;
+    const MatrixXd& sensitivities;
+    double time;
 
     /// The last node at or before a share (strictly before: `strictly`), or the first one.
     [[nodiscard]] Index node_before(double share, bool strictly) const {
         Index node = 0;
-        for (Index j = 1; j < nodes_.cols(); ++j)
-            if (discretisation_.share(j) < share + (strictly ? -same_share : same_share)) node = j;
+        for (Index j = 1; j < nodes.cols(); ++j)
+            if (discretisation.share(j) < share + (strictly ? -same_share : same_share)) node = j;
         return node;
     }
 
     [[nodiscard]] bool is_node(double share) const {
-        return std::abs(discretisation_.share(node_before(share, false)) - share) <= same_share;
+        return std::abs(discretisation.share(node_before(share, false)) - share) <= same_share;
     }
 
     [[nodiscard]] Instant at_node(Index j) const {
-        const StepImage x = discretisation_.state(j, nodes_.col(j), time_, free_);
-        Instant instant{x.simulated, x.value, {}, discretisation_.share(j) * time_};
-        if (free_.empty() || !x.simulated) return instant;
-        const Index d = nodes_.rows();
-        instant.sensitivity = x.by_state * sensitivities_.middleRows(d * j, d) + x.by_parameters;
-        if (discretisation_.unknown_time()) instant.sensitivity += x.by_ln_time * sensitivities_.bottomRows(1);
+        const StepImage x = discretisation.state(j, nodes.col(j), time, problem.free);
+        Instant instant{x.simulated, x.value, {}, discretisation.share(j) * time};
+        if (problem.free.empty() || !x.simulated) return instant;
+        const Index d = nodes.rows();
+        instant.sensitivity = x.by_state * sensitivities.middleRows(d * j, d) + x.by_parameters;
+        if (discretisation.unknown_time()) instant.sensitivity += x.by_ln_time * sensitivities.bottomRows(1);
         return instant;
     }
 
@@ -64,14 +57,14 @@ public:
         const Index j = node_before(share, false);
         Instant instant = at_node(j);
         if (!instant.simulated) return instant;
-        const double periods = static_cast<double>(start_.points.cols());
-        const double orbit = periods * system_.period(theta_, models::Clock::phase);
-        const double durations[] = {(share - discretisation_.share(j)) * orbit};
-        const auto flow = system_.flow_with_sensitivities(
-            instant.state, start_.phase + std::fmod(discretisation_.share(j) * orbit, 2.0 * std::numbers::pi),
-            durations, theta_, free_, models::Clock::phase, options_);
+        const double periods = static_cast<double>(problem.start.points.cols());
+        const double orbit = periods * problem.system.period(problem.theta, models::Clock::phase);
+        const double durations[] = {(share - discretisation.share(j)) * orbit};
+        const auto flow = problem.system.flow_with_sensitivities(
+            instant.state, problem.start.phase + std::fmod(discretisation.share(j) * orbit, 2.0 * std::numbers::pi),
+            durations, problem.theta, problem.free, models::Clock::phase, problem.options.flow);
         instant.simulated = flow.status == models::FlowStatus::ok;
-        instant.time = share * time_;
+        instant.time = share * time;
         move(instant, flow.states, flow.sensitivities);
         return instant;
     }
@@ -81,10 +74,10 @@ public:
         const Index j = node_before(share, true);
         Instant instant = at_node(j);
         if (!instant.simulated) return instant;
-        const double expected = share * time_ - instant.time;
+        const double expected = share * time - instant.time;
         // A node that lies on the section may be off it by rounding, and then crosses it at once.
-        const auto crossing =
-            system_.crossings(instant.state, *start_.section, 2, 2.0 * expected, theta_, free_, options_);
+        const auto crossing = problem.system.crossings(instant.state, *problem.start.section, 2, 2.0 * expected,
+                                                       problem.theta, problem.free, problem.options.flow);
         Index nearest = -1;
         for (Index k = 0; k < crossing.times.size(); ++k)
             if (nearest < 0 || std::abs(crossing.times(k) - expected) < std::abs(crossing.times(nearest) - expected))
@@ -92,43 +85,30 @@ public:
         instant.simulated = nearest >= 0;
         if (nearest < 0) return instant;
         instant.time += crossing.times(nearest);
-        const Index directions = nodes_free() + system_.dimension();
+        const Index directions = free_count() + problem.system.dimension();
         move(instant, crossing.states.col(nearest),
              crossing.sensitivities.middleCols(nearest * directions, directions));
         return instant;
     }
 
-private:
-    [[nodiscard]] Index nodes_free() const { return static_cast<Index>(free_.size()); }
+    [[nodiscard]] Index free_count() const { return static_cast<Index>(problem.free.size()); }
 
     void move(Instant& instant, const MatrixXd& state, const MatrixXd& derivative) const {
         if (!instant.simulated) return;
         instant.state = state.col(0);
-        if (free_.empty()) return;
-        const Index n = system_.dimension();
-        instant.sensitivity = derivative.leftCols(n) * instant.sensitivity + derivative.rightCols(nodes_free());
+        if (problem.free.empty()) return;
+        const Index n = problem.system.dimension();
+        instant.sensitivity = derivative.leftCols(n) * instant.sensitivity + derivative.rightCols(free_count());
     }
-
-    const models::System& system_;
-    const VectorXd& theta_;
-    const StartingSolution& start_;
-    const Discretisation& discretisation_;
-    const MatrixXd& nodes_;
-    const MatrixXd& sensitivities_;
-    double time_;
-    std::span<const Index> free_;
-    const models::FlowOptions& options_;
 };
 
 }  // namespace
 
-OrbitPoints points_at(const models::System& system, const VectorXd& theta, const StartingSolution& start,
-                      const Discretisation& discretisation, const MatrixXd& nodes, const MatrixXd& sensitivities,
-                      const std::vector<double>& shares, double time, std::span<const Index> free,
-                      const models::FlowOptions& options) {
-    const Report report(system, theta, start, discretisation, nodes, sensitivities, time, free, options);
-    const Index n = system.dimension();
-    const auto f = static_cast<Index>(free.size());
+OrbitPoints points_at(const OrbitProblem& problem, const Discretisation& discretisation, const MatrixXd& nodes,
+                      const MatrixXd& sensitivities, const std::vector<double>& shares, double time) {
+    const SolvedOrbit orbit{problem, discretisation, nodes, sensitivities, time};
+    const Index n = problem.system.dimension();
+    const Index f = orbit.free_count();
     const bool all = shares.empty();
     const Index count = all ? nodes.cols() : static_cast<Index>(shares.size());
     OrbitPoints points;
@@ -138,14 +118,14 @@ OrbitPoints points_at(const models::System& system, const VectorXd& theta, const
     bool only_nodes = true;
     for (Index k = 0; k < count; ++k) {
         const double share = all ? discretisation.share(k) : shares[static_cast<std::size_t>(k)];
-        const bool node = all || report.is_node(share);
+        const bool node = all || orbit.is_node(share);
         if (node)
-            points.nodes.push_back(all ? k : report.node_before(share, false));
+            points.nodes.push_back(all ? k : orbit.node_before(share, false));
         else
             only_nodes = false;
-        const Instant instant = k > 0 && start.section ? report.crossing_near(share)
-                                : node                 ? report.at_node(points.nodes.back())
-                                                       : report.between_nodes(share);
+        const Instant instant = k > 0 && problem.start.section ? orbit.crossing_near(share)
+                                : node                         ? orbit.at_node(points.nodes.back())
+                                                               : orbit.between_nodes(share);
         if (!instant.simulated) return points;
         points.states.col(k) = instant.state;
         points.times(k) = instant.time;

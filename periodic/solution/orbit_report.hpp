@@ -1,12 +1,11 @@
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "periodic/discretisation/discretisation.hpp"
-#include "periodic/orbit/shooting_mesh.hpp"
+#include "periodic/solution/orbit_problem.hpp"
 
 namespace orbid::periodic {
 
@@ -23,11 +22,9 @@ struct OrbitPoints {
 /// but the first one are crossings near those shares.
 ///
 /// @param sensitivities  of the nodes and ln T, from node_sensitivities(); empty: none wanted.
-[[nodiscard]] OrbitPoints points_at(const models::System& system, const Eigen::VectorXd& theta,
-                                    const StartingSolution& start, const Discretisation& discretisation,
+[[nodiscard]] OrbitPoints points_at(const OrbitProblem& problem, const Discretisation& discretisation,
                                     const Eigen::MatrixXd& nodes, const Eigen::MatrixXd& sensitivities,
-                                    const std::vector<double>& shares, double time, std::span<const Eigen::Index> free,
-                                    const models::FlowOptions& options);
+                                    const std::vector<double>& shares, double time);
 
 /// Products of the factors from each of these nodes to the next; empty for no nodes.
 [[nodiscard]] std::vector<Eigen::MatrixXd> merged_factors(const std::vector<Eigen::MatrixXd>& factors,

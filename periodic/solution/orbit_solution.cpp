@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <stdexcept>
-#include <string>
+#include <optional>
 #include <utility>
 
 #include "periodic/discretisation/closing_error.hpp"
 #include "periodic/orbit/full_turn.hpp"
 #include "periodic/orbit/winding_number.hpp"
-#include "periodic/solution/equilibrium.hpp"
+#include "periodic/solution/newton.hpp"
 #include "periodic/solution/orbit_report.hpp"
 #include "periodic/stability/floquet.hpp"
 
@@ -36,6 +35,17 @@ int repeats_in_time(const models::System& system, const VectorXd& theta, const V
     return 1;
 }
 
+bool at_equilibrium(const OrbitProblem& problem, const MatrixXd& states, double time, const VectorXd& scale) {
+    if (!problem.autonomous()) return false;
+    // Orbits smaller than this fraction of the scale cannot be distinguished from the equilibrium they surround. Their
+    // points are accurate to 1e-9 of it, so only three digits of their size would be known.
+    constexpr double smallest_orbit = 1e-6;
+    const VectorXd first = states.col(0);
+    const VectorXd way = time * problem.system.rhs(first, std::vector<double>{0.0}, problem.theta);
+    return relative_size(way, scale) < smallest_orbit &&
+           relative_size(states.colwise() - first, scale) < smallest_orbit;
+}
+
 MatrixXd states_of(const Discretisation& discretisation, const MatrixXd& nodes, double time, Index n) {
     MatrixXd states(n, nodes.cols());
     for (Index j = 0; j < nodes.cols(); ++j)
@@ -43,27 +53,25 @@ MatrixXd states_of(const Discretisation& discretisation, const MatrixXd& nodes, 
     return states;
 }
 
-std::optional<PhaseCondition> condition_at(const models::System& system, const VectorXd& theta,
-                                           const StartingSolution& start, const Discretisation& discretisation,
-                                           const DiscreteStart& first, PhaseChoice choice) {
-    VectorXd shares(discretisation.steps());
-    for (Index j = 0; j < shares.size(); ++j)
-        shares(j) = discretisation.share(j);
-    const bool on_plane = !discretisation.unknown_time() || start.section || choice != PhaseChoice::integral;
+std::optional<PhaseCondition> condition_at(const OrbitProblem& problem, const Discretisation& discretisation,
+                                           const DiscreteStart& first) {
+    const auto& [system, theta, start, free, options] = problem;
+    const bool on_plane = !discretisation.unknown_time() || start.section || options.phase != PhaseChoice::integral;
     return phase_condition(
         system, theta, on_plane ? start.points : states_of(discretisation, first.nodes, first.time, system.dimension()),
-        shares, start.section, choice);
+        discretisation.shares(), start.section, options.phase);
 }
 
 /// Whether the orbit is the one that was looked for: its distance from the guess, and how often it repeats itself.
-void compare_with_start(PeriodicOrbit& orbit, const models::System& system, const VectorXd& theta,
-                        const MatrixXd& guess, const MatrixXd& states, const VectorXd& scale,
-                        const ShootingOptions& options) {
+void compare_with_start(PeriodicOrbit& orbit, const OrbitProblem& problem, const MatrixXd& states,
+                        const VectorXd& scale) {
+    const auto& [system, theta, start, free, options] = problem;
     const std::vector<Index> angles = angle_coordinates(system);
-    const Index compared = orbit.points.cols() == guess.cols() ? guess.cols() : 1;
-    orbit.distance = relative_size(wrapped_angles(states.leftCols(compared) - guess.leftCols(compared), angles), scale);
+    const Index compared = orbit.points.cols() == start.points.cols() ? start.points.cols() : 1;
+    orbit.distance =
+        relative_size(wrapped_angles(states.leftCols(compared) - start.points.leftCols(compared), angles), scale);
     orbit.repeats = repeats_of(orbit.points, angles, scale);
-    if (system.kind() == models::Kind::autonomous && orbit.repeats == 1)
+    if (problem.autonomous() && orbit.repeats == 1)
         orbit.repeats = repeats_in_time(system, theta, states.col(0), orbit.time, angles, scale, options.flow);
     if (orbit.repeats > 1) {
         orbit.status = OrbitStatus::shorter_period;
@@ -72,30 +80,55 @@ void compare_with_start(PeriodicOrbit& orbit, const models::System& system, cons
     }
 }
 
-void require_orbit(bool holds, const std::string& message) {
-    if (!holds) throw std::invalid_argument("periodic orbit: " + message);
+/// What Newton's method worked with.
+struct DiscreteEquations {
+    const Discretisation& discretisation;
+    MatrixXd turns;
+    std::optional<PhaseCondition> condition;
+    VectorXd scale;  ///< of the nodes
+};
+
+/// Everything of a solved orbit: at its last nodes, whose steps are followed once more with the free parameters.
+void report(const OrbitProblem& problem, const DiscreteEquations& equations, const DiscreteStart& first,
+            const VectorXd& scale, DiscreteSolution& solution) {
+    const auto& [discretisation, turns, condition, node_scale] = equations;
+    PeriodicOrbit& orbit = solution.orbit;
+    const ClosingError closing = closing_error(discretisation, solution.nodes, orbit.time, turns, problem.free);
+    if (!closing.simulated) {
+        orbit.status = OrbitStatus::not_simulated;
+        return;
+    }
+    orbit.residual = closing.error.cwiseAbs().maxCoeff();
+    orbit.sticking = closing.sticking;
+    const std::vector<MatrixXd> factors = discretisation.propagators(closing.jacobians, solution.nodes, orbit.time);
+    orbit.multipliers = floquet_multipliers(condensed_factors(factors));
+    const bool autonomous = discretisation.unknown_time();
+    if (autonomous && !orbit.multipliers.empty()) orbit.trivial_multiplier = take_trivial(orbit.multipliers);
+    MatrixXd sensitivities;
+    if (!problem.free.empty()) {
+        sensitivities = node_sensitivities(discretisation, closing, solution.nodes, orbit.time, condition, node_scale,
+                                           problem.free);
+        if (autonomous) orbit.time_sensitivities = orbit.time * sensitivities.bottomRows(1);
+    }
+    const OrbitPoints reported =
+        points_at(problem, discretisation, solution.nodes, sensitivities, first.points, orbit.time);
+    if (!reported.simulated) {
+        orbit.status = OrbitStatus::not_simulated;
+        return;
+    }
+    orbit.times = reported.times;
+    orbit.sensitivities = reported.sensitivities;
+    orbit.jacobians =
+        merged_factors(factors.size() == closing.jacobians.size() ? factors : closing.jacobians, reported.nodes);
+    orbit.points = wrapped_angles(reported.states, angle_coordinates(problem.system));
+    compare_with_start(orbit, problem, reported.states, scale);
 }
 
 }  // namespace
 
-void validate(const models::System& system, std::span<const Index> free, const ShootingOptions& options) {
-    const auto parameters = static_cast<Index>(system.parameters().size());
-    for (const Index index : free)
-        require_orbit(index >= 0 && index < parameters,
-                      "free parameter " + std::to_string(index) + " is not in [0, " + std::to_string(parameters) + ")");
-    require_orbit(options.tolerance > 0.0, "tolerance must be > 0");
-    require_orbit(options.maximum_iterations > 0, "maximum_iterations must be > 0");
-    require_orbit(options.minimum_damping > 0.0 && options.minimum_damping < 1.0, "minimum_damping must lie in (0, 1)");
-    require_orbit(options.maximum_distance > 0.0, "maximum_distance must be > 0");
-    require_orbit(options.segment_growth > 1.0, "segment_growth must be > 1");
-    require_orbit(options.scale.size() == 0 || (options.scale.size() == system.dimension() &&
-                                                options.scale.allFinite() && options.scale.minCoeff() > 0.0),
-                  "scale must be empty or hold one finite value > 0 per coordinate");
-}
-
-DiscreteSolution solve_discrete(const models::System& system, const VectorXd& theta, const StartingSolution& start,
-                                const Discretisation& discretisation, const DiscreteStart& first,
-                                std::span<const Index> free, const ShootingOptions& options) {
+DiscreteSolution solve_discrete(const OrbitProblem& problem, const Discretisation& discretisation,
+                                const DiscreteStart& first) {
+    const auto& [system, theta, start, free, options] = problem;
     const Index n = system.dimension();
     const Index copies = discretisation.dimension() / n;
     const bool autonomous = discretisation.unknown_time();
@@ -103,77 +136,42 @@ DiscreteSolution solve_discrete(const models::System& system, const VectorXd& th
     const VectorXd scale = options.scale.size() > 0
                                ? options.scale
                                : default_scale(system, autonomous ? first.nodes.topRows(n) : start.points);
-    const VectorXd node_scale = scale.replicate(copies, 1);
 
-    DiscreteSolution solution;
+    DiscreteSolution solution{problem.unsolved(OrbitStatus::not_simulated), first.nodes};
     PeriodicOrbit& orbit = solution.orbit;
-    orbit.period = static_cast<int>(start.points.cols());
     orbit.time = first.time;
-    solution.nodes = first.nodes;
-    if (at_equilibrium(system, theta, start.points, first.time, scale)) {
+    if (at_equilibrium(problem, start.points, first.time, scale)) {
         orbit.status = OrbitStatus::equilibrium;
         orbit.points = start.points.col(0);
         return solution;
     }
-    if (!first.closing.simulated) {
-        orbit.status = OrbitStatus::not_simulated;
-        return solution;
-    }
+    if (!first.closing.simulated) return solution;
     ClosingError closing = first.closing;
-    const MatrixXd turns =
+    const DiscreteEquations equations{
+        discretisation,
         winding_numbers(closing.error.bottomRows(n), angles, first.rotation.empty() ? start.rotation : first.rotation)
-            .replicate(copies, 1);
-    closing.error -= full_turn * turns;
-    orbit.rotation = total_rotation(turns, angles);
+            .replicate(copies, 1),
+        condition_at(problem, discretisation, first), scale.replicate(copies, 1)};
+    closing.error -= full_turn * equations.turns;
+    orbit.rotation = total_rotation(equations.turns, angles);
 
-    const std::optional<PhaseCondition> condition =
-        condition_at(system, theta, start, discretisation, first, options.phase);
-    const NewtonResult newton_result =
-        newton(discretisation, first.nodes, first.time, std::move(closing), turns, condition, node_scale, options);
-    orbit.status = newton_result.status;
-    orbit.iterations = first.iterations + newton_result.iterations;
-    orbit.residual = newton_result.residual;
-    orbit.time = newton_result.time;
-    solution.nodes = newton_result.nodes;
+    const NewtonResult found = newton(discretisation, first.nodes, first.time, std::move(closing), equations.turns,
+                                      equations.condition, equations.scale, options);
+    orbit.status = found.status;
+    orbit.iterations = first.iterations + found.iterations;
+    orbit.residual = found.residual;
+    orbit.time = found.time;
+    solution.nodes = found.nodes;
     if (autonomous) {
         const MatrixXd states = states_of(discretisation, solution.nodes, orbit.time, n);
-        if (states.allFinite() && at_equilibrium(system, theta, states, orbit.time, scale)) {
+        if (states.allFinite() && at_equilibrium(problem, states, orbit.time, scale)) {
             orbit.status = OrbitStatus::equilibrium;
             orbit.points = wrapped_angles(states.col(0), angles);
             return solution;
         }
         if (orbit.status != OrbitStatus::converged) orbit.points = wrapped_angles(states, angles);
     }
-    if (orbit.status != OrbitStatus::converged) return solution;
-
-    closing = closing_error(discretisation, solution.nodes, orbit.time, turns, free);
-    if (!closing.simulated) {
-        orbit.status = OrbitStatus::not_simulated;
-        return solution;
-    }
-    orbit.residual = closing.error.cwiseAbs().maxCoeff();
-    orbit.sticking = closing.sticking;
-    const std::vector<MatrixXd> factors = discretisation.propagators(closing.jacobians, solution.nodes, orbit.time);
-    orbit.multipliers = floquet_multipliers(condensed_factors(factors));
-    if (autonomous && !orbit.multipliers.empty()) orbit.trivial_multiplier = take_trivial(orbit.multipliers);
-    MatrixXd sensitivities;
-    if (!free.empty()) {
-        sensitivities =
-            node_sensitivities(discretisation, closing, solution.nodes, orbit.time, condition, node_scale, free);
-        if (autonomous) orbit.time_sensitivities = orbit.time * sensitivities.bottomRows(1);
-    }
-    const OrbitPoints reported = points_at(system, theta, start, discretisation, solution.nodes, sensitivities,
-                                           first.points, orbit.time, free, options.flow);
-    if (!reported.simulated) {
-        orbit.status = OrbitStatus::not_simulated;
-        return solution;
-    }
-    orbit.times = reported.times;
-    orbit.sensitivities = reported.sensitivities;
-    orbit.jacobians =
-        merged_factors(factors.size() == closing.jacobians.size() ? factors : closing.jacobians, reported.nodes);
-    orbit.points = wrapped_angles(reported.states, angles);
-    compare_with_start(orbit, system, theta, start.points, reported.states, scale, options);
+    if (orbit.status == OrbitStatus::converged) report(problem, equations, first, scale, solution);
     return solution;
 }
 

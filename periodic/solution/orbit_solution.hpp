@@ -1,16 +1,13 @@
 #pragma once
 
-#include <optional>
-#include <span>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/discretisation.hpp"
 #include "periodic/orbit/orbit.hpp"
-#include "periodic/orbit/shooting_mesh.hpp"
-#include "periodic/orbit/solver_options.hpp"
-#include "periodic/solution/newton.hpp"
+#include "periodic/solution/orbit_problem.hpp"
 
 namespace orbid::periodic {
 
@@ -33,12 +30,10 @@ struct DiscreteSolution {
 /// Solves a discretised orbit and reports it: points, Jacobians, multipliers, sensitivities (M7), prime period,
 /// distance from the guess. The same for all discretisations. A point that is no node is reached from the node before
 /// it by the flow. Further points of an autonomous orbit are reached by its crossing of the section.
-[[nodiscard]] DiscreteSolution solve_discrete(const models::System& system, const Eigen::VectorXd& theta,
-                                              const StartingSolution& start, const Discretisation& discretisation,
-                                              const DiscreteStart& first, std::span<const Eigen::Index> free,
-                                              const ShootingOptions& options);
-
-/// @throws std::invalid_argument naming the option and its rule.
-void validate(const models::System& system, std::span<const Eigen::Index> free, const ShootingOptions& options);
+///
+/// An orbit of an autonomous flow that does not move is an `equilibrium`: within T the field carries the first state no
+/// farther than 1e-6 of the scale, and no two are farther apart than that.
+[[nodiscard]] DiscreteSolution solve_discrete(const OrbitProblem& problem, const Discretisation& discretisation,
+                                              const DiscreteStart& first);
 
 }  // namespace orbid::periodic

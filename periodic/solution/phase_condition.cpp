@@ -1,5 +1,6 @@
 #include "periodic/solution/phase_condition.hpp"
 
+#include <cstddef>
 #include <vector>
 
 namespace orbid::periodic {
@@ -9,7 +10,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 std::optional<PhaseCondition> phase_condition(const models::System& system, const VectorXd& theta,
-                                              const MatrixXd& guess, const VectorXd& shares,
+                                              const MatrixXd& guess, std::span<const double> shares,
                                               const std::optional<models::Section>& section, PhaseChoice choice) {
     if (system.kind() != models::Kind::autonomous) return std::nullopt;
     if (section) return PhaseCondition{section->normal, section->offset};
@@ -18,8 +19,9 @@ std::optional<PhaseCondition> phase_condition(const models::System& system, cons
     condition.normals =
         system.rhs(guess.leftCols(used), std::vector<double>(static_cast<std::size_t>(used), 0.0), theta);
     for (Index j = 0; used > 1 && j < used; ++j) {
-        const double before = j > 0 ? shares(j - 1) : shares(used - 1) - 1.0;
-        const double after = j + 1 < used ? shares(j + 1) : 1.0;
+        const auto at = static_cast<std::size_t>(j);
+        const double before = j > 0 ? shares[at - 1] : shares[static_cast<std::size_t>(used - 1)] - 1.0;
+        const double after = j + 1 < used ? shares[at + 1] : 1.0;
         condition.normals.col(j) *= 0.5 * (after - before);
     }
     condition.offset = condition.normals.cwiseProduct(guess.leftCols(used)).sum();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 
 #include <Eigen/Core>
 
@@ -26,7 +27,8 @@ struct PhaseCondition {
 /// @param shares  of the orbit at which they lie, ascending from 0.
 /// Source: E. J. Doedel, H. B. Keller, J. P. Kernevez, Int. J. Bifurcation and Chaos 1 (1991) 745 (integral condition).
 [[nodiscard]] std::optional<PhaseCondition> phase_condition(const models::System& system, const Eigen::VectorXd& theta,
-                                                            const Eigen::MatrixXd& guess, const Eigen::VectorXd& shares,
+                                                            const Eigen::MatrixXd& guess,
+                                                            std::span<const double> shares,
                                                             const std::optional<models::Section>& section,
                                                             PhaseChoice choice);
 

@@ -12,12 +12,10 @@ using Complex = std::complex<double>;
 using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 /// The matrix is made singular only to this fraction. A solution then grows to 1e13 along the null vector, and nothing
 /// is divided by zero. The multiplier itself is not known any better.
 constexpr double offset = 1e-13;
-constexpr int steps = 3;
 
 /// Multiplication by a complex number times a real matrix, on (real part, imaginary part) below each other.
 MatrixXd real_form(const MatrixXd& factor, Complex number) {
@@ -38,14 +36,7 @@ MatrixXcd null_vector(const std::vector<MatrixXd>& factors, const std::vector<Co
     for (std::size_t j = 0; j < factors.size(); ++j)
         scaled.push_back(real ? MatrixXd(scale[j].real() * factors[j]) : real_form(factors[j], scale[j]));
     scaled.front() *= 1.0 + offset;
-    const CyclicSystem system(scaled);
-    const Index size = real ? n : 2 * n;
-    VectorXd v(size * p);
-    for (Index i = 0; i < v.size(); ++i)
-        v(i) = std::sin(1.0 + 37.0 * static_cast<double>(i * i));  // without structure, the same every time
-    for (int k = 0; k < steps; ++k)
-        v = system.solve(v).col(0).stableNormalized();
-    const MatrixXd columns = v.reshaped(size, p);
+    const MatrixXd columns = CyclicSystem(scaled).null_vector().reshaped(real ? n : 2 * n, p);
     MatrixXcd result(n, p);
     result.real() = columns.topRows(n);
     if (real)

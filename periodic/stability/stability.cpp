@@ -148,9 +148,7 @@ void check(const models::System& system, const PeriodicOrbit& orbit, std::span<c
         if (!holds) throw std::invalid_argument("stability: " + message);
     };
     require(options.near > 0.0, "near must be > 0");
-    require(orbit.status == OrbitStatus::converged || orbit.status == OrbitStatus::other_orbit ||
-                orbit.status == OrbitStatus::shorter_period,
-            "the orbit is not solved, its status is " + std::string(name(orbit.status)));
+    require(is_orbit(orbit.status), "the orbit is not solved, its status is " + std::string(name(orbit.status)));
     require(orbit.points.rows() == system.dimension() && orbit.points.cols() > 0, "the orbit has no points");
     require(system.kind() != models::Kind::autonomous || orbit.times.size() == orbit.points.cols(),
             "the orbit has no times of its points");
@@ -162,19 +160,8 @@ void check(const models::System& system, const PeriodicOrbit& orbit, std::span<c
 }  // namespace
 
 std::string_view name(Bifurcation bifurcation) {
-    switch (bifurcation) {
-        case Bifurcation::none:
-            return "none";
-        case Bifurcation::fold:
-            return "fold";
-        case Bifurcation::period_doubling:
-            return "period_doubling";
-        case Bifurcation::neimark_sacker:
-            return "neimark_sacker";
-        case Bifurcation::branch_point:
-            return "branch_point";
-    }
-    return "unknown";
+    constexpr std::string_view names[] = {"none", "fold", "period_doubling", "neimark_sacker", "branch_point"};
+    return names[static_cast<std::size_t>(bifurcation)];
 }
 
 Bifurcation nearest_bifurcation(const std::vector<Complex>& multipliers, double near) {

@@ -50,8 +50,8 @@ bool WaveformResidual::in_domain(const VectorXd& values) const {
 
 void WaveformResidual::find_start(std::size_t b) {
     Known& known = known_[b];
-    WaveformStart start = find_waveform_start(*system_, records_[b].binding.values(options_.start), records_[b],
-                                              options_.channels, options_.flow);
+    const VectorXd theta = records_[b].binding.values(options_.start);
+    WaveformStart start = find_waveform_start({*system_, theta, records_[b], options_.channels, options_.flow});
     known.status = start.status;
     known.offsets = VectorXd::Zero(std::ssize(options_.channels));
     if (start.status != OrbitStatus::converged) return;

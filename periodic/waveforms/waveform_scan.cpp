@@ -21,9 +21,8 @@ constexpr Index most_samples = 400;
 
 }  // namespace
 
-WaveformScan::WaveformScan(const models::System& system, const VectorXd& theta, const WaveformRecord& record,
-                           const std::vector<WaveformChannel>& channels, const models::FlowOptions& flow)
-    : system_(system), theta_(theta), record_(record), channels_(channels), flow_(flow) {
+WaveformScan::WaveformScan(const WaveformCase& of) : of_(of) {
+    const WaveformRecord& record = of.record;
     const Index stride = std::max<Index>(1, record.times.size() / most_samples);
     for (Index k = 0; k < record.times.size(); k += stride)
         samples_.push_back(k);
@@ -46,37 +45,36 @@ WaveformScan::WaveformScan(const models::System& system, const VectorXd& theta, 
 }
 
 bool WaveformScan::reads_angle(std::size_t channel) const {
-    return models::reads_angle(record_.sensor, system_.coordinates(),
-                               static_cast<std::size_t>(channels_[channel].coordinate));
+    return models::reads_angle(of_.record.sensor, of_.system.coordinates(),
+                               static_cast<std::size_t>(of_.channels[channel].coordinate));
 }
 
 std::optional<WaveformPlace> WaveformScan::place(const PeriodicOrbit& orbit, const PhaseOrigin& origin) const {
-    const bool forced = system_.kind() == models::Kind::forced;
     const Index grid = places_per_period * orbit.period;
     const double turn = full_turn * orbit.period;
     std::vector<double> times(static_cast<std::size_t>(grid)), places(times);
     for (std::size_t g = 0; g < times.size(); ++g) {
         times[g] = orbit.time * static_cast<double>(g) / static_cast<double>(grid);
-        places[g] = forced ? turn * static_cast<double>(g) / static_cast<double>(grid) : times[g];
+        places[g] = of_.forced() ? turn * static_cast<double>(g) / static_cast<double>(grid) : times[g];
     }
     const CurveReadings curve =
-        readings_along(system_, theta_, orbit, origin, record_.sensor, times, 0.0, std::nullopt, flow_);
-    const CurveStates states = SolvedCurve(system_, theta_, orbit, flow_).states(places);
+        readings_along(of_.system, of_.theta, orbit, origin, of_.record.sensor, times, 0.0, std::nullopt, of_.flow);
+    const CurveStates states = SolvedCurve(of_.system, of_.theta, orbit, of_.flow).states(places);
     if (!curve.simulated || !states.simulated) return std::nullopt;
 
     WaveformPlace best;
     best.size = states.states.cwiseAbs().rowwise().maxCoeff();
     for (double& size : best.size)
         if (!(size > 0.0)) size = 1.0;
-    for (const Index i : angle_coordinates(system_))
+    for (const Index i : angle_coordinates(of_.system))
         best.size(i) = full_turn;
     best.misfit = std::numeric_limits<double>::infinity();
-    if (record_.phase.estimate) {
+    if (of_.record.phase.estimate) {
         for (Index g = 0; g < grid; ++g)
             try_phase(curve.readings, orbit.time, turn, turn * static_cast<double>(g) / static_cast<double>(grid),
                       best);
     } else {
-        try_phase(curve.readings, orbit.time, turn, record_.phase.value, best);
+        try_phase(curve.readings, orbit.time, turn, of_.record.phase.value, best);
     }
     if (!std::isfinite(best.misfit)) return std::nullopt;
     return best;
@@ -84,13 +82,13 @@ std::optional<WaveformPlace> WaveformScan::place(const PeriodicOrbit& orbit, con
 
 std::vector<double> WaveformScan::errors(std::size_t channel, const MatrixXd& table, double time, double share) const {
     const Index grid = table.cols();
-    const Index coordinate = channels_[channel].coordinate;
+    const Index coordinate = of_.channels[channel].coordinate;
     const bool angle = reads_angle(channel);
     std::vector<double> errors;
     for (const Index k : samples_) {
-        const double y = record_.values(static_cast<Index>(channel), k);
+        const double y = of_.record.values(static_cast<Index>(channel), k);
         if (!std::isfinite(y)) continue;
-        double place = share + record_.times(k) / time;
+        double place = share + of_.record.times(k) / time;
         place = (place - std::floor(place)) * static_cast<double>(grid);
         const Index below = std::min(static_cast<Index>(place), grid - 1);
         double rise = table(coordinate, (below + 1) % grid) - table(coordinate, below);
@@ -102,15 +100,15 @@ std::vector<double> WaveformScan::errors(std::size_t channel, const MatrixXd& ta
 }
 
 void WaveformScan::try_phase(const MatrixXd& table, double time, double turn, double phase, WaveformPlace& best) const {
-    VectorXd offsets = VectorXd::Zero(record_.values.rows());
+    VectorXd offsets = VectorXd::Zero(of_.record.values.rows());
     double misfit = 0.0;
     double number = 0.0;
-    for (std::size_t c = 0; c < channels_.size(); ++c) {
+    for (std::size_t c = 0; c < of_.channels.size(); ++c) {
         const std::vector<double> all = errors(c, table, time, phase / turn);
         if (all.empty()) continue;
         double& offset = offsets(static_cast<Index>(c));
-        if (!record_.offsets.empty()) offset = record_.offsets[c].value;
-        if (!record_.offsets.empty() && record_.offsets[c].estimate) {
+        if (!of_.record.offsets.empty()) offset = of_.record.offsets[c].value;
+        if (!of_.record.offsets.empty() && of_.record.offsets[c].estimate) {
             double sum = 0.0, cosines = 0.0, sines = 0.0;
             for (const double e : all) {
                 sum += e;

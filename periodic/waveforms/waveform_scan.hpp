@@ -20,13 +20,22 @@ struct WaveformPlace {
     Eigen::VectorXd size;     ///< shape (n): largest |x| along the orbit, 2 pi for angles
 };
 
+/// A record, and the model at one theta whose orbits it is compared with. Everything is kept by reference.
+struct WaveformCase {
+    const models::System& system;
+    const Eigen::VectorXd& theta;  ///< all parameters of the system, in their domains, shape (q)
+    const WaveformRecord& record;
+    const std::vector<WaveformChannel>& channels;
+    const models::FlowOptions& flow;
+
+    [[nodiscard]] bool forced() const { return system.kind() == models::Kind::forced; }
+};
+
 /// Compares a record with orbits. Every phase that is not known is tried, 256 per period of the forcing; unknown
 /// offsets are the mean errors there.
 class WaveformScan {
 public:
-    /// Everything is kept by reference. @param theta  all parameters of the system, shape (q).
-    WaveformScan(const models::System& system, const Eigen::VectorXd& theta, const WaveformRecord& record,
-                 const std::vector<WaveformChannel>& channels, const models::FlowOptions& flow);
+    explicit WaveformScan(const WaveformCase& of);
 
     /// @return nothing when the orbit cannot be followed
     [[nodiscard]] std::optional<WaveformPlace> place(const PeriodicOrbit& orbit, const PhaseOrigin& origin) const;
@@ -41,11 +50,7 @@ private:
     void try_phase(const Eigen::MatrixXd& table, double time, double turn, double phase, WaveformPlace& best) const;
     [[nodiscard]] bool reads_angle(std::size_t channel) const;
 
-    const models::System& system_;
-    const Eigen::VectorXd& theta_;
-    const WaveformRecord& record_;
-    const std::vector<WaveformChannel>& channels_;
-    models::FlowOptions flow_;
+    WaveformCase of_;
     std::vector<Eigen::Index> samples_;
     Eigen::VectorXd variance_;
     Eigen::VectorXd mean_;

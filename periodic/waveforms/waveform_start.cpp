@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "models/definition/parameter.hpp"
+#include "periodic/orbit/coarse_flow.hpp"
 #include "periodic/orbit/full_turn.hpp"
 #include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/solve_orbit.hpp"
@@ -35,20 +36,14 @@ bool reads_state(const models::Sensor& sensor, Index coordinate) {
 
 class StartSearch {
 public:
-    StartSearch(const models::System& system, const VectorXd& theta, const WaveformRecord& record,
-                const std::vector<WaveformChannel>& channels, const models::FlowOptions& flow)
-        : system_(system),
-          theta_(theta),
-          record_(record),
-          channels_(channels),
-          flow_(flow),
-          forced_(system.kind() == models::Kind::forced),
-          length_(forced_ ? record.period * system.period(theta, models::Clock::time) : record.time),
-          scan_(system, theta, record, channels, flow) {}
+    explicit StartSearch(const WaveformCase& of)
+        : of_(of),
+          length_(of.forced() ? of.record.period * of.system.period(of.theta, models::Clock::time) : of.record.time),
+          scan_(of) {}
 
     WaveformStart run() {
-        if (record_.start) {
-            judge(*record_.start);
+        if (of_.record.start) {
+            judge(*of_.record.start);
             return std::move(best_);
         }
         for (const VectorXd& state : launches())
@@ -62,9 +57,9 @@ public:
 
 private:
     [[nodiscard]] bool whole_state() const {
-        for (Index i = 0; i < system_.dimension(); ++i)
-            if (std::none_of(channels_.begin(), channels_.end(), [&](const WaveformChannel& channel) {
-                    return channel.coordinate == i && reads_state(record_.sensor, i);
+        for (Index i = 0; i < of_.system.dimension(); ++i)
+            if (std::none_of(of_.channels.begin(), of_.channels.end(), [&](const WaveformChannel& channel) {
+                    return channel.coordinate == i && reads_state(of_.record.sensor, i);
                 }))
                 return false;
         return true;
@@ -72,22 +67,22 @@ private:
 
     /// The reading nearest to a time, 0 where a coordinate is not read.
     [[nodiscard]] VectorXd measured_state(double time) const {
-        const double* first = record_.times.data();
-        const double* end = first + record_.times.size();
+        const double* first = of_.record.times.data();
+        const double* end = first + of_.record.times.size();
         const double* above = std::lower_bound(first, end, time);
         if (above == end || (above != first && time - *(above - 1) < *above - time)) --above;
         const auto nearest = static_cast<Index>(above - first);
-        VectorXd state = VectorXd::Zero(system_.dimension());
-        for (std::size_t c = 0; c < channels_.size(); ++c) {
+        VectorXd state = VectorXd::Zero(of_.system.dimension());
+        for (std::size_t c = 0; c < of_.channels.size(); ++c) {
             const auto row = static_cast<Index>(c);
-            if (!reads_state(record_.sensor, channels_[c].coordinate)) continue;
+            if (!reads_state(of_.record.sensor, of_.channels[c].coordinate)) continue;
             // The nearest sample that is there.
-            for (Index distance = 0; distance < record_.times.size(); ++distance) {
-                const Index later = std::min(nearest + distance, record_.times.size() - 1);
+            for (Index distance = 0; distance < of_.record.times.size(); ++distance) {
+                const Index later = std::min(nearest + distance, of_.record.times.size() - 1);
                 const Index earlier = std::max<Index>(nearest - distance, 0);
-                const Index k = std::isfinite(record_.values(row, later)) ? later : earlier;
-                if (!std::isfinite(record_.values(row, k))) continue;
-                state(channels_[c].coordinate) = record_.values(row, k);
+                const Index k = std::isfinite(of_.record.values(row, later)) ? later : earlier;
+                if (!std::isfinite(of_.record.values(row, k))) continue;
+                state(of_.channels[c].coordinate) = of_.record.values(row, k);
                 break;
             }
         }
@@ -96,13 +91,13 @@ private:
 
     /// Times that are taken for phase 0: the one where it is, or several over one turn of the orbit.
     [[nodiscard]] std::vector<double> launch_times() const {
-        const double first = record_.times(0);
-        if (!record_.phase.estimate) {
+        const double first = of_.record.times(0);
+        if (!of_.record.phase.estimate) {
             // Forced: the first time at which a whole orbit has passed since phase 0.
-            const double turns = record_.phase.value / (full_turn * record_.period) + first / length_;
+            const double turns = of_.record.phase.value / (full_turn * of_.record.period) + first / length_;
             return {first + (std::ceil(turns) - turns) * length_};
         }
-        const Index count = std::min(launches_per_period * record_.period, most_launches);
+        const Index count = std::min(launches_per_period * of_.record.period, most_launches);
         std::vector<double> times;
         for (Index i = 0; i < count; ++i)
             times.push_back(first + length_ * static_cast<double>(i) / static_cast<double>(count));
@@ -113,58 +108,52 @@ private:
         std::vector<VectorXd> states;
         for (const double time : launch_times())
             states.push_back(measured_state(time));
-        VectorXd mean = VectorXd::Zero(system_.dimension());
-        for (std::size_t c = 0; c < channels_.size(); ++c)
-            if (reads_state(record_.sensor, channels_[c].coordinate))
-                mean(channels_[c].coordinate) = scan_.means()(static_cast<Index>(c));
+        VectorXd mean = VectorXd::Zero(of_.system.dimension());
+        for (std::size_t c = 0; c < of_.channels.size(); ++c)
+            if (reads_state(of_.record.sensor, of_.channels[c].coordinate))
+                mean(of_.channels[c].coordinate) = scan_.means()(static_cast<Index>(c));
         states.push_back(mean);
-        states.emplace_back(VectorXd::Zero(system_.dimension()));
+        states.emplace_back(VectorXd::Zero(of_.system.dimension()));
         // Of autonomous flows 0 is often at rest.
-        states.emplace_back(VectorXd::Ones(system_.dimension()));
+        states.emplace_back(VectorXd::Ones(of_.system.dimension()));
         return states;
     }
 
     [[nodiscard]] std::optional<StartingSolution> measured(double time) const {
         StartingSolution start;
-        const Index points = forced_ ? record_.period : 1;
-        start.points.resize(system_.dimension(), points);
+        const Index points = of_.forced() ? of_.record.period : 1;
+        start.points.resize(of_.system.dimension(), points);
         for (Index j = 0; j < points; ++j)
             start.points.col(j) = measured_state(time + length_ * static_cast<double>(j) / static_cast<double>(points));
-        if (!forced_) start.time = record_.time;
+        if (!of_.forced()) start.time = of_.record.time;
         if (!start.points.allFinite()) return std::nullopt;
         return start;
     }
 
     /// Where motion from a state settles.
     [[nodiscard]] std::optional<StartingSolution> settled(const VectorXd& from) const {
-        models::FlowOptions coarse = flow_;
-        coarse.relative_tolerance = std::max(flow_.relative_tolerance, settling_tolerance);
-        coarse.absolute_tolerance = std::max(flow_.absolute_tolerance, settling_tolerance);
-        const Index p = forced_ ? record_.period : 1;
+        const models::FlowOptions coarse = coarsened(of_.flow, settling_tolerance);
+        const Index p = of_.forced() ? of_.record.period : 1;
         std::vector<double> durations;
         for (Index j = 1; j <= p; ++j)
-            durations.push_back(forced_ ? full_turn * static_cast<double>(j) : record_.time);
-        const std::vector<Index> angles = angle_coordinates(system_);
+            durations.push_back(of_.forced() ? full_turn * static_cast<double>(j) : of_.record.time);
+        const std::vector<Index> angles = angle_coordinates(of_.system);
         StartingSolution start;
         start.points.resize(from.size(), p);
         VectorXd x = from;
         for (int done = 0; done < settling_periods; done += static_cast<int>(p)) {
-            const auto flow =
-                system_.flow(x, 0.0, durations, theta_, forced_ ? models::Clock::phase : models::Clock::time, coarse);
+            const auto flow = of_.system.flow(x, 0.0, durations, of_.theta,
+                                              of_.forced() ? models::Clock::phase : models::Clock::time, coarse);
             if (flow.status != models::FlowStatus::ok || !flow.states.allFinite()) return std::nullopt;
             start.points.col(0) = x;
             start.points.rightCols(p - 1) = flow.states.leftCols(p - 1);
-            VectorXd change = flow.states.col(p - 1) - x;
-            x = flow.states.col(p - 1);
-            for (const Index i : angles) {
-                change(i) = models::wrapped(change(i));
-                x(i) = models::wrapped(x(i));
-            }
+            const VectorXd change = wrapped_angles(flow.states.col(p - 1) - x, angles);
+            x = wrapped_angles(flow.states.col(p - 1), angles);
             if (change.cwiseAbs().maxCoeff() < settled_to * std::max(x.cwiseAbs().maxCoeff(), 1e-300)) break;
             // The guess of T is not T: a limit cycle does not repeat after it, and is reached in a tenth of the time.
-            if (!forced_ && done >= settling_periods / 10) break;
+            if (!of_.forced() && done >= settling_periods / 10) break;
         }
-        if (!forced_) {
+        if (!of_.forced()) {
             start.points.col(0) = x;
             start.time = time_of_return(x);
         }
@@ -175,16 +164,17 @@ private:
     /// one and a half times it. The guess itself where there is none.
     [[nodiscard]] double time_of_return(const VectorXd& x) const {
         constexpr std::size_t returns = 16;
-        const VectorXd f = system_.rhs(x, std::vector<double>{0.0}, theta_);
-        if (!(f.norm() > 0.0)) return record_.time;
+        const VectorXd f = of_.system.rhs(x, std::vector<double>{0.0}, of_.theta);
+        if (!(f.norm() > 0.0)) return of_.record.time;
         const models::Section plane{f, f.dot(x), 1};
-        double best = record_.time;
+        double best = of_.record.time;
         double nearest = std::numeric_limits<double>::infinity();
-        const auto crossing = system_.crossings(x, plane, returns, 2.0 * record_.time, theta_, std::nullopt, flow_);
+        const auto crossing =
+            of_.system.crossings(x, plane, returns, 2.0 * of_.record.time, of_.theta, std::nullopt, of_.flow);
         for (Index k = 0; k < crossing.states.cols(); ++k) {
             const double time = crossing.times(k);
             const double distance = (crossing.states.col(k) - x).norm();
-            if (time < 0.5 * record_.time || time > 1.5 * record_.time || !(distance < nearest)) continue;
+            if (time < 0.5 * of_.record.time || time > 1.5 * of_.record.time || !(distance < nearest)) continue;
             nearest = distance;
             best = time;
         }
@@ -194,9 +184,9 @@ private:
     /// Solves for the orbit and keeps it if it fits better than those before.
     void judge(const StartingSolution& start) {
         ShootingOptions options;
-        options.flow = flow_;
+        options.flow = of_.flow;
         options.maximum_distance = std::numeric_limits<double>::infinity();
-        PeriodicOrbit orbit = solve_orbit(system_, theta_, start, {}, options);
+        PeriodicOrbit orbit = solve_orbit(of_.system, of_.theta, start, {}, options);
         const bool none = best_.status != OrbitStatus::converged;
         if (orbit.status != OrbitStatus::converged) {
             // A start at rest that stays there proves little.
@@ -204,9 +194,9 @@ private:
             return;
         }
         PhaseOrigin origin{orbit.points.col(0), {}};
-        origin.normal = system_.rhs(origin.point, std::vector<double>{0.0}, theta_);
+        origin.normal = of_.system.rhs(origin.point, std::vector<double>{0.0}, of_.theta);
         // A phase that is known does not tell in which of the p periods of the orbit time 0 lies.
-        const Index turns = record_.phase.estimate ? 1 : orbit.points.cols();
+        const Index turns = of_.record.phase.estimate ? 1 : orbit.points.cols();
         for (Index turn = 0; turn < turns; ++turn) {
             const auto place = scan_.place(orbit, origin);
             if (!place) {
@@ -216,18 +206,11 @@ private:
             if (best_.status != OrbitStatus::converged || place->misfit < best_.place.misfit)
                 best_ = {OrbitStatus::converged, orbit, origin, *place};
             if (turns == 1) break;
-            const VectorXd first = orbit.points.col(0);
-            orbit.points.leftCols(turns - 1) = orbit.points.rightCols(turns - 1).eval();
-            orbit.points.col(turns - 1) = first;
+            orbit.points = begun_later(orbit.points, 1);
         }
     }
 
-    const models::System& system_;
-    const VectorXd& theta_;
-    const WaveformRecord& record_;
-    const std::vector<WaveformChannel>& channels_;
-    models::FlowOptions flow_;
-    bool forced_;
+    WaveformCase of_;
     double length_;  ///< of the orbit [s]
     WaveformScan scan_;
     WaveformStart best_;
@@ -235,9 +218,8 @@ private:
 
 }  // namespace
 
-WaveformStart find_waveform_start(const models::System& system, const VectorXd& theta, const WaveformRecord& record,
-                                  const std::vector<WaveformChannel>& channels, const models::FlowOptions& flow) {
-    return StartSearch(system, theta, record, channels, flow).run();
+WaveformStart find_waveform_start(const WaveformCase& of) {
+    return StartSearch(of).run();
 }
 
 }  // namespace orbid::periodic

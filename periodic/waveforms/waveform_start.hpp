@@ -1,13 +1,7 @@
 #pragma once
 
-#include <vector>
-
-#include <Eigen/Core>
-
-#include "models/system/system.hpp"
 #include "periodic/orbit/orbit.hpp"
 #include "periodic/waveforms/waveform_curve.hpp"
-#include "periodic/waveforms/waveform_record.hpp"
 #include "periodic/waveforms/waveform_scan.hpp"
 
 namespace orbid::periodic {
@@ -25,11 +19,6 @@ struct WaveformStart {
 /// coordinate. Where the whole state is read, the measured states themselves are starts too (unstable orbits). If the
 /// clock of the record is not known, each start is taken in turn for the state at phase 0. Of all orbits found,
 /// including coexisting ones, the one with the least misfit is taken, over all unknown phases and offsets.
-///
-/// @param theta  all parameters of the system, in their domains, shape (q).
-[[nodiscard]] WaveformStart find_waveform_start(const models::System& system, const Eigen::VectorXd& theta,
-                                                const WaveformRecord& record,
-                                                const std::vector<WaveformChannel>& channels,
-                                                const models::FlowOptions& flow);
+[[nodiscard]] WaveformStart find_waveform_start(const WaveformCase& of);
 
 }  // namespace orbid::periodic
