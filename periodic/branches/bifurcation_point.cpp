@@ -11,7 +11,6 @@ namespace orbid::periodic {
 namespace {
 
 using Complex = std::complex<double>;
-using Eigen::VectorXd;
 
 /// Newton's last step but one on located orbits, in the norm: the last one squares it, down to the error of the flow.
 constexpr double location_tolerance = 1e-12;

@@ -2,9 +2,8 @@
 
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "periodic/branches/branch_curve.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/stability/stability.hpp"
 
 namespace orbid::periodic {
@@ -16,13 +15,13 @@ public:
     CurveCubic(const CurvePoint& a, const CurvePoint& b);
     [[nodiscard]] double length() const { return length_; }  ///< from a to b along the chord
     /// At a distance s from a.
-    [[nodiscard]] Eigen::VectorXd value(double s) const;
-    [[nodiscard]] Eigen::VectorXd slope(double s) const;
+    [[nodiscard]] VectorXd value(double s) const;
+    [[nodiscard]] VectorXd slope(double s) const;
     /// Where the parameter takes the value that it has between distances lower and upper: by bisection.
     [[nodiscard]] double where_parameter(double value, double lower, double upper) const;
 
 private:
-    Eigen::VectorXd a_, b_, slope_a_, slope_b_;
+    VectorXd a_, b_, slope_a_, slope_b_;
     double length_;
 };
 

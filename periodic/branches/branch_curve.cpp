@@ -17,9 +17,6 @@ namespace orbid::periodic {
 namespace {
 
 using Complex = std::complex<double>;
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 /// A Newton step below this that is not followed by one ten times shorter consists of rounding, see newton().
 constexpr double noise_level = 1e-7;
@@ -140,10 +137,10 @@ double OrbitCurve::time(const VectorXd& y) const {
            setting_->system.period(setting_->theta_at(y(y.size() - 1)), models::Clock::time);
 }
 
-VectorXd OrbitCurve::packed(const MatrixXd& nodes, double time, double parameter) const {
+VectorXd OrbitCurve::at_mesh(double parameter) const {
     VectorXd y(size());
-    y.head(n_ * count_) = nodes.reshaped();
-    if (autonomous()) y(n_ * count_) = std::log(time);
+    y.head(n_ * count_) = mesh_.nodes.reshaped();
+    if (autonomous()) y(n_ * count_) = std::log(mesh_.time);
     y(y.size() - 1) = parameter;
     return y;
 }

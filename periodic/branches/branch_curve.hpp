@@ -5,9 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "models/system/system.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/orbit/orbit.hpp"
 #include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/orbit/solver_options.hpp"
@@ -17,19 +16,19 @@ namespace orbid::periodic {
 /// What all curves of a diagram have in common.
 struct CurveSetting {
     const models::System& system;
-    Eigen::VectorXd theta;       ///< shape (q); the entry that is followed is replaced
-    Eigen::Index parameter = 0;  ///< which one
-    double range = 1.0;          ///< unit of the parameter in the norm, > 0
-    double phase = 0.0;          ///< of the section [rad] (forced models)
+    VectorXd theta;       ///< shape (q); the entry that is followed is replaced
+    Index parameter = 0;  ///< which one
+    double range = 1.0;   ///< unit of the parameter in the norm, > 0
+    double phase = 0.0;   ///< of the section [rad] (forced models)
     std::optional<models::Section> section;
     ShootingOptions solver;
 
-    [[nodiscard]] Eigen::VectorXd theta_at(double value) const;
+    [[nodiscard]] VectorXd theta_at(double value) const;
 };
 
 /// Poincare's phase condition normal . x_0 = offset on the first node of an autonomous orbit.
 struct PhasePlane {
-    Eigen::VectorXd normal;  ///< shape (n), not 0
+    VectorXd normal;  ///< shape (n), not 0
     double offset = 0.0;
 };
 
@@ -38,10 +37,10 @@ class OrbitCurve;
 /// A solved orbit on a curve.
 struct CurvePoint {
     std::shared_ptr<const OrbitCurve> curve;
-    Eigen::VectorXd y;                              ///< the nodes below each other, ln T (autonomous), the parameter
-    Eigen::VectorXd tangent;                        ///< dy / d arclength, of norm one
-    std::vector<Eigen::MatrixXd> jacobians;         ///< of the segments
-    Eigen::MatrixXd columns;                        ///< derivatives of the images by ln T and parameter / range
+    VectorXd y;                                     ///< the nodes below each other, ln T (autonomous), the parameter
+    VectorXd tangent;                               ///< dy / d arclength, of norm one
+    std::vector<MatrixXd> jacobians;                ///< of the segments
+    MatrixXd columns;                               ///< derivatives of the images by ln T and parameter / range
     std::vector<std::complex<double>> multipliers;  ///< the trivial one of autonomous orbits not
     std::complex<double> trivial;                   ///< that one
     double residual = 0.0;                          ///< largest closing error
@@ -78,30 +77,31 @@ public:
     /// @param scale   unit of each coordinate, shape (n), > 0.
     /// @param phase   needed exactly for autonomous flows.
     /// @param period  nominal period of an orbit on the curve, in periods of the forcing or returns.
-    OrbitCurve(const CurveSetting& setting, ShootingMesh mesh, Eigen::MatrixXd turns, Eigen::VectorXd scale,
+    OrbitCurve(const CurveSetting& setting, ShootingMesh mesh, MatrixXd turns, VectorXd scale,
                std::optional<PhasePlane> phase, int period);
 
     [[nodiscard]] const CurveSetting& setting() const { return *setting_; }
     [[nodiscard]] const ShootingMesh& mesh() const { return mesh_; }
-    [[nodiscard]] const Eigen::MatrixXd& turns() const { return turns_; }
-    [[nodiscard]] const Eigen::VectorXd& scale() const { return scale_; }
+    [[nodiscard]] const MatrixXd& turns() const { return turns_; }
+    [[nodiscard]] const VectorXd& scale() const { return scale_; }
     [[nodiscard]] const std::optional<PhasePlane>& phase() const { return phase_; }
     [[nodiscard]] int period() const { return period_; }
     [[nodiscard]] bool autonomous() const { return phase_.has_value(); }
     /// Whole turns over the orbit, one per angle coordinate.
     [[nodiscard]] std::vector<int> rotation() const;
 
-    [[nodiscard]] Eigen::Index size() const { return weights_.size(); }
-    [[nodiscard]] Eigen::MatrixXd nodes(const Eigen::VectorXd& y) const;
+    [[nodiscard]] Index size() const { return weights_.size(); }
+    [[nodiscard]] MatrixXd nodes(const VectorXd& y) const;
     /// T [s] at y; iterations of a map.
-    [[nodiscard]] double time(const Eigen::VectorXd& y) const;
-    [[nodiscard]] Eigen::VectorXd packed(const Eigen::MatrixXd& nodes, double time, double parameter) const;
-    [[nodiscard]] double product(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
-    [[nodiscard]] double norm(const Eigen::VectorXd& a) const;
+    [[nodiscard]] double time(const VectorXd& y) const;
+    /// y of the mesh itself.
+    [[nodiscard]] VectorXd at_mesh(double parameter) const;
+    [[nodiscard]] double product(const VectorXd& a, const VectorXd& b) const;
+    [[nodiscard]] double norm(const VectorXd& a) const;
     /// The direction in which the parameter alone grows, of norm one.
-    [[nodiscard]] Eigen::VectorXd parameter_direction() const;
+    [[nodiscard]] VectorXd parameter_direction() const;
     /// The mesh through the nodes of y, for new nodes.
-    [[nodiscard]] ShootingMesh mesh_at(const Eigen::VectorXd& y) const;
+    [[nodiscard]] ShootingMesh mesh_at(const VectorXd& y) const;
 
     /// The orbit on the plane through a guess across a direction, by Newton's method. Its tangent points to the same
     /// side as the direction.
@@ -109,8 +109,8 @@ public:
     /// @param locked     near a branch point: a direction in which the orbit does not move from the guess, along the
     ///                   null vector there. One unknown beta more, F + beta G = 0, keeps the equations regular through
     ///                   the branch point; where they are symmetric beta is zero and the orbit is one.
-    [[nodiscard]] Correction corrected(const Eigen::VectorXd& guess, const Eigen::VectorXd& direction, double tolerance,
-                                       int maximum_iterations, const Eigen::VectorXd* locked = nullptr) const;
+    [[nodiscard]] Correction corrected(const VectorXd& guess, const VectorXd& direction, double tolerance,
+                                       int maximum_iterations, const VectorXd* locked = nullptr) const;
 
     /// Jacobians, residual and multipliers at the point itself; those of Newton's last step belong to where the step
     /// began. Not recomputed where the step was at rounding level, as on located points.
@@ -118,22 +118,22 @@ public:
 
     /// The direction across the tangent in which a second branch leaves a branch point, of norm one. It is the null
     /// vector of the curve's equations bordered by the tangent.
-    [[nodiscard]] Eigen::VectorXd crossing_direction(const CurvePoint& point) const;
+    [[nodiscard]] VectorXd crossing_direction(const CurvePoint& point) const;
 
 private:
     /// Rows of the linear system below the segments' own, for the unknowns (nodes, ln T, parameter / range): the phase
     /// condition and the planes across the directions.
-    [[nodiscard]] Eigen::MatrixXd rows_across(const std::vector<Eigen::VectorXd>& directions) const;
+    [[nodiscard]] MatrixXd rows_across(const std::vector<VectorXd>& directions) const;
 
     const CurveSetting* setting_;
     ShootingMesh mesh_;
-    Eigen::MatrixXd turns_;
-    Eigen::VectorXd scale_;
+    MatrixXd turns_;
+    VectorXd scale_;
     std::optional<PhasePlane> phase_;
     int period_;
-    Eigen::VectorXd weights_;  ///< the norm of y is the Euclidean one of weights * y
-    Eigen::Index n_;
-    Eigen::Index count_;  ///< segments
+    VectorXd weights_;  ///< the norm of y is the Euclidean one of weights * y
+    Index n_;
+    Index count_;  ///< segments
 };
 
 }  // namespace orbid::periodic

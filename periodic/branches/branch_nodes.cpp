@@ -11,10 +11,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 namespace {
 
 /// Nodes may exceed the scale this many times before it is enlarged.
@@ -88,11 +84,9 @@ CurvePoint with_fitting_nodes(const CurvePoint& point) {
         mesh = std::move(finer);
     }
     if (oblique) phase = plane_across_flow(setting.system, theta, mesh.nodes.col(0));
-    const MatrixXd nodes = mesh.nodes;
-    const double time = mesh.time;
     const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(mesh), turns, scale, phase, old.period());
     const Correction moved =
-        curve->corrected(curve->packed(nodes, time, point.parameter()), direction, setting.solver.tolerance, 12);
+        curve->corrected(curve->at_mesh(point.parameter()), direction, setting.solver.tolerance, 12);
     return moved.status == OrbitStatus::converged ? moved.point : point;
 }
 

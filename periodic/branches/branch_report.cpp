@@ -14,10 +14,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// Crossings nearer to each other than this fraction of T are one, seen from both sides of a node.
 constexpr double same_crossing = 1e-9;
 

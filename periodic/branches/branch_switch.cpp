@@ -10,10 +10,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 constexpr int switch_newton_steps = 10;
 
 /// A first orbit farther from its prediction than this fraction of the step is rejected. The direction of a doubled
@@ -59,8 +55,6 @@ std::optional<BranchSwitch> doubled(const CurvePoint& point, double step, double
         segment.share *= 0.5;
     for (const Index index : once.points)
         twice.points.push_back(index + count);
-    const MatrixXd nodes = twice.nodes;
-    const double time = twice.time;
     const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(twice), old.turns().replicate(1, 2),
                                                           old.scale(), old.phase(), 2 * old.period());
 
@@ -88,7 +82,7 @@ std::optional<BranchSwitch> doubled(const CurvePoint& point, double step, double
     CurvePoint& origin = result.origin;
     origin = point;
     origin.curve = curve;
-    origin.y = curve->packed(nodes, time, point.parameter());
+    origin.y = curve->at_mesh(point.parameter());
     origin.tangent = direction;
     origin.jacobians.insert(origin.jacobians.end(), point.jacobians.begin(), point.jacobians.end());
     origin.columns = point.columns.replicate(2, 1);

@@ -13,10 +13,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 constexpr int walk_newton_steps = 6;
 
 /// Newton's second step shall be this fraction of the first: then the third one is at rounding level.

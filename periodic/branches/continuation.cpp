@@ -21,10 +21,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 void require(bool holds, const std::string& message) {
     if (!holds) throw std::invalid_argument("follow_branches: " + message);
 }
@@ -102,13 +98,11 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
         if (phase->normal.dot(across.normal) < 0.0) phase = PhasePlane{-phase->normal, -phase->offset};
     }
     const MatrixXd turns = winding_numbers(closing.error, angle_coordinates(system), orbit.rotation);
-    const MatrixXd nodes = mesh.nodes;
-    const double time = mesh.time;
     const int period = system.kind() == models::Kind::autonomous && !start.section ? 1 : orbit.period;
     const VectorXd scale = scale_along(setting, mesh);
     const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(mesh), turns, scale, phase, period);
     const Correction correction =
-        curve->corrected(curve->packed(nodes, time, setting.theta(setting.parameter)), curve->parameter_direction(),
+        curve->corrected(curve->at_mesh(setting.theta(setting.parameter)), curve->parameter_direction(),
                          setting.solver.tolerance, setting.solver.maximum_iterations);
     if (correction.status != OrbitStatus::converged) return std::nullopt;
     CurvePoint point = correction.point;

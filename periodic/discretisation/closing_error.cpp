@@ -10,10 +10,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 StepImage Discretisation::state(Index /*j*/, const VectorXd& z, double /*time*/, std::span<const Index> free) const {
     StepImage image;
     image.simulated = true;

@@ -6,10 +6,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 namespace {
 
 double width_of(const std::vector<double>& mesh, std::size_t j) {

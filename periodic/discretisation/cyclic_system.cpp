@@ -11,9 +11,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-
 constexpr double smallest_pivot = 1e-14;  // see CyclicSystem::singular
 
 struct PivotRange {
@@ -150,9 +147,9 @@ MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
     return d;
 }
 
-Eigen::VectorXd CyclicSystem::null_vector() const {
+VectorXd CyclicSystem::null_vector() const {
     constexpr int steps = 3;
-    Eigen::VectorXd v(n_ * p_ + k_);
+    VectorXd v(n_ * p_ + k_);
     for (Index i = 0; i < v.size(); ++i)
         v(i) = std::sin(1.0 + 37.0 * static_cast<double>(i * i));  // without structure
     for (int step = 0; step < steps; ++step)

@@ -2,9 +2,8 @@
 
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "models/arithmetic/orthogonal_factor.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 
 namespace orbid::periodic {
 
@@ -33,17 +32,17 @@ class CyclicSystem {
 public:
     /// @param factors  X_0 .. X_{p-1}, shape (n, n) each, p >= 1, finite.
     /// @throws std::invalid_argument on an empty list, or factors that are not square and of one size.
-    explicit CyclicSystem(const std::vector<Eigen::MatrixXd>& factors);
+    explicit CyclicSystem(const std::vector<MatrixXd>& factors);
 
     /// The border beside and below the cyclic matrix. Its rows and columns should be of size one beside the factors:
     /// singular() compares with them.
     struct Border {
-        Eigen::MatrixXd columns;  ///< G, shape (n p, k)
-        Eigen::MatrixXd rows;     ///< R, shape (k, n p); or (k, n): conditions on d_0 alone
-        Eigen::MatrixXd corner;   ///< S, shape (k, k)
+        MatrixXd columns;  ///< G, shape (n p, k)
+        MatrixXd rows;     ///< R, shape (k, n p); or (k, n): conditions on d_0 alone
+        MatrixXd corner;   ///< S, shape (k, k)
     };
     /// @throws std::invalid_argument also on a border whose shape does not fit the factors.
-    CyclicSystem(const std::vector<Eigen::MatrixXd>& factors, const Border& border);
+    CyclicSystem(const std::vector<MatrixXd>& factors, const Border& border);
 
     /// The matrix is singular to working precision: its R factor has a diagonal element below 1e-14 of the largest.
     /// (Rounding of a QR is a few n p eps; a solution above that still has correct digits.)
@@ -51,23 +50,23 @@ public:
 
     /// @param b  shape (n p + k, m), rows [n j, n (j + 1)) = b_j, the last k rows = r (k = 0 without a border).
     /// @return d, and tau below it, in the same shape and order. Not finite when singular.
-    [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& b) const;
+    [[nodiscard]] MatrixXd solve(const MatrixXd& b) const;
 
     /// The vector that a matrix singular but for a small offset takes next to zero, of norm one: three steps of inverse
     /// iteration. The same every time.
-    [[nodiscard]] Eigen::VectorXd null_vector() const;
+    [[nodiscard]] VectorXd null_vector() const;
 
 private:
     struct Elimination {
         models::HouseholderFactor qr;  ///< of the two blocks that multiply d_j, shape (2n, n)
-        Eigen::MatrixXd to_first;      ///< what the upper rows hold of d_0 and tau, shape (n, n + k)
-        Eigen::MatrixXd to_next;       ///< and of d_{j+1}
-        Eigen::MatrixXd off_rows;      ///< times the upper rows, taken off the border's, shape (k, n)
+        MatrixXd to_first;             ///< what the upper rows hold of d_0 and tau, shape (n, n + k)
+        MatrixXd to_next;              ///< and of d_{j+1}
+        MatrixXd off_rows;             ///< times the upper rows, taken off the border's, shape (k, n)
     };
 
-    Eigen::Index n_ = 0;
-    Eigen::Index p_ = 0;
-    Eigen::Index k_ = 0;                     ///< width of the border
+    Index n_ = 0;
+    Index p_ = 0;
+    Index k_ = 0;                            ///< width of the border
     std::vector<Elimination> eliminations_;  ///< of d_1 .. d_{p-2}
     models::PivotedFactor last_;
     bool singular_ = false;

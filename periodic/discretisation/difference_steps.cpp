@@ -6,10 +6,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 SecondOrderSteps::SecondOrderSteps(const OrbitField& field, Index steps, const std::vector<Index>& velocity)
     : Discretisation(equidistant(steps), field.dimension(), field.autonomous()), field_(field) {
     for (std::size_t i = 0; i < velocity.size(); ++i)

@@ -2,10 +2,9 @@
 
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "periodic/discretisation/discretisation.hpp"
 #include "periodic/discretisation/orbit_field.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 
 namespace orbid::periodic {
 
@@ -18,33 +17,31 @@ namespace orbid::periodic {
 class SecondOrderSteps final : public Discretisation {
 public:
     /// @param velocity  index of the velocity of each position, -1 for velocities (complete).
-    SecondOrderSteps(const OrbitField& field, Eigen::Index steps, const std::vector<Eigen::Index>& velocity);
+    SecondOrderSteps(const OrbitField& field, Index steps, const std::vector<Index>& velocity);
 
-    [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
-                                    std::span<const Eigen::Index> free) const override;
-    [[nodiscard]] StepImage state(Eigen::Index j, const Eigen::VectorXd& z, double time,
-                                  std::span<const Eigen::Index> free) const override;
+    [[nodiscard]] StepImage advance(Index j, const VectorXd& z, double time,
+                                    std::span<const Index> free) const override;
+    [[nodiscard]] StepImage state(Index j, const VectorXd& z, double time, std::span<const Index> free) const override;
 
 private:
     const OrbitField& field_;
-    std::vector<Eigen::Index> positions_;
-    std::vector<Eigen::Index> velocities_;  ///< in the order of positions_
+    std::vector<Index> positions_;
+    std::vector<Index> velocities_;  ///< in the order of positions_
 };
 
 /// Centred differences of the first-order system as one-step maps on z_k = (x_{k-1}, x_k).
 class CentredSteps final : public Discretisation {
 public:
-    CentredSteps(const OrbitField& field, Eigen::Index steps)
+    CentredSteps(const OrbitField& field, Index steps)
         : Discretisation(equidistant(steps), 2 * field.dimension(), field.autonomous()), field_(field) {}
 
-    [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
-                                    std::span<const Eigen::Index> free) const override;
-    [[nodiscard]] StepImage state(Eigen::Index j, const Eigen::VectorXd& z, double time,
-                                  std::span<const Eigen::Index> free) const override;
+    [[nodiscard]] StepImage advance(Index j, const VectorXd& z, double time,
+                                    std::span<const Index> free) const override;
+    [[nodiscard]] StepImage state(Index j, const VectorXd& z, double time, std::span<const Index> free) const override;
     /// The two-step scheme has n multipliers too many, near those of -f. The n multipliers of the trapezoidal rule
     /// along the same orbit are as accurate, O(h^2).
-    [[nodiscard]] std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
-                                                           const Eigen::MatrixXd& nodes, double time) const override;
+    [[nodiscard]] std::vector<MatrixXd> propagators(const std::vector<MatrixXd>& jacobians, const MatrixXd& nodes,
+                                                    double time) const override;
 
 private:
     const OrbitField& field_;

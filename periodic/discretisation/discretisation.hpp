@@ -5,18 +5,18 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Core>
+#include "periodic/orbit/eigen_names.hpp"
 
 namespace orbid::periodic {
 
 /// The image of one step and its derivatives; d: length of z, f: number of free parameters.
 struct StepImage {
-    bool simulated = false;         ///< everything else is meaningful only if so
-    bool sticking = false;          ///< the step contains sticking
-    Eigen::VectorXd value;          ///< shape (d)
-    Eigen::MatrixXd by_state;       ///< shape (d, d)
-    Eigen::VectorXd by_ln_time;     ///< shape (d): T d value / dT; empty where T is known
-    Eigen::MatrixXd by_parameters;  ///< shape (d, f)
+    bool simulated = false;  ///< everything else is meaningful only if so
+    bool sticking = false;   ///< the step contains sticking
+    VectorXd value;          ///< shape (d)
+    MatrixXd by_state;       ///< shape (d, d)
+    VectorXd by_ln_time;     ///< shape (d): T d value / dT; empty where T is known
+    MatrixXd by_parameters;  ///< shape (d, f)
 };
 
 /// A periodic boundary value problem in discrete time: N one-step maps on a circle,
@@ -30,38 +30,37 @@ class Discretisation {
 public:
     virtual ~Discretisation() = default;
 
-    [[nodiscard]] Eigen::Index steps() const { return static_cast<Eigen::Index>(shares_.size()); }
+    [[nodiscard]] Index steps() const { return static_cast<Index>(shares_.size()); }
     /// Length of z: a multiple of the model's dimension n; entries i, i + n, ... belong to coordinate i.
-    [[nodiscard]] Eigen::Index dimension() const { return dimension_; }
+    [[nodiscard]] Index dimension() const { return dimension_; }
     /// The period T is an unknown (autonomous flows).
     [[nodiscard]] bool unknown_time() const { return unknown_time_; }
     /// Where each z_j lies on the orbit: time since z_0 / T, ascending in [0, 1).
     [[nodiscard]] const std::vector<double>& shares() const { return shares_; }
-    [[nodiscard]] double share(Eigen::Index j) const { return shares_[static_cast<std::size_t>(j)]; }
+    [[nodiscard]] double share(Index j) const { return shares_[static_cast<std::size_t>(j)]; }
     /// F_j(z).
-    [[nodiscard]] virtual StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
-                                            std::span<const Eigen::Index> free) const = 0;
+    [[nodiscard]] virtual StepImage advance(Index j, const VectorXd& z, double time,
+                                            std::span<const Index> free) const = 0;
     /// The model's state at z_j, shape (n); by_state has shape (n, d).
-    [[nodiscard]] virtual StepImage state(Eigen::Index j, const Eigen::VectorXd& z, double time,
-                                          std::span<const Eigen::Index> free) const;
+    [[nodiscard]] virtual StepImage state(Index j, const VectorXd& z, double time, std::span<const Index> free) const;
     /// n x n factors of the monodromy matrix, the first one applied first; `jacobians` are those of advance(). One per
     /// step, or several where steps are split to keep the digits of the small multipliers.
-    [[nodiscard]] virtual std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
-                                                                   const Eigen::MatrixXd& nodes, double time) const;
+    [[nodiscard]] virtual std::vector<MatrixXd> propagators(const std::vector<MatrixXd>& jacobians,
+                                                            const MatrixXd& nodes, double time) const;
 
 protected:
-    Discretisation(std::vector<double> shares, Eigen::Index dimension, bool unknown_time)
+    Discretisation(std::vector<double> shares, Index dimension, bool unknown_time)
         : shares_(std::move(shares)), dimension_(dimension), unknown_time_(unknown_time) {}
     Discretisation(const Discretisation&) = default;
     Discretisation& operator=(const Discretisation&) = default;
 
 private:
     std::vector<double> shares_;
-    Eigen::Index dimension_;
+    Index dimension_;
     bool unknown_time_;
 };
 
 /// Shares of so many steps of equal length.
-[[nodiscard]] std::vector<double> equidistant(Eigen::Index steps);
+[[nodiscard]] std::vector<double> equidistant(Index steps);
 
 }  // namespace orbid::periodic

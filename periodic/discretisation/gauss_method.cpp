@@ -7,9 +7,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::VectorXd;
-
 namespace {
 
 /// Zero of the Legendre polynomial of degree m on [-1, 1] nearest to x, and the weight that belongs to it.

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <Eigen/Core>
+#include "periodic/orbit/eigen_names.hpp"
 
 namespace orbid::periodic {
 
@@ -8,14 +8,14 @@ namespace orbid::periodic {
 /// 1]. Integrates polynomials of degree 2 m - 1 exactly; order 2 m. Source: E. Hairer, S. P. Norsett, G. Wanner,
 /// Solving Ordinary Differential Equations I (1993), section II.7.
 struct GaussMethod {
-    Eigen::VectorXd nodes;    ///< c, ascending, shape (m)
-    Eigen::MatrixXd matrix;   ///< a_ij = integral of l_j over [0, c_i], l_j Lagrange's polynomials on c
-    Eigen::VectorXd weights;  ///< b_j = integral of l_j over [0, 1]
+    VectorXd nodes;    ///< c, ascending, shape (m)
+    MatrixXd matrix;   ///< a_ij = integral of l_j over [0, c_i], l_j Lagrange's polynomials on c
+    VectorXd weights;  ///< b_j = integral of l_j over [0, 1]
 
     /// Integrals of l_j over [0, u], shape (m).
-    [[nodiscard]] Eigen::VectorXd integrals(double u) const;
+    [[nodiscard]] VectorXd integrals(double u) const;
     /// d^(m-1) l_j / du^(m-1), a constant: shape (m).
-    [[nodiscard]] Eigen::VectorXd highest_derivatives() const;
+    [[nodiscard]] VectorXd highest_derivatives() const;
 };
 
 /// @param stages  m in [1, 10].

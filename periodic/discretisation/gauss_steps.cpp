@@ -6,10 +6,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 double GaussSteps::width(Index j) const {
     return (j + 1 < steps() ? share(j + 1) : 1.0) - share(j);
 }

@@ -4,11 +4,10 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "periodic/discretisation/discretisation.hpp"
 #include "periodic/discretisation/gauss_method.hpp"
 #include "periodic/discretisation/orbit_field.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 
 namespace orbid::periodic {
 
@@ -21,19 +20,19 @@ public:
     GaussSteps(const OrbitField& field, const GaussMethod& method, std::vector<double> mesh)
         : Discretisation(std::move(mesh), field.dimension(), field.autonomous()), field_(field), method_(method) {}
 
-    [[nodiscard]] double width(Eigen::Index j) const;
-    [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
-                                    std::span<const Eigen::Index> free) const override;
+    [[nodiscard]] double width(Index j) const;
+    [[nodiscard]] StepImage advance(Index j, const VectorXd& z, double time,
+                                    std::span<const Index> free) const override;
 
     /// dx/ds at the collocation points of an interval, shape (n, m); empty when the equations cannot be solved.
-    [[nodiscard]] Eigen::MatrixXd slopes(Eigen::Index j, const Eigen::VectorXd& z, double time) const;
+    [[nodiscard]] MatrixXd slopes(Index j, const VectorXd& z, double time) const;
 
 private:
     /// Collocation points of interval j as shares.
-    [[nodiscard]] std::vector<double> instants(Eigen::Index j) const;
-    [[nodiscard]] Eigen::MatrixXd states(Eigen::Index j, const Eigen::VectorXd& z, const Eigen::MatrixXd& slopes) const;
+    [[nodiscard]] std::vector<double> instants(Index j) const;
+    [[nodiscard]] MatrixXd states(Index j, const VectorXd& z, const MatrixXd& slopes) const;
     /// 1 - h a_il J_i, shape (n m, n m).
-    [[nodiscard]] Eigen::MatrixXd matrix(Eigen::Index j, const Eigen::MatrixXd& by_state) const;
+    [[nodiscard]] MatrixXd matrix(Index j, const MatrixXd& by_state) const;
 
     const OrbitField& field_;
     const GaussMethod& method_;

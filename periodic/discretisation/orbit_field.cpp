@@ -6,10 +6,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 OrbitField::OrbitField(const models::System& system, const VectorXd& theta, double phase, Index periods)
     : system_(system),
       theta_(theta),

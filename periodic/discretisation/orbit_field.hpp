@@ -3,17 +3,16 @@
 #include <span>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "models/system/system.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 
 namespace orbid::periodic {
 
 /// Values and derivatives of the field at m states; columns belong to states.
 struct FieldValues {
-    Eigen::MatrixXd value;          ///< shape (n, m)
-    Eigen::MatrixXd by_state;       ///< shape (n, m n): block k = d value_k / d state_k
-    Eigen::MatrixXd by_parameters;  ///< shape (n, m f): block k; empty unless asked for
+    MatrixXd value;          ///< shape (n, m)
+    MatrixXd by_state;       ///< shape (n, m n): block k = d value_k / d state_k
+    MatrixXd by_parameters;  ///< shape (n, m f): block k; empty unless asked for
 };
 
 /// The field of a flow over its whole orbit, with the share s of the orbit as the time:
@@ -25,25 +24,24 @@ struct FieldValues {
 class OrbitField {
 public:
     /// @param periods  of the forcing per orbit (forced models; ignored otherwise).
-    OrbitField(const models::System& system, const Eigen::VectorXd& theta, double phase, Eigen::Index periods);
+    OrbitField(const models::System& system, const VectorXd& theta, double phase, Index periods);
 
-    [[nodiscard]] Eigen::Index dimension() const { return system_.dimension(); }
+    [[nodiscard]] Index dimension() const { return system_.dimension(); }
     [[nodiscard]] bool autonomous() const { return autonomous_; }
     /// T [s]: `time` of autonomous flows, otherwise given by the parameters.
     [[nodiscard]] double duration(double time) const { return autonomous_ ? time : forced_duration_; }
     /// d ln T / d theta_k of the free parameters (forced models; zero otherwise). Shape (f).
-    [[nodiscard]] Eigen::RowVectorXd ln_duration_slopes(std::span<const Eigen::Index> free) const;
+    [[nodiscard]] Eigen::RowVectorXd ln_duration_slopes(std::span<const Index> free) const;
     /// G alone.
-    [[nodiscard]] Eigen::MatrixXd value(const Eigen::MatrixXd& states, std::span<const double> shares,
-                                        double time) const;
-    [[nodiscard]] FieldValues values(const Eigen::MatrixXd& states, std::span<const double> shares, double time,
-                                     std::span<const Eigen::Index> free) const;
+    [[nodiscard]] MatrixXd value(const MatrixXd& states, std::span<const double> shares, double time) const;
+    [[nodiscard]] FieldValues values(const MatrixXd& states, std::span<const double> shares, double time,
+                                     std::span<const Index> free) const;
 
 private:
     [[nodiscard]] std::vector<double> phases_at(std::span<const double> shares) const;
 
     const models::System& system_;
-    const Eigen::VectorXd& theta_;
+    const VectorXd& theta_;
     double phase_;
     double periods_;
     bool autonomous_;

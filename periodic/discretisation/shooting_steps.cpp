@@ -5,10 +5,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 FlowSteps::FlowSteps(const models::System& system, const VectorXd& theta, const ShootingMesh& mesh,
                      const models::FlowOptions& options)
     : Discretisation(mesh.begins(), system.dimension(), system.kind() == models::Kind::autonomous),

@@ -3,11 +3,10 @@
 #include <span>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "models/system/system.hpp"
 #include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/discretisation.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/orbit/solver_options.hpp"
 
@@ -17,31 +16,31 @@ namespace orbid::periodic {
 /// segments as in the mesh. System and theta are held by reference.
 class FlowSteps final : public Discretisation {
 public:
-    FlowSteps(const models::System& system, const Eigen::VectorXd& theta, const ShootingMesh& mesh,
+    FlowSteps(const models::System& system, const VectorXd& theta, const ShootingMesh& mesh,
               const models::FlowOptions& options);
 
-    [[nodiscard]] StepImage advance(Eigen::Index j, const Eigen::VectorXd& z, double time,
-                                    std::span<const Eigen::Index> free) const override;
+    [[nodiscard]] StepImage advance(Index j, const VectorXd& z, double time,
+                                    std::span<const Index> free) const override;
     /// Segments with large error growth are followed once more in pieces. If the largest singular value of a Jacobian
     /// is g times the smallest, the small multipliers have lost as many digits as g has.
-    [[nodiscard]] std::vector<Eigen::MatrixXd> propagators(const std::vector<Eigen::MatrixXd>& jacobians,
-                                                           const Eigen::MatrixXd& nodes, double time) const override;
+    [[nodiscard]] std::vector<MatrixXd> propagators(const std::vector<MatrixXd>& jacobians, const MatrixXd& nodes,
+                                                    double time) const override;
 
 private:
     const models::System& system_;
-    const Eigen::VectorXd& theta_;
+    const VectorXd& theta_;
     models::Clock clock_;
     std::vector<Segment> segments_;
     models::FlowOptions options_;
 };
 
 /// Errors grow too much over a segment with one of these Jacobians, so that the mesh needs further nodes.
-[[nodiscard]] bool grows_too_much(const models::System& system, const std::vector<Eigen::MatrixXd>& jacobians,
+[[nodiscard]] bool grows_too_much(const models::System& system, const std::vector<MatrixXd>& jacobians,
                                   const ShootingOptions& options);
 
 /// The closing error at the nodes of a mesh, whole turns not taken off. The mesh gets further nodes first where errors
 /// grow too much.
-[[nodiscard]] ClosingError refine_and_close(const models::System& system, const Eigen::VectorXd& theta,
-                                            ShootingMesh& mesh, const ShootingOptions& options);
+[[nodiscard]] ClosingError refine_and_close(const models::System& system, const VectorXd& theta, ShootingMesh& mesh,
+                                            const ShootingOptions& options);
 
 }  // namespace orbid::periodic

@@ -14,10 +14,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// Instants of a segment at which the growth of errors is looked at; no segment gets more nodes than that.
 constexpr int instants = 48;
 

@@ -7,10 +7,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 namespace {
 
 /// A coordinate smaller than this fraction of the others is a rounded zero: its size is meaningless.

@@ -3,18 +3,17 @@
 #include <span>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "models/system/system.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 
 namespace orbid::periodic {
 
 /// Indices of the coordinates that are angles.
-[[nodiscard]] std::vector<Eigen::Index> angle_coordinates(const models::System& system);
+[[nodiscard]] std::vector<Index> angle_coordinates(const models::System& system);
 
 /// 2 pi for angles, the largest |guess| for the others. 1 where that is zero, or a rounded zero beside 1 or the largest
 /// coordinate. Shape (n).
-[[nodiscard]] Eigen::VectorXd default_scale(const models::System& system, const Eigen::MatrixXd& guess);
+[[nodiscard]] VectorXd default_scale(const models::System& system, const MatrixXd& guess);
 
 /// Whole turns from each node to the next: the nearest ones for the flow of the guess. Where the wanted total differs,
 /// the segments with the least certain turns are changed, by one turn each.
@@ -22,25 +21,25 @@ namespace orbid::periodic {
 /// @param error     shape (n, N): flow of each node - next node.
 /// @param rotation  wanted turns per angle, or empty.
 /// @return whole numbers, shape (n, N), zero but for angles.
-[[nodiscard]] Eigen::MatrixXd winding_numbers(const Eigen::MatrixXd& error, const std::vector<Eigen::Index>& angles,
-                                              std::span<const int> rotation);
+[[nodiscard]] MatrixXd winding_numbers(const MatrixXd& error, const std::vector<Index>& angles,
+                                       std::span<const int> rotation);
 
 /// Whole turns of the orbit, one sum per angle.
-[[nodiscard]] std::vector<int> total_rotation(const Eigen::MatrixXd& turns, const std::vector<Eigen::Index>& angles);
+[[nodiscard]] std::vector<int> total_rotation(const MatrixXd& turns, const std::vector<Index>& angles);
 
 /// How often the points of a closed orbit run through the same ones, within a fraction `same` of the scale: 1 where the
 /// prime period is p. Different points of a converged orbit are closer only next to a period doubling, where the orbits
 /// cannot be distinguished either.
-[[nodiscard]] int repeats_of(const Eigen::MatrixXd& points, const std::vector<Eigen::Index>& angles,
-                             const Eigen::VectorXd& scale, double same = 1e-7);
+[[nodiscard]] int repeats_of(const MatrixXd& points, const std::vector<Index>& angles, const VectorXd& scale,
+                             double same = 1e-7);
 
 /// The points of a closed orbit in the order that begins with a later one.
-[[nodiscard]] Eigen::MatrixXd begun_later(const Eigen::MatrixXd& points, Eigen::Index first);
+[[nodiscard]] MatrixXd begun_later(const MatrixXd& points, Index first);
 
 /// Largest element relative to the scale of its row.
-[[nodiscard]] double relative_size(const Eigen::MatrixXd& difference, const Eigen::VectorXd& scale);
+[[nodiscard]] double relative_size(const MatrixXd& difference, const VectorXd& scale);
 
 /// Differences of states, in (-pi, pi] for angles. Shape (n, m).
-[[nodiscard]] Eigen::MatrixXd wrapped_angles(Eigen::MatrixXd difference, const std::vector<Eigen::Index>& angles);
+[[nodiscard]] MatrixXd wrapped_angles(MatrixXd difference, const std::vector<Index>& angles);
 
 }  // namespace orbid::periodic

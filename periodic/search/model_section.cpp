@@ -13,10 +13,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// Sections simulated between two looks at what became of a trajectory. Long enough to see it repeat.
 constexpr std::size_t chunk = 128;
 constexpr Index repeated = 64;

@@ -11,10 +11,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// Orbits whose points are all nearer than this (relative to the size) are one. Starts are closed to 1e-8 or better.
 /// Two orbits come that near only beside a bifurcation, where that accuracy cannot separate them either.
 constexpr double same_orbit = 1e-6;

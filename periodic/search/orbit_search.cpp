@@ -12,9 +12,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::VectorXd;
-
 /// Stabilised iterations for a period that is settled already: a sample that would show what the other starts cannot
 /// reach.
 constexpr std::size_t sample = 256;

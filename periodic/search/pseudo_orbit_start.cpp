@@ -7,9 +7,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-
 /// A step of a trajectory from one cell to another.
 struct SeenStep {
     std::uint64_t from;

@@ -5,8 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include <Eigen/Core>
-
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/search/model_section.hpp"
 #include "periodic/search/section_cell.hpp"
 
@@ -25,13 +24,13 @@ public:
     [[nodiscard]] std::optional<std::vector<std::vector<std::uint32_t>>> loops(int period, std::size_t most) const;
 
     /// One observed state in each cell of a loop, on its way to the next. Shape (n, p).
-    [[nodiscard]] Eigen::MatrixXd points(const std::vector<std::uint32_t>& loop) const;
+    [[nodiscard]] MatrixXd points(const std::vector<std::uint32_t>& loop) const;
 
 private:
     struct Step {
         std::uint32_t to;
         std::uint32_t piece;
-        Eigen::Index column;
+        Index column;
     };
 
     const SectionPieces& pieces_;

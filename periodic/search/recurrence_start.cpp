@@ -10,9 +10,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-
 struct Candidate {
     std::uint64_t itinerary;
     RecurrenceStart start;

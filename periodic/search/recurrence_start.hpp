@@ -2,8 +2,7 @@
 
 #include <vector>
 
-#include <Eigen/Core>
-
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/search/model_section.hpp"
 
 namespace orbid::periodic {
@@ -11,10 +10,10 @@ namespace orbid::periodic {
 /// A piece of p points after which a trajectory comes back near its beginning.
 struct RecurrenceStart {
     std::size_t piece = 0;  ///< index into SectionPieces::pieces
-    Eigen::Index first = 0;
+    Index first = 0;
     double gap = 0.0;  ///< largest coordinate of x_{t+p} - x_t, relative to the size
 
-    [[nodiscard]] Eigen::MatrixXd points(const SectionPieces& pieces, int period) const {
+    [[nodiscard]] MatrixXd points(const SectionPieces& pieces, int period) const {
         return pieces.pieces[piece].middleCols(first, period);
     }
 };

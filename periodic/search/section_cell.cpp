@@ -9,9 +9,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::VectorXd;
-
 SectionCells::SectionCells(const models::System& system, VectorXd size, double edge, std::vector<double> signs)
     : size_(std::move(size)),
       signs_(std::move(signs)),
@@ -46,7 +43,7 @@ std::uint64_t cyclic_name(const std::uint64_t* symbols, std::size_t count) {
     return smallest;
 }
 
-std::uint64_t itinerary_name(const SectionCells& cells, const Eigen::MatrixXd& points) {
+std::uint64_t itinerary_name(const SectionCells& cells, const MatrixXd& points) {
     std::vector<std::uint64_t> names, mirrored;
     for (Index j = 0; j < points.cols(); ++j) {
         names.push_back(cells.name(points.col(j)));

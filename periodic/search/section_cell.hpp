@@ -4,8 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include <Eigen/Core>
-
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/search/model_section.hpp"
 
 namespace orbid::periodic {
@@ -18,16 +17,16 @@ public:
     /// @param size   shape (n): extent of each coordinate.
     /// @param edge   relative to it, in (0, 0.5].
     /// @param signs  of a symmetry that maps the section onto itself; or empty.
-    SectionCells(const models::System& system, Eigen::VectorXd size, double edge, std::vector<double> signs);
+    SectionCells(const models::System& system, VectorXd size, double edge, std::vector<double> signs);
 
-    [[nodiscard]] std::uint64_t name(Eigen::Ref<const Eigen::VectorXd> x) const { return name(x, false); }
+    [[nodiscard]] std::uint64_t name(Eigen::Ref<const VectorXd> x) const { return name(x, false); }
     /// The name of the mirror image; the name itself without a symmetry.
-    [[nodiscard]] std::uint64_t mirrored(Eigen::Ref<const Eigen::VectorXd> x) const { return name(x, true); }
+    [[nodiscard]] std::uint64_t mirrored(Eigen::Ref<const VectorXd> x) const { return name(x, true); }
 
 private:
-    [[nodiscard]] std::uint64_t name(Eigen::Ref<const Eigen::VectorXd> x, bool mirrored) const;
+    [[nodiscard]] std::uint64_t name(Eigen::Ref<const VectorXd> x, bool mirrored) const;
 
-    Eigen::VectorXd size_;
+    VectorXd size_;
     std::vector<double> signs_;
     std::vector<double> around_;  ///< cells around the circle; 0: no angle
     double edge_;
@@ -37,6 +36,6 @@ private:
 [[nodiscard]] std::uint64_t cyclic_name(const std::uint64_t* symbols, std::size_t count);
 
 /// The same for a cyclic sequence and its mirror image.
-[[nodiscard]] std::uint64_t itinerary_name(const SectionCells& cells, const Eigen::MatrixXd& points);
+[[nodiscard]] std::uint64_t itinerary_name(const SectionCells& cells, const MatrixXd& points);
 
 }  // namespace orbid::periodic

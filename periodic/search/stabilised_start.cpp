@@ -12,10 +12,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 SectionChart::SectionChart(const ModelSection& section, VectorXd size)
     : section_(section), size_(std::move(size)), angles_(angle_coordinates(section.system)) {
     const Index n = section.system.dimension();

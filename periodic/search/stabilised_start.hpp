@@ -4,34 +4,33 @@
 #include <optional>
 #include <vector>
 
-#include <Eigen/Core>
-
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/search/model_section.hpp"
 
 namespace orbid::periodic {
 
 /// p returns to the section: the image and its derivative, in coordinates u along the section that are of order one.
 struct SectionReturn {
-    bool simulated = false;    ///< everything else is meaningful only if so
-    Eigen::VectorXd gap;       ///< shape (d): u(f^p(x)) - u(x), angles in one turn
-    Eigen::MatrixXd jacobian;  ///< shape (d, d): of f^p
-    Eigen::MatrixXd points;    ///< shape (n, p): x, f(x), ..., angles in (-pi, pi]
+    bool simulated = false;  ///< everything else is meaningful only if so
+    VectorXd gap;            ///< shape (d): u(f^p(x)) - u(x), angles in one turn
+    MatrixXd jacobian;       ///< shape (d, d): of f^p
+    MatrixXd points;         ///< shape (n, p): x, f(x), ..., angles in (-pi, pi]
 };
 
 /// Coordinates along the section, x = D B u: D = diag(size), B orthonormal; d = n, or n - 1 on a plane.
 class SectionChart {
 public:
-    SectionChart(const ModelSection& section, Eigen::VectorXd size);
+    SectionChart(const ModelSection& section, VectorXd size);
 
-    [[nodiscard]] Eigen::Index dimension() const { return basis_.cols(); }
-    [[nodiscard]] Eigen::VectorXd moved(const Eigen::VectorXd& x, const Eigen::VectorXd& by) const;
-    [[nodiscard]] SectionReturn returned(const Eigen::VectorXd& x, int period, const models::FlowOptions& flow) const;
+    [[nodiscard]] Index dimension() const { return basis_.cols(); }
+    [[nodiscard]] VectorXd moved(const VectorXd& x, const VectorXd& by) const;
+    [[nodiscard]] SectionReturn returned(const VectorXd& x, int period, const models::FlowOptions& flow) const;
 
 private:
     const ModelSection& section_;
-    Eigen::VectorXd size_;
-    std::vector<Eigen::Index> angles_;
-    Eigen::MatrixXd basis_;  ///< shape (n, d)
+    VectorXd size_;
+    std::vector<Index> angles_;
+    MatrixXd basis_;  ///< shape (n, d)
 };
 
 /// Orthogonal matrices C, at least one of which makes a fixed point of f^p stable under u' = C g(u), g = f^p(u) - u.
@@ -40,7 +39,7 @@ private:
 /// unstable multiplier is negative; both eigenvalues of G are then negative. det G < 0 when it is positive; one of the
 /// two reflections then makes det(C G) > 0 and trace(C G) < 0 unless G_11 = G_22. Otherwise: all signed permutation
 /// matrices (d <= 3, 2^d d! of them), the diagonal ones of these (d <= 6), or 1 and -1.
-[[nodiscard]] std::vector<Eigen::MatrixXd> stabilising_matrices(Eigen::Index dimension);
+[[nodiscard]] std::vector<MatrixXd> stabilising_matrices(Index dimension);
 
 struct StabilisedOptions {
     double beta = 30.0;  ///< steps are no longer than 1 / beta of the section far from an orbit; > 0
@@ -56,8 +55,7 @@ struct StabilisedOptions {
 /// which are Newton's near the orbit and follow that flow far from it.
 /// @return the p points; none when it does not arrive.
 /// Source: R. L. Davidchack and Y.-C. Lai, Phys. Rev. E 60, 6172 (1999).
-[[nodiscard]] std::optional<Eigen::MatrixXd> stabilised_start(const SectionChart& chart, const Eigen::VectorXd& from,
-                                                              int period, const Eigen::MatrixXd& c,
-                                                              const StabilisedOptions& options);
+[[nodiscard]] std::optional<MatrixXd> stabilised_start(const SectionChart& chart, const VectorXd& from, int period,
+                                                       const MatrixXd& c, const StabilisedOptions& options);
 
 }  // namespace orbid::periodic

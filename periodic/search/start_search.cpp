@@ -18,10 +18,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// Starts that are solved before the list is looked at again: the result depends on it, not on the number of threads.
 constexpr std::size_t batch = 256;
 

@@ -5,8 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include <Eigen/Core>
-
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/search/model_section.hpp"
 #include "periodic/search/orbit_list.hpp"
 #include "periodic/search/orbit_search.hpp"
@@ -50,12 +49,12 @@ public:
 private:
     /// Solves starts in batches until all are tried or too many in a row found nothing.
     /// @param start_at  points of start number k; empty: none.
-    void solve(std::size_t count, StartOrigin origin, const std::function<Eigen::MatrixXd(std::size_t)>& start_at);
+    void solve(std::size_t count, StartOrigin origin, const std::function<MatrixXd(std::size_t)>& start_at);
 
     /// Points of the loops of one length through cells of one edge, without those of known orbits; none: too many.
-    [[nodiscard]] std::optional<std::vector<Eigen::MatrixXd>> loops_of(int period, double edge) const;
+    [[nodiscard]] std::optional<std::vector<MatrixXd>> loops_of(int period, double edge) const;
 
-    [[nodiscard]] Eigen::VectorXd on_section(const Eigen::VectorXd& x) const;
+    [[nodiscard]] VectorXd on_section(const VectorXd& x) const;
 
     const ModelSection& section_;
     const OrbitSearchOptions& options_;

@@ -7,9 +7,9 @@
 #include <set>
 #include <stdexcept>
 
-namespace orbid::periodic {
+#include "periodic/orbit/eigen_names.hpp"
 
-using Eigen::Index;
+namespace orbid::periodic {
 
 namespace {
 
@@ -51,7 +51,7 @@ void validate(const SymbolPartition& partition, Index dimension) {
                                                              std::to_string(partition.symbols.size()));
 }
 
-char symbol_of(const SymbolPartition& partition, Eigen::Ref<const Eigen::VectorXd> x) {
+char symbol_of(const SymbolPartition& partition, Eigen::Ref<const VectorXd> x) {
     std::size_t part = 0;
     for (const SymbolPartition::Cut& cut : partition.cuts) {
         const auto above = std::upper_bound(cut.boundaries.begin(), cut.boundaries.end(), x(cut.coordinate));
@@ -60,7 +60,7 @@ char symbol_of(const SymbolPartition& partition, Eigen::Ref<const Eigen::VectorX
     return partition.symbols[part];
 }
 
-std::string symbolic_code(const SymbolPartition& partition, const Eigen::MatrixXd& points) {
+std::string symbolic_code(const SymbolPartition& partition, const MatrixXd& points) {
     std::string code;
     for (Index j = 0; j < points.cols(); ++j)
         code.push_back(symbol_of(partition, points.col(j)));

@@ -12,9 +12,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-
 /// Symbols compared on either side: the distance has then shrunk to rounding by any expansion above 2.
 constexpr int farthest = 48;
 

@@ -3,8 +3,7 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Core>
-
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/orbit/orbit.hpp"
 #include "periodic/orbit/solver_options.hpp"
 #include "periodic/search/model_section.hpp"
@@ -33,7 +32,7 @@ public:
     SymbolicStarts(const ModelSection& section, const SectionPieces& pieces, SymbolPartition partition);
 
     /// The match number `rank` of every point (0: the best). Shape (n, p). @param agreement  see above.
-    [[nodiscard]] Eigen::MatrixXd start(const std::string& word, std::size_t rank, int& agreement) const;
+    [[nodiscard]] MatrixXd start(const std::string& word, std::size_t rank, int& agreement) const;
 
     /// Tries the best matches, then the next ones, up to `tries`, by multiple shooting.
     /// @throws std::invalid_argument on a word that is empty, repeats a shorter one, or has unknown symbols.

@@ -7,10 +7,7 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
 using Eigen::SparseMatrix;
-using Eigen::VectorXd;
 
 namespace {
 

@@ -2,9 +2,8 @@
 
 #include <memory>
 
-#include <Eigen/Core>
-
 #include "periodic/discretisation/closing_error.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 
 namespace orbid::periodic {
 
@@ -17,21 +16,20 @@ namespace orbid::periodic {
 class ClosingEquations {
 public:
     /// @param own_weights  diagonal of W, shape (d N + k), > 0 or such that A is regular.
-    ClosingEquations(const ClosingError& closing, const Eigen::VectorXd& scale, double weight,
-                     const Eigen::VectorXd& own_weights);
+    ClosingEquations(const ClosingError& closing, const VectorXd& scale, double weight, const VectorXd& own_weights);
     /// The same with W = 1.
-    ClosingEquations(const ClosingError& closing, const Eigen::VectorXd& scale, double weight);
+    ClosingEquations(const ClosingError& closing, const VectorXd& scale, double weight);
     ~ClosingEquations();
 
     [[nodiscard]] bool regular() const;  ///< A was factorised
     /// J^T r.
-    [[nodiscard]] Eigen::VectorXd pulled(const Eigen::VectorXd& r) const;
-    [[nodiscard]] Eigen::MatrixXd pulled(const Eigen::MatrixXd& r) const;
+    [[nodiscard]] VectorXd pulled(const VectorXd& r) const;
+    [[nodiscard]] MatrixXd pulled(const MatrixXd& r) const;
     /// weight J^T r.
-    [[nodiscard]] Eigen::VectorXd weighted_pull(const Eigen::VectorXd& r) const;
+    [[nodiscard]] VectorXd weighted_pull(const VectorXd& r) const;
     /// A^-1 b; only where regular.
-    [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& b) const;
-    [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& b) const;
+    [[nodiscard]] VectorXd solve(const VectorXd& b) const;
+    [[nodiscard]] MatrixXd solve(const MatrixXd& b) const;
 
 private:
     struct Factor;

@@ -16,10 +16,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 constexpr auto collocation_name = "solve_collocation";
 
 void check(const CollocationOptions& options) {

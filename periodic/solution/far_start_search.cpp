@@ -19,10 +19,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// Newton's first step may lead to another orbit than the nearest in two cases. The second step, with the old matrix,
 /// is not four times shorter. Or the first is this many times longer than a correction that leaves part of the closing
 /// error, counted ten times (a direction that the equations hardly determine). Of 600 starts 3e-3 to 1e-2 from cycles
@@ -83,12 +79,11 @@ FarStartSearch improve_guess(const OrbitProblem& problem, const ShootingMesh& me
         return closing;
     };
     const auto solve = [&](const MatrixXd& turns, bool carefully) {
-        if (!carefully) return newton(steps, mesh.nodes, mesh.time, taken_off(turns), turns, condition, scale, coarse);
-        CorrectedGuess corrected =
-            corrected_guess(steps, mesh.nodes, mesh.time, taken_off(turns), turns, mesh.points, scale);
+        const DiscreteEquations equations{steps, turns, condition, scale};
+        if (!carefully) return newton(equations, mesh.nodes, mesh.time, taken_off(turns), coarse);
+        CorrectedGuess corrected = corrected_guess(equations, mesh.nodes, mesh.time, taken_off(turns), mesh.points);
         if (!corrected.closed) return NewtonResult{};
-        return newton(steps, corrected.nodes, corrected.time, std::move(corrected.closing), turns, condition, scale,
-                      coarse);
+        return newton(equations, corrected.nodes, corrected.time, std::move(corrected.closing), coarse);
     };
     double best = std::numeric_limits<double>::infinity();
     const auto consider = [&](const NewtonResult& found, const MatrixXd& turns) {

@@ -16,10 +16,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// Sequence without structure in [-1, 1]: the fractional parts of multiples of the golden ratio.
 double scattered(int k) {
     return 2.0 * std::fmod(0.6180339887498949 * (k + 1), 1.0) - 1.0;

@@ -9,10 +9,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 namespace {
 
 /// Newton's method is quadratic from here on: the error of its next step is 1e-8 times a curvature.
@@ -33,31 +29,28 @@ struct Place {
 
 class Path {
 public:
-    Path(const Discretisation& discretisation, const MatrixXd& guess, double time, const MatrixXd& turns,
-         const std::vector<Index>& measured, const VectorXd& scale)
-        : discretisation_(discretisation),
+    Path(const DiscreteEquations& equations, const MatrixXd& guess, double time, const std::vector<Index>& measured)
+        : equations_(equations),
           guess_(guess),
           time_(time),
-          turns_(turns),
-          scale_(scale),
-          scales_(scale.replicate(guess.cols(), 1)),
-          weights_(VectorXd::Zero(guess.size() + (discretisation.unknown_time() ? 1 : 0))) {
+          scales_(equations.scale.replicate(guess.cols(), 1)),
+          weights_(VectorXd::Zero(guess.size() + (unknown_time() ? 1 : 0))) {
         for (const Index j : measured)
             weights_.segment(guess.rows() * j, guess.rows()).setOnes();
-        if (discretisation.unknown_time()) weights_.tail(1).setOnes();
+        if (unknown_time()) weights_.tail(1).setOnes();
     }
 
     [[nodiscard]] MatrixXd nodes(const VectorXd& z) const {
         return guess_ + z.head(guess_.size()).cwiseProduct(scales_).reshaped(guess_.rows(), guess_.cols());
     }
     [[nodiscard]] double time(const VectorXd& z) const {
-        return discretisation_.unknown_time() ? time_ * std::exp(z(z.size() - 1)) : time_;
+        return unknown_time() ? time_ * std::exp(z(z.size() - 1)) : time_;
     }
     [[nodiscard]] Place at_guess(const ClosingError& closing) const {
         return {VectorXd::Zero(weights_.size()), closing, closing.error.reshaped().cwiseQuotient(scales_)};
     }
     [[nodiscard]] Place at(const VectorXd& z) const {
-        Place place{z, closing_error(discretisation_, nodes(z), time(z), turns_), {}};
+        Place place{z, closing_error(equations_.discretisation, nodes(z), time(z), equations_.turns), {}};
         if (place.closing.simulated) place.error = place.closing.error.reshaped().cwiseQuotient(scales_);
         return place;
     }
@@ -65,7 +58,7 @@ public:
         return place.z.cwiseProduct(weights_).squaredNorm() + weight * place.error.squaredNorm();
     }
     [[nodiscard]] VectorXd step(const Place& place, double weight) const {
-        const ClosingEquations equations(place.closing, scale_, weight, weights_);
+        const ClosingEquations equations(place.closing, equations_.scale, weight, weights_);
         if (!equations.regular()) return VectorXd::Zero(place.z.size());
         const VectorXd pull = weights_.cwiseProduct(place.z) + equations.weighted_pull(place.error);
         return -equations.solve(pull);
@@ -87,11 +80,11 @@ public:
     }
 
 private:
-    const Discretisation& discretisation_;
+    [[nodiscard]] bool unknown_time() const { return equations_.discretisation.unknown_time(); }
+
+    const DiscreteEquations& equations_;
     const MatrixXd& guess_;
     double time_;
-    const MatrixXd& turns_;
-    const VectorXd& scale_;
     VectorXd scales_;
     VectorXd weights_;
 };
@@ -106,10 +99,9 @@ double shortest_correction(const ClosingError& closing, const VectorXd& scale, d
     return std::sqrt(std::max(weight * error.squaredNorm() + pull.dot(move), 0.0));
 }
 
-CorrectedGuess corrected_guess(const Discretisation& discretisation, const MatrixXd& guess, double time,
-                               const ClosingError& closing, const MatrixXd& turns, const std::vector<Index>& measured,
-                               const VectorXd& scale) {
-    const Path path(discretisation, guess, time, turns, measured, scale);
+CorrectedGuess corrected_guess(const DiscreteEquations& equations, const MatrixXd& guess, double time,
+                               const ClosingError& closing, const std::vector<Index>& measured) {
+    const Path path(equations, guess, time, measured);
     Place place = path.at_guess(closing);
     const double size = std::sqrt(static_cast<double>(place.error.size()));
     CorrectedGuess result;

@@ -2,21 +2,20 @@
 
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "periodic/discretisation/closing_error.hpp"
-#include "periodic/discretisation/discretisation.hpp"
+#include "periodic/orbit/eigen_names.hpp"
+#include "periodic/solution/newton.hpp"
 
 namespace orbid::periodic {
 
 /// Square root of min_d |d|^2 + weight |J d + r|^2: how far the guess has to move to close, according to the linearised
 /// equations. A closing error may remain that the weight makes expensive. All in units of the scales.
-[[nodiscard]] double shortest_correction(const ClosingError& closing, const Eigen::VectorXd& scale, double weight);
+[[nodiscard]] double shortest_correction(const ClosingError& closing, const VectorXd& scale, double weight);
 
 /// A guess on its way to an orbit.
 struct CorrectedGuess {
     bool closed = false;  ///< closing error below 1e-4 of the scale, rms: Newton's method is left a small step
-    Eigen::MatrixXd nodes;
+    MatrixXd nodes;
     double time = 0.0;
     ClosingError closing;  ///< there, turns taken off
 };
@@ -29,13 +28,11 @@ struct CorrectedGuess {
 /// F is nearly singular, near folds and on long orbits, Newton's first step leads far away to another orbit. This path
 /// does not, as distance is penalised from the beginning.
 ///
-/// @param measured  nodes that count in |z - g|; others (between measured points) go where the equations want them. ln
-/// T
-///                  counts as a coordinate of size one.
+/// @param measured  nodes that count in |z - g|; others (between measured points) go where the equations want them.
+///                  ln T counts as a coordinate of size one.
 /// @param closing   at the guess, turns taken off.
 /// Cost: 8 to 15 evaluations of the closing error, each with a sparse factorisation linear in the number of nodes.
-[[nodiscard]] CorrectedGuess corrected_guess(const Discretisation& discretisation, const Eigen::MatrixXd& guess,
-                                             double time, const ClosingError& closing, const Eigen::MatrixXd& turns,
-                                             const std::vector<Eigen::Index>& measured, const Eigen::VectorXd& scale);
+[[nodiscard]] CorrectedGuess corrected_guess(const DiscreteEquations& equations, const MatrixXd& guess, double time,
+                                             const ClosingError& closing, const std::vector<Index>& measured);
 
 }  // namespace orbid::periodic

@@ -10,10 +10,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 namespace {
 
 PeriodicOrbit solve_once(const OrbitProblem& problem) {

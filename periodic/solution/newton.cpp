@@ -12,10 +12,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// Newton's error squares from step to step. A full step below this fraction of the scale that is not followed by one
 /// at least ten times smaller is rounding and integration error; no further step can help.
 constexpr double noise_level = 1e-7;
@@ -35,8 +31,8 @@ struct Gap {
     MatrixXd by_parameters;
 };
 
-Gap gap_at(const Discretisation& discretisation, const MatrixXd& nodes, double time,
-           const std::optional<PhaseCondition>& condition, const VectorXd& scale, std::span<const Index> free) {
+Gap gap_at(const DiscreteEquations& equations, const MatrixXd& nodes, double time, std::span<const Index> free) {
+    const auto& [discretisation, turns, condition, scale] = equations;
     Gap gap;
     const Index d = nodes.rows();
     const auto f = static_cast<Index>(free.size());
@@ -101,15 +97,6 @@ private:
     CyclicSystem matrix_;
 };
 
-/// What stays the same from step to step.
-struct NewtonProblem {
-    const Discretisation& discretisation;
-    const MatrixXd& turns;
-    const std::optional<PhaseCondition>& condition;
-    const VectorXd& scale;
-    double minimum_damping;
-};
-
 /// What is known at the nodes and the time that were reached.
 struct Iterate {
     ClosingError closing;
@@ -120,9 +107,9 @@ struct Iterate {
 
 /// Takes the step, halved until the next one with the same matrix is shorter. @return converged where it was taken, or
 /// why not.
-OrbitStatus damped_step(const NewtonProblem& problem, const Linearisation& matrix, const Move& step, Iterate& now,
-                        NewtonResult& result) {
-    const auto& [discretisation, turns, condition, scale, minimum_damping] = problem;
+OrbitStatus damped_step(const DiscreteEquations& equations, const Linearisation& matrix, const Move& step,
+                        double minimum_damping, Iterate& now, NewtonResult& result) {
+    const auto& [discretisation, turns, condition, scale] = equations;
     const double step_size = step.size(scale);
     const double step_norm = step.norm(scale);
     bool simulated_once = false;
@@ -138,7 +125,7 @@ OrbitStatus damped_step(const NewtonProblem& problem, const Linearisation& matri
         ClosingError trial = closing_error(discretisation, trial_nodes, trial_time, turns);
         if (!trial.simulated) continue;
         simulated_once = true;
-        Gap trial_gap = gap_at(discretisation, trial_nodes, trial_time, condition, scale, {});
+        Gap trial_gap = gap_at(equations, trial_nodes, trial_time, {});
         const Move simplified = matrix.solve(trial.error, trial_gap.value);
         if (result.iterations == 0 && length == 1.0) result.contraction = simplified.norm(scale) / step_norm;
         // Below the noise level the test would compare rounding errors: the step is taken unchanged.
@@ -154,9 +141,9 @@ OrbitStatus damped_step(const NewtonProblem& problem, const Linearisation& matri
 
 }  // namespace
 
-NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start, double time, ClosingError first,
-                    const MatrixXd& turns, const std::optional<PhaseCondition>& condition, const VectorXd& scale,
+NewtonResult newton(const DiscreteEquations& equations, const MatrixXd& start, double time, ClosingError first,
                     const ShootingOptions& options) {
+    const VectorXd& scale = equations.scale;
     NewtonResult result;
     result.nodes = start;
     result.time = time;
@@ -164,8 +151,7 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
         result.status = OrbitStatus::not_simulated;
         return result;
     }
-    const NewtonProblem problem{discretisation, turns, condition, scale, options.minimum_damping};
-    Iterate now{std::move(first), gap_at(discretisation, start, time, condition, scale, {})};
+    Iterate now{std::move(first), gap_at(equations, start, time, {})};
     result.residual = now.closing.error.cwiseAbs().maxCoeff();
     result.status = OrbitStatus::iteration_limit;
     double last_size = std::numeric_limits<double>::infinity();
@@ -188,13 +174,13 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
         }
 
         if (result.iterations == 0) result.first_step = step.norm(scale);
-        const OrbitStatus step_status = damped_step(problem, matrix, step, now, result);
+        const OrbitStatus step_status = damped_step(equations, matrix, step, options.minimum_damping, now, result);
         result.residual = now.closing.error.cwiseAbs().maxCoeff();
         if (step_status != OrbitStatus::converged) {
             result.status = step_status;
             return result;
         }
-        if (discretisation.unknown_time() && !(result.time > vanished * time)) {
+        if (equations.discretisation.unknown_time() && !(result.time > vanished * time)) {
             result.status = OrbitStatus::period_vanished;
             return result;
         }
@@ -203,10 +189,9 @@ NewtonResult newton(const Discretisation& discretisation, const MatrixXd& start,
     return result;
 }
 
-MatrixXd node_sensitivities(const Discretisation& discretisation, const ClosingError& closing, const MatrixXd& nodes,
-                            double time, const std::optional<PhaseCondition>& condition, const VectorXd& scale,
-                            std::span<const Index> free) {
-    const Gap gap = gap_at(discretisation, nodes, time, condition, scale, free);
+MatrixXd node_sensitivities(const DiscreteEquations& equations, const ClosingError& closing, const MatrixXd& nodes,
+                            double time, std::span<const Index> free) {
+    const Gap gap = gap_at(equations, nodes, time, free);
     const CyclicSystem matrix(closing.jacobians, {closing.by_ln_time, gap.by_nodes, gap.by_ln_time});
     MatrixXd right(closing.parameters.rows() + gap.value.size(), closing.parameters.cols());
     right << closing.parameters, -gap.by_parameters;

@@ -4,10 +4,9 @@
 #include <optional>
 #include <span>
 
-#include <Eigen/Core>
-
 #include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/discretisation.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/orbit/orbit.hpp"
 #include "periodic/orbit/solver_options.hpp"
 #include "periodic/solution/phase_condition.hpp"
@@ -17,7 +16,7 @@ namespace orbid::periodic {
 /// Where Newton's method ended.
 struct NewtonResult {
     OrbitStatus status = OrbitStatus::no_progress;  ///< converged or why not; never other_orbit, shorter_period
-    Eigen::MatrixXd nodes;                          ///< shape (d, N): the last iterate
+    MatrixXd nodes;                                 ///< shape (d, N): the last iterate
     double time = 0.0;                              ///< T of the last iterate, where it is unknown
     int iterations = 0;
     double residual = 0.0;  ///< largest closing error, over nodes and entries
@@ -27,26 +26,27 @@ struct NewtonResult {
     double first_step = 0.0;  ///< length of the first one, all nodes and ln T together, in units of the scales
 };
 
+/// The equations of a discretised orbit. Everything is kept by reference.
+struct DiscreteEquations {
+    const Discretisation& discretisation;
+    const MatrixXd& turns;                           ///< whole turns per step, shape (d, N)
+    const std::optional<PhaseCondition>& condition;  ///< required if and only if T is unknown
+    const VectorXd& scale;                           ///< typical size of each entry of z, shape (d), > 0
+};
+
 /// Damped Newton on all nodes at once, and on ln T of autonomous orbits. Damping by the natural monotonicity test: a
 /// step is accepted when the next one, with the old matrix, is shorter.
 ///
-/// @param start      shape (d, N).
-/// @param first      the closing error there, `turns` taken off.
-/// @param turns      whole turns per step, shape (d, N).
-/// @param condition  required if and only if T is unknown.
-/// @param scale      typical size of each entry of z, shape (d), > 0.
+/// @param start  shape (d, N).
+/// @param first  the closing error there, turns taken off.
 /// @return result with status converged, no_progress, iteration_limit, not_simulated, singular or period_vanished.
 /// Source: P. Deuflhard, Newton Methods for Nonlinear Problems (2004), chapter 3.
-[[nodiscard]] NewtonResult newton(const Discretisation& discretisation, const Eigen::MatrixXd& start, double time,
-                                  ClosingError first, const Eigen::MatrixXd& turns,
-                                  const std::optional<PhaseCondition>& condition, const Eigen::VectorXd& scale,
-                                  const ShootingOptions& options);
+[[nodiscard]] NewtonResult newton(const DiscreteEquations& equations, const MatrixXd& start, double time,
+                                  ClosingError first, const ShootingOptions& options);
 
 /// Derivatives of the nodes with respect to the free parameters, and of ln T below them, (M7): shape (d N + k, f), k =
 /// 1 where T is unknown, 0 otherwise. @param closing  at the solution, with the free parameters.
-[[nodiscard]] Eigen::MatrixXd node_sensitivities(const Discretisation& discretisation, const ClosingError& closing,
-                                                 const Eigen::MatrixXd& nodes, double time,
-                                                 const std::optional<PhaseCondition>& condition,
-                                                 const Eigen::VectorXd& scale, std::span<const Eigen::Index> free);
+[[nodiscard]] MatrixXd node_sensitivities(const DiscreteEquations& equations, const ClosingError& closing,
+                                          const MatrixXd& nodes, double time, std::span<const Index> free);
 
 }  // namespace orbid::periodic

@@ -13,7 +13,7 @@ void require_orbit(bool holds, const std::string& message) {
 
 }  // namespace
 
-Eigen::VectorXd OrbitProblem::scale() const {
+VectorXd OrbitProblem::scale() const {
     return options.scale.size() > 0 ? options.scale : default_scale(system, start.points);
 }
 
@@ -26,8 +26,8 @@ PeriodicOrbit OrbitProblem::unsolved(OrbitStatus status) const {
 
 void validate(const OrbitProblem& problem) {
     const ShootingOptions& options = problem.options;
-    const auto parameters = static_cast<Eigen::Index>(problem.system.parameters().size());
-    for (const Eigen::Index index : problem.free)
+    const auto parameters = static_cast<Index>(problem.system.parameters().size());
+    for (const Index index : problem.free)
         require_orbit(index >= 0 && index < parameters,
                       "free parameter " + std::to_string(index) + " is not in [0, " + std::to_string(parameters) + ")");
     require_orbit(options.tolerance > 0.0, "tolerance must be > 0");

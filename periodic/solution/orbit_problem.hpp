@@ -3,9 +3,8 @@
 #include <span>
 #include <string>
 
-#include <Eigen/Core>
-
 #include "models/system/system.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/orbit/orbit.hpp"
 #include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/orbit/solver_options.hpp"
@@ -16,16 +15,16 @@ namespace orbid::periodic {
 /// reference.
 struct OrbitProblem {
     const models::System& system;
-    const Eigen::VectorXd& theta;
+    const VectorXd& theta;
     const StartingSolution& start;
-    std::span<const Eigen::Index> free;
+    std::span<const Index> free;
     const ShootingOptions& options;
 
     [[nodiscard]] bool autonomous() const { return system.kind() == models::Kind::autonomous; }
     /// The start is one state and T, without a section.
     [[nodiscard]] bool without_section() const { return autonomous() && !start.section; }
     /// Typical size of each coordinate: of the options, or of the start.
-    [[nodiscard]] Eigen::VectorXd scale() const;
+    [[nodiscard]] VectorXd scale() const;
     /// What is known of the orbit before it is found.
     [[nodiscard]] PeriodicOrbit unsolved(OrbitStatus status) const;
 };

@@ -7,10 +7,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// Shares of an orbit that differ by less are the same node: they are sums of a few thousand rounded numbers.
 constexpr double same_share = 1e-11;
 

@@ -16,10 +16,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// A prime number of times that an orbit of T runs through a shorter one, 2, 3, 5 or 7 (the largest that does); 1 where
 /// it does not.
 int repeats_in_time(const models::System& system, const VectorXd& theta, const VectorXd& x, double time,
@@ -80,20 +76,13 @@ void compare_with_start(PeriodicOrbit& orbit, const OrbitProblem& problem, const
     }
 }
 
-/// What Newton's method worked with.
-struct DiscreteEquations {
-    const Discretisation& discretisation;
-    MatrixXd turns;
-    std::optional<PhaseCondition> condition;
-    VectorXd scale;  ///< of the nodes
-};
-
 /// Everything of a solved orbit: at its last nodes, whose steps are followed once more with the free parameters.
 void report(const OrbitProblem& problem, const DiscreteEquations& equations, const DiscreteStart& first,
             const VectorXd& scale, DiscreteSolution& solution) {
-    const auto& [discretisation, turns, condition, node_scale] = equations;
+    const Discretisation& discretisation = equations.discretisation;
     PeriodicOrbit& orbit = solution.orbit;
-    const ClosingError closing = closing_error(discretisation, solution.nodes, orbit.time, turns, problem.free);
+    const ClosingError closing =
+        closing_error(discretisation, solution.nodes, orbit.time, equations.turns, problem.free);
     if (!closing.simulated) {
         orbit.status = OrbitStatus::not_simulated;
         return;
@@ -106,8 +95,7 @@ void report(const OrbitProblem& problem, const DiscreteEquations& equations, con
     if (autonomous && !orbit.multipliers.empty()) orbit.trivial_multiplier = take_trivial(orbit.multipliers);
     MatrixXd sensitivities;
     if (!problem.free.empty()) {
-        sensitivities = node_sensitivities(discretisation, closing, solution.nodes, orbit.time, condition, node_scale,
-                                           problem.free);
+        sensitivities = node_sensitivities(equations, closing, solution.nodes, orbit.time, problem.free);
         if (autonomous) orbit.time_sensitivities = orbit.time * sensitivities.bottomRows(1);
     }
     const OrbitPoints reported =
@@ -147,16 +135,16 @@ DiscreteSolution solve_discrete(const OrbitProblem& problem, const Discretisatio
     }
     if (!first.closing.simulated) return solution;
     ClosingError closing = first.closing;
-    const DiscreteEquations equations{
-        discretisation,
+    const MatrixXd turns =
         winding_numbers(closing.error.bottomRows(n), angles, first.rotation.empty() ? start.rotation : first.rotation)
-            .replicate(copies, 1),
-        condition_at(problem, discretisation, first), scale.replicate(copies, 1)};
-    closing.error -= full_turn * equations.turns;
-    orbit.rotation = total_rotation(equations.turns, angles);
+            .replicate(copies, 1);
+    closing.error -= full_turn * turns;
+    orbit.rotation = total_rotation(turns, angles);
 
-    const NewtonResult found = newton(discretisation, first.nodes, first.time, std::move(closing), equations.turns,
-                                      equations.condition, equations.scale, options);
+    const std::optional<PhaseCondition> condition = condition_at(problem, discretisation, first);
+    const VectorXd node_scale = scale.replicate(copies, 1);
+    const DiscreteEquations equations{discretisation, turns, condition, node_scale};
+    const NewtonResult found = newton(equations, first.nodes, first.time, std::move(closing), options);
     orbit.status = found.status;
     orbit.iterations = first.iterations + found.iterations;
     orbit.residual = found.residual;

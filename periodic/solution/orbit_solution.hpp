@@ -2,10 +2,9 @@
 
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "periodic/discretisation/closing_error.hpp"
 #include "periodic/discretisation/discretisation.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/orbit/orbit.hpp"
 #include "periodic/solution/orbit_problem.hpp"
 
@@ -13,7 +12,7 @@ namespace orbid::periodic {
 
 /// A discretised orbit before it is solved.
 struct DiscreteStart {
-    Eigen::MatrixXd nodes;       ///< shape (d, N)
+    MatrixXd nodes;              ///< shape (d, N)
     double time = 0.0;           ///< T [s]; iterations of a map
     ClosingError closing;        ///< at the nodes, whole turns not taken off
     std::vector<int> rotation;   ///< turns per angle of the whole orbit; empty: nearest whole turns of the steps
@@ -24,7 +23,7 @@ struct DiscreteStart {
 /// A reported orbit, and the nodes it was computed at.
 struct DiscreteSolution {
     PeriodicOrbit orbit;
-    Eigen::MatrixXd nodes;  ///< shape (d, N): the last iterate
+    MatrixXd nodes;  ///< shape (d, N): the last iterate
 };
 
 /// Solves a discretised orbit and reports it: points, Jacobians, multipliers, sensitivities (M7), prime period,

@@ -5,10 +5,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 std::optional<PhaseCondition> phase_condition(const models::System& system, const VectorXd& theta,
                                               const MatrixXd& guess, std::span<const double> shares,
                                               const std::optional<models::Section>& section, PhaseChoice choice) {

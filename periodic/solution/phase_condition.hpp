@@ -3,9 +3,8 @@
 #include <optional>
 #include <span>
 
-#include <Eigen/Core>
-
 #include "models/system/system.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/orbit/solver_options.hpp"
 
 namespace orbid::periodic {
@@ -13,7 +12,7 @@ namespace orbid::periodic {
 /// What fixes the phase of an autonomous orbit, sum_j normals_j . x_j = offset, with x_j the states at the nodes.
 /// Solvers may multiply it by a positive factor.
 struct PhaseCondition {
-    Eigen::MatrixXd normals;  ///< shape (n, 1): a condition on the first state alone; or (n, N); not 0
+    MatrixXd normals;  ///< shape (n, 1): a condition on the first state alone; or (n, N); not 0
     double offset = 0.0;
 };
 
@@ -26,9 +25,8 @@ struct PhaseCondition {
 /// @param guess   states g_j at the nodes, shape (n, N).
 /// @param shares  of the orbit at which they lie, ascending from 0.
 /// Source: E. J. Doedel, H. B. Keller, J. P. Kernevez, Int. J. Bifurcation and Chaos 1 (1991) 745 (integral condition).
-[[nodiscard]] std::optional<PhaseCondition> phase_condition(const models::System& system, const Eigen::VectorXd& theta,
-                                                            const Eigen::MatrixXd& guess,
-                                                            std::span<const double> shares,
+[[nodiscard]] std::optional<PhaseCondition> phase_condition(const models::System& system, const VectorXd& theta,
+                                                            const MatrixXd& guess, std::span<const double> shares,
                                                             const std::optional<models::Section>& section,
                                                             PhaseChoice choice);
 

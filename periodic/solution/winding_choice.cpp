@@ -10,10 +10,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 namespace {
 
 /// If the flow of its neighbour misses a node by less than this fraction of a turn, the turn is right. The other one is

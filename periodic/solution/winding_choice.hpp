@@ -3,9 +3,8 @@
 #include <span>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "periodic/discretisation/closing_error.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 
 namespace orbid::periodic {
 
@@ -22,8 +21,8 @@ namespace orbid::periodic {
 /// @param nearest   turns to begin with, shape of closing.error (see winding_numbers()).
 /// @param scale     typical size of each coordinate.
 /// @param rotation  if not empty, the sum of the turns is kept.
-[[nodiscard]] Eigen::MatrixXd likely_turns(const ClosingError& closing, const Eigen::MatrixXd& nearest,
-                                           const std::vector<Eigen::Index>& angles, const Eigen::VectorXd& scale,
-                                           std::span<const int> rotation);
+[[nodiscard]] MatrixXd likely_turns(const ClosingError& closing, const MatrixXd& nearest,
+                                    const std::vector<Index>& angles, const VectorXd& scale,
+                                    std::span<const int> rotation);
 
 }  // namespace orbid::periodic

@@ -8,13 +8,13 @@
 
 #include <Eigen/Jacobi>
 
+#include "periodic/orbit/eigen_names.hpp"
+
 namespace orbid::periodic {
 namespace {
 
 using Complex = std::complex<double>;
-using Eigen::Index;
 using Eigen::MatrixXcd;
-using Eigen::MatrixXd;
 using Rotation = Eigen::JacobiRotation<Complex>;
 
 constexpr double eps = std::numeric_limits<double>::epsilon();

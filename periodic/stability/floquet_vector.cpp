@@ -9,9 +9,7 @@ namespace orbid::periodic {
 namespace {
 
 using Complex = std::complex<double>;
-using Eigen::Index;
 using Eigen::MatrixXcd;
-using Eigen::MatrixXd;
 
 /// The matrix is made singular only to this fraction. A solution then grows to 1e13 along the null vector, and nothing
 /// is divided by zero. The multiplier itself is not known any better.

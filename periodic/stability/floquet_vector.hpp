@@ -3,7 +3,7 @@
 #include <complex>
 #include <vector>
 
-#include <Eigen/Core>
+#include "periodic/orbit/eigen_names.hpp"
 
 namespace orbid::periodic {
 
@@ -22,7 +22,6 @@ struct FloquetVectors {
 /// @param factors     X_0 .. X_{p-1}, shape (n, n) each, real, finite.
 /// @param multiplier  not 0, an eigenvalue to about 1e-8.
 /// Cost: O(p n^3).
-[[nodiscard]] FloquetVectors floquet_vectors(const std::vector<Eigen::MatrixXd>& factors,
-                                             std::complex<double> multiplier);
+[[nodiscard]] FloquetVectors floquet_vectors(const std::vector<MatrixXd>& factors, std::complex<double> multiplier);
 
 }  // namespace orbid::periodic

@@ -16,10 +16,7 @@ namespace orbid::periodic {
 namespace {
 
 using Complex = std::complex<double>;
-using Eigen::Index;
 using Eigen::MatrixXcd;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
@@ -38,74 +35,76 @@ struct Piece {
     std::vector<MatrixXd> slopes;  ///< dX / dtheta_k in all, one per free parameter
 };
 
-class Passages {
-public:
-    Passages(const models::System& system, const VectorXd& theta, double phase, const PeriodicOrbit& orbit,
-             std::span<const Index> free, const models::FlowOptions& options)
-        : system_(system), theta_(theta), phase_(phase), orbit_(orbit), free_(free), options_(options) {}
+/// The ways along an orbit from each point to the next.
+struct Passages {
+    const models::System& system;
+    const VectorXd& theta;
+    double phase;
+    const PeriodicOrbit& orbit;
+    std::span<const Index> free;
+    const models::FlowOptions& options;
 
     /// The pieces from point j to the next; empty when they cannot be simulated.
     [[nodiscard]] std::vector<Piece> from(Index j) const {
-        const Index n = orbit_.points.rows();
-        const auto f = static_cast<Index>(free_.size());
-        VectorXd x = orbit_.points.col(j);
+        const Index n = orbit.points.rows();
+        const auto f = static_cast<Index>(free.size());
+        VectorXd x = orbit.points.col(j);
         const double durations[] = {duration(j)};
-        const auto whole = system_.flow_with_sensitivities(x, phase_, durations, theta_, free_, clock(), options_);
+        const auto whole = system.flow_with_sensitivities(x, phase, durations, theta, free, clock(), options);
         if (whole.status != models::FlowStatus::ok || !whole.sensitivities.allFinite()) return {};
         const MatrixXd all = whole.sensitivities.leftCols(n);
         const int count = pieces(all);
-        if (free_.empty() && count == 1) return {Piece{all, {}}};
+        if (free.empty() && count == 1) return {Piece{all, {}}};
 
         // x'_{j+1} = X_j x'_j + Y_j + f tau'_j: the last term is how the time to the next point changes.
-        MatrixXd slope = f > 0 ? MatrixXd(orbit_.sensitivities.middleRows(n * j, n)) : MatrixXd(n, 0);
+        MatrixXd slope = f > 0 ? MatrixXd(orbit.sensitivities.middleRows(n * j, n)) : MatrixXd(n, 0);
         Eigen::RowVectorXd time_slope = Eigen::RowVectorXd::Zero(f);
         if (autonomous() && f > 0) {
             const VectorXd field = field_at(whole.states.col(0));
-            const MatrixXd next = orbit_.sensitivities.middleRows(n * ((j + 1) % orbit_.points.cols()), n);
+            const MatrixXd next = orbit.sensitivities.middleRows(n * ((j + 1) % orbit.points.cols()), n);
             time_slope =
                 field.transpose() * (next - all * slope - whole.sensitivities.rightCols(f)) / field.squaredNorm();
         }
         std::vector<Piece> result;
         for (int i = 0; i < count; ++i) {
             const double part[] = {durations[0] / count};
-            const double phase = clock() == models::Clock::phase ? phase_ + i * part[0] : 0.0;
-            if (!add_piece(x, slope, phase, part, time_slope / count, result)) return {};
+            const double begin = clock() == models::Clock::phase ? phase + i * part[0] : 0.0;
+            if (!add_piece(x, slope, begin, part, time_slope / count, result)) return {};
         }
         return result;
     }
 
-private:
-    [[nodiscard]] bool autonomous() const { return system_.kind() == models::Kind::autonomous; }
+    [[nodiscard]] bool autonomous() const { return system.kind() == models::Kind::autonomous; }
     [[nodiscard]] models::Clock clock() const {
-        return system_.kind() == models::Kind::forced ? models::Clock::phase : models::Clock::time;
+        return system.kind() == models::Kind::forced ? models::Clock::phase : models::Clock::time;
     }
     [[nodiscard]] double duration(Index j) const {
-        if (system_.kind() == models::Kind::map) return 1.0;
-        if (system_.kind() == models::Kind::forced) return system_.period(theta_, models::Clock::phase);
-        return (j + 1 < orbit_.times.size() ? orbit_.times(j + 1) : orbit_.time) - orbit_.times(j);
+        if (system.kind() == models::Kind::map) return 1.0;
+        if (system.kind() == models::Kind::forced) return system.period(theta, models::Clock::phase);
+        return (j + 1 < orbit.times.size() ? orbit.times(j + 1) : orbit.time) - orbit.times(j);
     }
     [[nodiscard]] int pieces(const MatrixXd& jacobian) const {
-        if (system_.kind() == models::Kind::map) return 1;
+        if (system.kind() == models::Kind::map) return 1;
         const VectorXd values = models::singular_values(jacobian);
         const double growth = values(0) / values(values.size() - 1);
         if (!std::isfinite(growth)) return 1;
         return std::clamp(static_cast<int>(std::ceil(std::log(growth) / std::log(piece_growth))), 1, most_pieces);
     }
     /// Moves x and its derivatives on over one piece and notes it; false when it cannot be simulated.
-    [[nodiscard]] bool add_piece(VectorXd& x, MatrixXd& moved, double phase, std::span<const double> duration,
+    [[nodiscard]] bool add_piece(VectorXd& x, MatrixXd& moved, double begin, std::span<const double> duration,
                                  const Eigen::RowVectorXd& time_slope, std::vector<Piece>& result) const {
         const Index n = x.size();
-        const auto f = static_cast<Index>(free_.size());
+        const auto f = static_cast<Index>(free.size());
         const Index d = n + f;
         Piece piece;
         if (f == 0) {
-            const auto flow = system_.flow_with_sensitivities(x, phase, duration, theta_, free_, clock(), options_);
+            const auto flow = system.flow_with_sensitivities(x, begin, duration, theta, free, clock(), options);
             piece.jacobian = flow.sensitivities;
             x = flow.states.col(0);
             result.push_back(std::move(piece));
             return flow.status == models::FlowStatus::ok;
         }
-        const auto flow = system_.flow_with_second_derivatives(x, phase, duration, theta_, free_, clock(), options_);
+        const auto flow = system.flow_with_second_derivatives(x, begin, duration, theta, free, clock(), options);
         if (flow.status != models::FlowStatus::ok || !flow.second_derivatives.allFinite()) return false;
         piece.jacobian = flow.sensitivities.leftCols(n);
         x = flow.states.col(0);
@@ -126,20 +125,11 @@ private:
         result.push_back(std::move(piece));
         return true;
     }
-    [[nodiscard]] VectorXd field_at(const VectorXd& x) const {
-        return system_.rhs(x, std::vector<double>{0.0}, theta_);
-    }
+    [[nodiscard]] VectorXd field_at(const VectorXd& x) const { return system.rhs(x, std::vector<double>{0.0}, theta); }
     /// f_x at a state, shape (n, n).
     [[nodiscard]] MatrixXd field_slope(const VectorXd& x) const {
-        return system_.rhs_derivatives(x, std::vector<double>{0.0}, theta_, {});
+        return system.rhs_derivatives(x, std::vector<double>{0.0}, theta, {});
     }
-
-    const models::System& system_;
-    const VectorXd& theta_;
-    double phase_;
-    const PeriodicOrbit& orbit_;
-    std::span<const Index> free_;
-    const models::FlowOptions& options_;
 };
 
 void check(const models::System& system, const PeriodicOrbit& orbit, std::span<const Index> free,
@@ -193,7 +183,7 @@ Stability stability(const models::System& system, const VectorXd& theta, double 
     }
     result.nearest = nearest_bifurcation(orbit.multipliers, options.near);
 
-    const Passages passages(system, theta, phase, orbit, free, options.flow);
+    const Passages passages{system, theta, phase, orbit, free, options.flow};
     std::vector<std::vector<Piece>> passed(static_cast<std::size_t>(p));
     tbb::parallel_for(Index{0}, p, [&](Index j) { passed[static_cast<std::size_t>(j)] = passages.from(j); });
     std::vector<MatrixXd> factors;

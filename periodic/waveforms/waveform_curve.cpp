@@ -6,15 +6,13 @@
 #include <numeric>
 #include <vector>
 
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/orbit/full_turn.hpp"
 
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
 using Eigen::RowVectorXd;
-using Eigen::VectorXd;
 using Free = std::optional<std::span<const Index>>;
 
 /// The shift of the first point to the plane of an origin, and its derivatives.

@@ -13,9 +13,6 @@
 
 namespace orbid::periodic {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
 using estimator::BlockStatus;
 using estimator::BlockValue;
 
@@ -32,6 +29,13 @@ BlockValue failed() {
     BlockValue value;
     value.status = BlockStatus::failed;
     return value;
+}
+
+/// The orbit with its derivatives by the estimator's vector.
+PeriodicOrbit spread(PeriodicOrbit orbit, const models::ParameterBinding& binding) {
+    orbit.sensitivities = binding.spread(orbit.sensitivities);
+    if (orbit.time_sensitivities.size() > 0) orbit.time_sensitivities = binding.spread(orbit.time_sensitivities);
+    return orbit;
 }
 
 }  // namespace
@@ -68,11 +72,8 @@ void WaveformResidual::find_start(std::size_t b) {
 
 void WaveformResidual::keep(std::size_t block, const PeriodicOrbit& orbit, const VectorXd& theta) {
     Known& known = known_[block];
-    known.orbit = orbit;
+    known.orbit = spread(orbit, records_[block].binding);
     known.theta = theta;
-    const models::ParameterBinding& binding = records_[block].binding;
-    known.orbit.sensitivities = binding.spread(orbit.sensitivities);
-    if (orbit.time_sensitivities.size() > 0) known.orbit.time_sensitivities = binding.spread(orbit.time_sensitivities);
 }
 
 PeriodicOrbit WaveformResidual::solve_near(std::size_t block, const Known& from, const VectorXd& theta,
@@ -122,10 +123,7 @@ PeriodicOrbit WaveformResidual::solve(std::size_t block, const VectorXd& theta, 
             reached = next.status == OrbitStatus::converged;
             if (!reached) break;
             from.theta = between;
-            from.orbit = std::move(next);
-            from.orbit.sensitivities = records_[block].binding.spread(from.orbit.sensitivities);
-            if (from.orbit.time_sensitivities.size() > 0)
-                from.orbit.time_sensitivities = records_[block].binding.spread(from.orbit.time_sensitivities);
+            from.orbit = spread(std::move(next), records_[block].binding);
         }
         if (!reached) continue;
         PeriodicOrbit last = solve_near(block, from, theta, derivatives);

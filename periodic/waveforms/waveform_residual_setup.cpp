@@ -10,12 +10,10 @@
 #include <fmt/format.h>
 
 #include "models/arithmetic/median.hpp"
+#include "periodic/orbit/eigen_names.hpp"
 #include "periodic/waveforms/waveform_residual.hpp"
 
 namespace orbid::periodic {
-
-using Eigen::Index;
-using Eigen::VectorXd;
 
 namespace {
 

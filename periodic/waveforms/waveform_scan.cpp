@@ -11,10 +11,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 constexpr Index places_per_period = 256;
 /// Samples of a record that are compared, evenly over it.
 constexpr Index most_samples = 400;

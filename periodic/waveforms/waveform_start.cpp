@@ -15,10 +15,6 @@
 namespace orbid::periodic {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 /// Measured states, per period of the forcing, that are taken for the state at phase 0, and at most.
 constexpr Index launches_per_period = 8;
 constexpr Index most_launches = 32;
