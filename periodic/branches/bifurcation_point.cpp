@@ -81,69 +81,6 @@ std::optional<double> test_function(const CurvePoint& point, Bifurcation bifurca
     return std::nullopt;
 }
 
-}  // namespace
-
-CurveCubic::CurveCubic(const CurvePoint& a, const CurvePoint& b)
-    : a_(a.y), b_(b.y), slope_a_(a.tangent), slope_b_(b.tangent), length_(a.curve->norm(b.y - a.y)) {}
-
-VectorXd CurveCubic::value(double s) const {
-    const double x = s / length_;
-    const double y = 1.0 - x;
-    return y * y * ((1.0 + 2.0 * x) * a_ + (x * length_) * slope_a_) +
-           x * x * ((1.0 + 2.0 * y) * b_ - (y * length_) * slope_b_);
-}
-
-VectorXd CurveCubic::slope(double s) const {
-    const double x = s / length_;
-    const double y = 1.0 - x;
-    return (6.0 * x * y / length_) * (b_ - a_) + (y * (1.0 - 3.0 * x)) * slope_a_ + (x * (3.0 * x - 2.0)) * slope_b_;
-}
-
-double CurveCubic::where_parameter(double value, double lower, double upper) const {
-    const auto last = a_.size() - 1;
-    const bool rising = this->value(upper)(last) > value;
-    for (int k = 0; k < 60; ++k) {
-        const double middle = 0.5 * (lower + upper);
-        ((this->value(middle)(last) > value) == rising ? upper : lower) = middle;
-    }
-    return upper;
-}
-
-Events events_between(const CurvePoint& a, const CurvePoint& b) {
-    Events events;
-    const double slope = std::max(std::abs(a.parameter_slope()), std::abs(b.parameter_slope()));
-    const bool vertical = !(slope > smallest_slope * a.curve->setting().range);
-    events.fold = !vertical && opposite(a.parameter_slope(), b.parameter_slope());
-    const bool plus = opposite(determinant(a.multipliers, -1.0), determinant(b.multipliers, -1.0));
-    events.branch_point = !vertical && plus != events.fold;
-    const int minus = count_beyond(b.multipliers, -1.0) - count_beyond(a.multipliers, -1.0);
-    const int positive = count_beyond(b.multipliers, 1.0) - count_beyond(a.multipliers, 1.0);
-    events.period_doubling = minus % 2 != 0;
-    // Crossings at +-1 account for one unstable multiplier each, a pair for two.
-    int rest = b.unstable() - a.unstable();
-    if (events.period_doubling) rest -= minus > 0 ? 1 : -1;
-    if (positive % 2 != 0) rest -= positive > 0 ? 1 : -1;
-    const auto pair_a = nearest_pair(a.multipliers);
-    const auto pair_b = nearest_pair(b.multipliers);
-    const bool pair = pair_a && pair_b && opposite(*pair_a, *pair_b);
-    events.neimark_sacker = rest != 0 && pair;
-    events.several = std::abs(minus) > 1 || std::abs(positive) > 1 || (rest != 0 && !pair) || std::abs(rest) > 2;
-    return events;
-}
-
-double largest_multiplier_move(const CurvePoint& a, const CurvePoint& b) {
-    double largest = 0.0;
-    for (const auto& mu : b.multipliers) {
-        double nearest = std::numeric_limits<double>::infinity();
-        for (const auto& old : a.multipliers)
-            nearest = std::min(nearest, std::abs(mu - old) / std::max({1.0, std::abs(old), std::abs(mu)}));
-        largest = std::max(largest, nearest);
-    }
-    return largest;
-}
-
-namespace {
-
 struct BrentPoint {
     double s = 0.0;
     double value = 0.0;
@@ -225,6 +162,65 @@ LocatedPoint zero_between(const CurvePoint& a, const CurvePoint& b, Bifurcation 
 }
 
 }  // namespace
+
+CurveCubic::CurveCubic(const CurvePoint& a, const CurvePoint& b)
+    : a_(a.y), b_(b.y), slope_a_(a.tangent), slope_b_(b.tangent), length_(a.curve->norm(b.y - a.y)) {}
+
+VectorXd CurveCubic::value(double s) const {
+    const double x = s / length_;
+    const double y = 1.0 - x;
+    return y * y * ((1.0 + 2.0 * x) * a_ + (x * length_) * slope_a_) +
+           x * x * ((1.0 + 2.0 * y) * b_ - (y * length_) * slope_b_);
+}
+
+VectorXd CurveCubic::slope(double s) const {
+    const double x = s / length_;
+    const double y = 1.0 - x;
+    return (6.0 * x * y / length_) * (b_ - a_) + (y * (1.0 - 3.0 * x)) * slope_a_ + (x * (3.0 * x - 2.0)) * slope_b_;
+}
+
+double CurveCubic::where_parameter(double value, double lower, double upper) const {
+    const auto last = a_.size() - 1;
+    const bool rising = this->value(upper)(last) > value;
+    for (int k = 0; k < 60; ++k) {
+        const double middle = 0.5 * (lower + upper);
+        ((this->value(middle)(last) > value) == rising ? upper : lower) = middle;
+    }
+    return upper;
+}
+
+Events events_between(const CurvePoint& a, const CurvePoint& b) {
+    Events events;
+    const double slope = std::max(std::abs(a.parameter_slope()), std::abs(b.parameter_slope()));
+    const bool vertical = !(slope > smallest_slope * a.curve->setting().range);
+    events.fold = !vertical && opposite(a.parameter_slope(), b.parameter_slope());
+    const bool plus = opposite(determinant(a.multipliers, -1.0), determinant(b.multipliers, -1.0));
+    events.branch_point = !vertical && plus != events.fold;
+    const int minus = count_beyond(b.multipliers, -1.0) - count_beyond(a.multipliers, -1.0);
+    const int positive = count_beyond(b.multipliers, 1.0) - count_beyond(a.multipliers, 1.0);
+    events.period_doubling = minus % 2 != 0;
+    // Crossings at +-1 account for one unstable multiplier each, a pair for two.
+    int rest = b.unstable() - a.unstable();
+    if (events.period_doubling) rest -= minus > 0 ? 1 : -1;
+    if (positive % 2 != 0) rest -= positive > 0 ? 1 : -1;
+    const auto pair_a = nearest_pair(a.multipliers);
+    const auto pair_b = nearest_pair(b.multipliers);
+    const bool pair = pair_a && pair_b && opposite(*pair_a, *pair_b);
+    events.neimark_sacker = rest != 0 && pair;
+    events.several = std::abs(minus) > 1 || std::abs(positive) > 1 || (rest != 0 && !pair) || std::abs(rest) > 2;
+    return events;
+}
+
+double largest_multiplier_move(const CurvePoint& a, const CurvePoint& b) {
+    double largest = 0.0;
+    for (const auto& mu : b.multipliers) {
+        double nearest = std::numeric_limits<double>::infinity();
+        for (const auto& old : a.multipliers)
+            nearest = std::min(nearest, std::abs(mu - old) / std::max({1.0, std::abs(old), std::abs(mu)}));
+        largest = std::max(largest, nearest);
+    }
+    return largest;
+}
 
 LocatedPoint located(const CurvePoint& a, const CurvePoint& b, Bifurcation bifurcation) {
     if (bifurcation == Bifurcation::branch_point) {

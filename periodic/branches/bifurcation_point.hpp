@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "periodic/branches/branch_curve.hpp"
 #include "periodic/orbit/eigen_names.hpp"
 #include "periodic/stability/stability.hpp"

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <utility>
 
 #include "periodic/discretisation/closing_error.hpp"
@@ -105,7 +104,7 @@ int CurvePoint::unstable() const {
 }
 
 OrbitCurve::OrbitCurve(const CurveSetting& setting, ShootingMesh mesh, MatrixXd turns, VectorXd scale,
-                       std::optional<PhasePlane> phase, int period)
+                       std::optional<models::Section> phase, int period)
     : setting_(&setting),
       mesh_(std::move(mesh)),
       turns_(std::move(turns)),

@@ -26,12 +26,6 @@ struct CurveSetting {
     [[nodiscard]] VectorXd theta_at(double value) const;
 };
 
-/// Poincare's phase condition normal . x_0 = offset on the first node of an autonomous orbit.
-struct PhasePlane {
-    VectorXd normal;  ///< shape (n), not 0
-    double offset = 0.0;
-};
-
 class OrbitCurve;
 
 /// A solved orbit on a curve.
@@ -75,16 +69,16 @@ class OrbitCurve : public std::enable_shared_from_this<OrbitCurve> {
 public:
     /// @param turns   whole turns per segment, shape (n, N).
     /// @param scale   unit of each coordinate, shape (n), > 0.
-    /// @param phase   needed exactly for autonomous flows.
+    /// @param phase   plane of Poincare's condition on the first node; needed exactly for autonomous flows.
     /// @param period  nominal period of an orbit on the curve, in periods of the forcing or returns.
     OrbitCurve(const CurveSetting& setting, ShootingMesh mesh, MatrixXd turns, VectorXd scale,
-               std::optional<PhasePlane> phase, int period);
+               std::optional<models::Section> phase, int period);
 
     [[nodiscard]] const CurveSetting& setting() const { return *setting_; }
     [[nodiscard]] const ShootingMesh& mesh() const { return mesh_; }
     [[nodiscard]] const MatrixXd& turns() const { return turns_; }
     [[nodiscard]] const VectorXd& scale() const { return scale_; }
-    [[nodiscard]] const std::optional<PhasePlane>& phase() const { return phase_; }
+    [[nodiscard]] const std::optional<models::Section>& phase() const { return phase_; }
     [[nodiscard]] int period() const { return period_; }
     [[nodiscard]] bool autonomous() const { return phase_.has_value(); }
     /// Whole turns over the orbit, one per angle coordinate.
@@ -129,7 +123,7 @@ private:
     ShootingMesh mesh_;
     MatrixXd turns_;
     VectorXd scale_;
-    std::optional<PhasePlane> phase_;
+    std::optional<models::Section> phase_;
     int period_;
     VectorXd weights_;  ///< the norm of y is the Euclidean one of weights * y
     Index n_;

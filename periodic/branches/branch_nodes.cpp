@@ -11,13 +11,6 @@
 
 namespace orbid::periodic {
 
-namespace {
-
-/// Nodes may exceed the scale this many times before it is enlarged.
-constexpr double most_growth_of_scale = 3.0;
-
-}  // namespace
-
 double phase_cosine(const CurvePoint& point) {
     const CurveSetting& setting = point.curve->setting();
     const VectorXd f = setting.system.rhs(point.curve->nodes(point.y).col(0), std::vector<double>{0.0},
@@ -26,7 +19,7 @@ double phase_cosine(const CurvePoint& point) {
     return normal.dot(f) / (normal.norm() * f.norm());
 }
 
-PhasePlane plane_across_flow(const models::System& system, const VectorXd& theta, const VectorXd& x) {
+models::Section plane_across_flow(const models::System& system, const VectorXd& theta, const VectorXd& x) {
     const VectorXd f = system.rhs(x, std::vector<double>{0.0}, theta);
     return {f, f.dot(x)};
 }
@@ -54,6 +47,8 @@ CurvePoint with_fitting_nodes(const CurvePoint& point) {
     const CurveSetting& setting = old.setting();
     const bool grows = grows_too_much(setting.system, point.jacobians, setting.solver);
     const bool oblique = old.autonomous() && std::abs(phase_cosine(point)) < 0.7;
+    // Nodes may exceed the scale this many times before it is enlarged.
+    constexpr double most_growth_of_scale = 3.0;
     VectorXd scale = old.scale();
     if (setting.solver.scale.size() == 0) {
         const VectorXd now = default_scale(setting.system, old.nodes(point.y));
@@ -63,7 +58,7 @@ CurvePoint with_fitting_nodes(const CurvePoint& point) {
     if (!grows && !oblique && scale == old.scale()) return point;
     ShootingMesh mesh = old.mesh_at(point.y);
     MatrixXd turns = old.turns();
-    std::optional<PhasePlane> phase = old.phase();
+    std::optional<models::Section> phase = old.phase();
     const VectorXd theta = setting.theta_at(point.parameter());
     // The old tangent where nodes stay; none at new ones.
     VectorXd direction = point.tangent;

@@ -9,7 +9,7 @@ namespace orbid::periodic {
 [[nodiscard]] double phase_cosine(const CurvePoint& point);
 
 /// The plane through a state across the flow there.
-[[nodiscard]] PhasePlane plane_across_flow(const models::System& system, const VectorXd& theta, const VectorXd& x);
+[[nodiscard]] models::Section plane_across_flow(const models::System& system, const VectorXd& theta, const VectorXd& x);
 
 /// Unit of each coordinate along a mesh: the one asked for. Otherwise 2 pi for angles and the largest value between the
 /// nodes for the others. Shape (n).

@@ -55,11 +55,9 @@ Crossings crossings_of(const CurvePoint& point, const models::Section& section) 
         begin += duration;
     }
     Crossings result{MatrixXd(point.curve->nodes(point.y).rows(), static_cast<Index>(states.size())),
-                     VectorXd(static_cast<Index>(times.size()))};
-    for (std::size_t k = 0; k < states.size(); ++k) {
+                     Eigen::Map<const VectorXd>(times.data(), std::ssize(times))};
+    for (std::size_t k = 0; k < states.size(); ++k)
         result.states.col(static_cast<Index>(k)) = states[k];
-        result.times(static_cast<Index>(k)) = times[k];
-    }
     return result;
 }
 

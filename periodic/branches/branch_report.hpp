@@ -1,9 +1,5 @@
 #pragma once
 
-#include <optional>
-
-#include <Eigen/Core>
-
 #include "periodic/branches/branch_curve.hpp"
 #include "periodic/orbit/orbit.hpp"
 

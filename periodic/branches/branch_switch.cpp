@@ -78,9 +78,8 @@ std::optional<BranchSwitch> doubled(const CurvePoint& point, double step, double
     direction /= curve->norm(direction);
 
     // The orbit twice over. It is not solved for again: there the matrix of the new curve is singular.
-    BranchSwitch result;
+    BranchSwitch result{point, {}};
     CurvePoint& origin = result.origin;
-    origin = point;
     origin.curve = curve;
     origin.y = curve->at_mesh(point.parameter());
     origin.tangent = direction;

@@ -91,11 +91,11 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
     if (!mesh.simulated) return std::nullopt;
     const ClosingError closing = refine_and_close(system, setting.theta, mesh, setting.solver);
     if (!closing.simulated) return std::nullopt;
-    std::optional<PhasePlane> phase;
+    std::optional<models::Section> phase;
     if (system.kind() == models::Kind::autonomous) {
-        const PhasePlane across = plane_across_flow(system, setting.theta, mesh.nodes.col(0));
-        phase = start.section ? PhasePlane{start.section->normal, start.section->offset} : across;
-        if (phase->normal.dot(across.normal) < 0.0) phase = PhasePlane{-phase->normal, -phase->offset};
+        const models::Section across = plane_across_flow(system, setting.theta, mesh.nodes.col(0));
+        phase = start.section.value_or(across);
+        if (phase->normal.dot(across.normal) < 0.0) phase = models::Section{-phase->normal, -phase->offset};
     }
     const MatrixXd turns = winding_numbers(closing.error, angle_coordinates(system), orbit.rotation);
     const int period = system.kind() == models::Kind::autonomous && !start.section ? 1 : orbit.period;
@@ -168,15 +168,16 @@ private:
     [[nodiscard]] Followed through(const CurvePoint& start) const {
         Followed result;
         const int first = options_.direction != 0 ? options_.direction : 1;
-        CurvePoint from = start;
-        if ((from.parameter_slope() > 0.0) != (first > 0)) from.tangent = -from.tangent;
-        Walk forwards = walked(from, range_, options_, options_.first_step, options_.maximum_points - 1);
+        CurvePoint ahead = start;
+        if ((ahead.parameter_slope() > 0.0) != (first > 0)) ahead.tangent = -ahead.tangent;
+        Walk forwards = walked(ahead, range_, options_, options_.first_step, options_.maximum_points - 1);
         Walk backwards;
         backwards.end = BranchEnd::start;
         if (options_.direction == 0 && forwards.end != BranchEnd::closed && forwards.end != BranchEnd::interrupted &&
             forwards.points.size() + 1 < options_.maximum_points) {
-            from.tangent = -from.tangent;
-            backwards = walked(from, range_, options_, options_.first_step,
+            CurvePoint back = ahead;
+            back.tangent = -back.tangent;
+            backwards = walked(back, range_, options_, options_.first_step,
                                options_.maximum_points - 1 - forwards.points.size());
         }
         result.first = backwards.end;
@@ -188,9 +189,7 @@ private:
             point.point.tangent = -point.point.tangent;
         }
         result.points = std::move(backwards.points);
-        from = start;
-        if ((from.parameter_slope() > 0.0) != (first > 0)) from.tangent = -from.tangent;
-        result.points.push_back({from, Bifurcation::none, 0.0, length});
+        result.points.push_back({ahead, Bifurcation::none, 0.0, length});
         result.append(forwards.points, length);
         return result;
     }

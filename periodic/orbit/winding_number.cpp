@@ -7,13 +7,6 @@
 
 namespace orbid::periodic {
 
-namespace {
-
-/// A coordinate smaller than this fraction of the others is a rounded zero: its size is meaningless.
-constexpr double rounded_zero = 1e-12;
-
-}  // namespace
-
 std::vector<Index> angle_coordinates(const models::System& system) {
     std::vector<Index> angles;
     for (Index i = 0; i < system.dimension(); ++i)
@@ -22,6 +15,8 @@ std::vector<Index> angle_coordinates(const models::System& system) {
 }
 
 VectorXd default_scale(const models::System& system, const MatrixXd& guess) {
+    // A coordinate smaller than this fraction of the others is a rounded zero: its size is meaningless.
+    constexpr double rounded_zero = 1e-12;
     VectorXd scale = guess.cwiseAbs().rowwise().maxCoeff();
     // Or of one unit: an equilibrium at 0 is found as 1e-17 in every coordinate.
     const double largest = std::max(1.0, scale.maxCoeff());

@@ -1,7 +1,6 @@
 #include "periodic/search/index_sum.hpp"
 
 #include <complex>
-#include <cstddef>
 
 namespace orbid::periodic {
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "models/arithmetic/median.hpp"
@@ -104,6 +103,16 @@ Index inside(const models::System& system, const SectionPieces& pieces, const Ma
     return k;
 }
 
+/// Appends columns from `skip` on, without those at the end that are not finite. @return how many.
+Index append_finite(MatrixXd& piece, const MatrixXd& further, Index skip) {
+    Index added = std::max<Index>(further.cols() - skip, 0);
+    while (added > 0 && !further.col(skip + added - 1).allFinite())
+        --added;
+    piece.conservativeResize(Eigen::NoChange, piece.cols() + added);
+    piece.rightCols(added) = further.middleCols(skip, added);
+    return added;
+}
+
 }  // namespace
 
 VectorXd random_state(const VectorXd& range, std::uint64_t seed, std::uint64_t index) {
@@ -150,22 +159,6 @@ VectorXd start_range(const ModelSection& section, std::uint64_t seed, const mode
             range(i) = largest(i);
     return range;
 }
-
-namespace {
-
-/// Appends columns from `skip` on, without those at the end that are not finite. @return how many.
-Index append_finite(MatrixXd& piece, const MatrixXd& further, Index skip) {
-    Index added = std::max<Index>(further.cols() - skip, 0);
-    while (added > 0 && !further.col(skip + added - 1).allFinite())
-        --added;
-    MatrixXd longer(piece.rows(), piece.cols() + added);
-    longer.leftCols(piece.cols()) = piece;
-    longer.rightCols(added) = further.middleCols(skip, added);
-    piece = std::move(longer);
-    return added;
-}
-
-}  // namespace
 
 SectionPieces simulate_pieces(const ModelSection& section, const SectionPiecesOptions& options) {
     const models::System& system = section.system;

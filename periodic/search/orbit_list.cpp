@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <utility>
 
 #include "periodic/orbit/winding_number.hpp"
@@ -30,6 +29,14 @@ std::optional<MatrixXd> crossings_of(const ModelSection& section, const VectorXd
         ++count;
     if (count == 0 || (count == found.times.size() && found.status != models::FlowStatus::ok)) return std::nullopt;
     return found.states.leftCols(count);
+}
+
+/// All points cross the section in its direction.
+bool crosses_forwards(const ModelSection& section, const MatrixXd& points) {
+    const std::vector<double> phases(static_cast<std::size_t>(points.cols()), 0.0);
+    const MatrixXd field = section.system.rhs(points, phases, section.theta);
+    const VectorXd speed = field.transpose() * section.section->normal;
+    return (speed.array() * section.section->direction > 0.0).all();
 }
 
 }  // namespace
@@ -102,19 +109,9 @@ std::optional<std::size_t> OrbitList::find(const MatrixXd& points, double radius
     return std::nullopt;
 }
 
-MatrixXd OrbitList::prime(const MatrixXd& points) const {
-    return points.leftCols(points.cols() / repeats_of(points, angles_, size_, same_orbit));
-}
-
-bool OrbitList::crosses_forwards(const MatrixXd& points) const {
-    const std::vector<double> phases(static_cast<std::size_t>(points.cols()), 0.0);
-    const MatrixXd field = section_.system.rhs(points, phases, section_.theta);
-    const VectorXd speed = field.transpose() * section_.section->normal;
-    return (speed.array() * section_.section->direction > 0.0).all();
-}
-
 std::optional<std::size_t> OrbitList::insert(const MatrixXd& points, StartOrigin origin) {
-    MatrixXd guess = wrapped_angles(prime(points), angles_);
+    const Index prime = points.cols() / repeats_of(points, angles_, size_, same_orbit);
+    const MatrixXd guess = wrapped_angles(points.leftCols(prime), angles_);
     if (const auto known = find(guess, same_orbit)) {
         ++orbits_[*known].hits;
         return std::nullopt;
@@ -134,7 +131,7 @@ std::optional<std::size_t> OrbitList::insert(const MatrixXd& points, StartOrigin
         const auto crossed = crossings_of(section_, orbit.points.col(0), orbit.time,
                                           4 * static_cast<std::size_t>(orbit.period) + 4, solver_.flow);
         if (!crossed) return std::nullopt;
-        const bool fits = crossed->cols() == orbit.points.cols() && crosses_forwards(orbit.points);
+        const bool fits = crossed->cols() == orbit.points.cols() && crosses_forwards(section_, orbit.points);
         if (!fits && !solved(*crossed)) return std::nullopt;
     }
     // Newton's method may have left the guess, and the first point may have changed.

@@ -31,9 +31,6 @@ public:
 
 private:
     std::optional<std::size_t> insert(const MatrixXd& points, StartOrigin origin);
-    [[nodiscard]] MatrixXd prime(const MatrixXd& points) const;
-    /// All points cross the section in its direction.
-    [[nodiscard]] bool crosses_forwards(const MatrixXd& points) const;
     void look_for_mirror(std::size_t index);
 
     const ModelSection& section_;

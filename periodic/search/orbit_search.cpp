@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "periodic/orbit/coarse_flow.hpp"
 #include "periodic/search/model_section.hpp"
 #include "periodic/search/start_search.hpp"
 
@@ -89,7 +90,7 @@ std::string_view name(StartOrigin origin) {
 
 OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, const OrbitSearchOptions& options) {
     validate(system, theta, options);
-    const models::FlowOptions coarse = coarse_flow(options.solver.flow);
+    const models::FlowOptions coarse = coarsened(options.solver.flow, search_tolerance);
     const ModelSection section{system, theta, options.phase, options.section,
                                longest_return(system, theta, options.section, options.seed, coarse)};
     const SectionPieces pieces =

@@ -88,7 +88,6 @@ std::optional<std::vector<std::vector<std::uint32_t>>> PseudoOrbits::loops(int p
             const std::uint32_t to = steps[choice.back()++].to;
             if (left == 0) {
                 if (to != first) continue;
-                Loop names = loop;
                 std::vector<std::uint64_t> symbols, mirrored;
                 for (const std::uint32_t cell : loop) {
                     symbols.push_back(names_[cell]);

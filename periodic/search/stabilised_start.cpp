@@ -1,8 +1,6 @@
 #include "periodic/search/stabilised_start.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -18,8 +16,7 @@ SectionChart::SectionChart(const ModelSection& section, VectorXd size)
     basis_ = MatrixXd::Identity(n, n);
     if (!section.section) return;
     const VectorXd normal = size_.asDiagonal() * section.section->normal;
-    const MatrixXd orthogonal = models::HouseholderFactor(normal).q();
-    basis_ = orthogonal.rightCols(n - 1);
+    basis_ = models::HouseholderFactor(normal).q().rightCols(n - 1);
 }
 
 VectorXd SectionChart::moved(const VectorXd& x, const VectorXd& by) const {

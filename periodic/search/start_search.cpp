@@ -21,8 +21,7 @@ namespace {
 /// Starts that are solved before the list is looked at again: the result depends on it, not on the number of threads.
 constexpr std::size_t batch = 256;
 
-/// Accuracy of the flow while a start is closed, and of its closing: orbits are distinguished to 1e-6.
-constexpr double coarse_tolerance = 1e-8;
+/// Accuracy of closing a start.
 constexpr double coarse_closing = 1e-6;
 
 /// Edge of the cells that distinguish itineraries of recurrences, relative to the section.
@@ -53,10 +52,6 @@ std::vector<double> section_signs(const ModelSection& section) {
 
 }  // namespace
 
-models::FlowOptions coarse_flow(const models::FlowOptions& flow) {
-    return coarsened(flow, coarse_tolerance);
-}
-
 StartSearch::StartSearch(const ModelSection& section, const OrbitSearchOptions& options, const SectionPieces& pieces)
     : section_(section),
       options_(options),
@@ -67,7 +62,7 @@ StartSearch::StartSearch(const ModelSection& section, const OrbitSearchOptions& 
     coarse_.scale = pieces.size;
     coarse_.maximum_distance = std::numeric_limits<double>::infinity();
     coarse_.tolerance = std::max(options.solver.tolerance, coarse_closing);
-    coarse_.flow = coarse_flow(options.solver.flow);
+    coarse_.flow = coarsened(options.solver.flow, search_tolerance);
     coarse_.nearest = false;  // any orbit is welcome: what looking for the nearest one costs goes into more starts
     // A start whose steps have to be shortened more than that rarely ends at an orbit. 3.4 s instead of 5.2 s for the
     // pendulum's periods 1 to 4, the same orbits.

@@ -13,8 +13,8 @@
 
 namespace orbid::periodic {
 
-/// Accuracy of a flow that only has to lead to starts.
-[[nodiscard]] models::FlowOptions coarse_flow(const models::FlowOptions& flow);
+/// Accuracy of the flow while a start is closed: orbits are distinguished to 1e-6.
+inline constexpr double search_tolerance = 1e-8;
 
 /// Starts of every origin, solved in batches, and the resulting list of orbits. Parallel within a batch; the same with
 /// any number of threads.

@@ -45,12 +45,9 @@ ClosingEquations::ClosingEquations(const ClosingError& closing, const VectorXd& 
     factor_->jacobian = scaled_jacobian(closing, scale);
     const SparseMatrix<double>& jacobian = factor_->jacobian;
     SparseMatrix<double> normal = weight * SparseMatrix<double>(jacobian.transpose() * jacobian);
-    normal.diagonal() += own_weights;
+    normal.diagonal() += own_weights.size() > 0 ? own_weights : VectorXd(VectorXd::Ones(normal.rows()));
     factor_->ldlt.compute(normal);
 }
-
-ClosingEquations::ClosingEquations(const ClosingError& closing, const VectorXd& scale, double weight)
-    : ClosingEquations(closing, scale, weight, VectorXd::Ones(closing.error.size() + closing.by_ln_time.cols())) {}
 
 ClosingEquations::~ClosingEquations() = default;
 

@@ -15,10 +15,9 @@ namespace orbid::periodic {
 /// of the scales. Shape (d N, d N + k), sparse; W is diagonal.
 class ClosingEquations {
 public:
-    /// @param own_weights  diagonal of W, shape (d N + k), > 0 or such that A is regular.
-    ClosingEquations(const ClosingError& closing, const VectorXd& scale, double weight, const VectorXd& own_weights);
-    /// The same with W = 1.
-    ClosingEquations(const ClosingError& closing, const VectorXd& scale, double weight);
+    /// @param own_weights  diagonal of W, shape (d N + k), > 0 or such that A is regular; empty: 1.
+    ClosingEquations(const ClosingError& closing, const VectorXd& scale, double weight,
+                     const VectorXd& own_weights = {});
     ~ClosingEquations();
 
     [[nodiscard]] bool regular() const;  ///< A was factorised

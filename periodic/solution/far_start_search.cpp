@@ -1,8 +1,6 @@
 #include "periodic/solution/far_start_search.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <cstddef>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -13,7 +11,6 @@
 #include "periodic/orbit/winding_number.hpp"
 #include "periodic/solution/guess_correction.hpp"
 #include "periodic/solution/newton.hpp"
-#include "periodic/solution/phase_condition.hpp"
 #include "periodic/solution/winding_choice.hpp"
 
 namespace orbid::periodic {

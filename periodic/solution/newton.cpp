@@ -63,10 +63,6 @@ Gap gap_at(const DiscreteEquations& equations, const MatrixXd& nodes, double tim
     return gap;
 }
 
-double norm_of(const MatrixXd& step, const VectorXd& scale) {
-    return (step.array().colwise() / scale.array()).matrix().norm();
-}
-
 /// A move of all nodes and of ln T.
 struct Move {
     MatrixXd nodes;
@@ -75,27 +71,23 @@ struct Move {
     [[nodiscard]] double size(const VectorXd& scale) const {
         return std::max(relative_size(nodes, scale), std::abs(ln_time));
     }
-    [[nodiscard]] double norm(const VectorXd& scale) const { return std::hypot(norm_of(nodes, scale), ln_time); }
-};
-
-/// The iteration's matrix, factorised, and what it needs beside the closing error.
-class Linearisation {
-public:
-    Linearisation(const ClosingError& closing, const Gap& gap)
-        : matrix_(closing.jacobians, {closing.by_ln_time, gap.by_nodes, gap.by_ln_time}) {}
-
-    [[nodiscard]] bool singular() const { return matrix_.singular(); }
-    [[nodiscard]] Move solve(const MatrixXd& error, const VectorXd& gap) const {
-        VectorXd right(error.size() + gap.size());
-        right << error.reshaped(), gap;
-        const VectorXd solution = matrix_.solve(right);
-        return {solution.head(error.size()).reshaped(error.rows(), error.cols()),
-                gap.size() > 0 ? solution(error.size()) : 0.0};
+    [[nodiscard]] double norm(const VectorXd& scale) const {
+        return std::hypot((nodes.array().colwise() / scale.array()).matrix().norm(), ln_time);
     }
-
-private:
-    CyclicSystem matrix_;
 };
+
+/// The iteration's matrix, factorised.
+CyclicSystem linearised(const ClosingError& closing, const Gap& gap) {
+    return {closing.jacobians, {closing.by_ln_time, gap.by_nodes, gap.by_ln_time}};
+}
+
+Move solved(const CyclicSystem& matrix, const MatrixXd& error, const VectorXd& gap) {
+    VectorXd right(error.size() + gap.size());
+    right << error.reshaped(), gap;
+    const VectorXd solution = matrix.solve(right);
+    return {solution.head(error.size()).reshaped(error.rows(), error.cols()),
+            gap.size() > 0 ? solution(error.size()) : 0.0};
+}
 
 /// What is known at the nodes and the time that were reached.
 struct Iterate {
@@ -107,7 +99,7 @@ struct Iterate {
 
 /// Takes the step, halved until the next one with the same matrix is shorter. @return converged where it was taken, or
 /// why not.
-OrbitStatus damped_step(const DiscreteEquations& equations, const Linearisation& matrix, const Move& step,
+OrbitStatus damped_step(const DiscreteEquations& equations, const CyclicSystem& matrix, const Move& step,
                         double minimum_damping, Iterate& now, NewtonResult& result) {
     const auto& [discretisation, turns, condition, scale] = equations;
     const double step_size = step.size(scale);
@@ -126,7 +118,7 @@ OrbitStatus damped_step(const DiscreteEquations& equations, const Linearisation&
         if (!trial.simulated) continue;
         simulated_once = true;
         Gap trial_gap = gap_at(equations, trial_nodes, trial_time, {});
-        const Move simplified = matrix.solve(trial.error, trial_gap.value);
+        const Move simplified = solved(matrix, trial.error, trial_gap.value);
         if (result.iterations == 0 && length == 1.0) result.contraction = simplified.norm(scale) / step_norm;
         // Below the noise level the test would compare rounding errors: the step is taken unchanged.
         if (!(simplified.norm(scale) <= (1.0 - 0.5 * length) * step_norm) && !(step_size < noise_level)) continue;
@@ -140,6 +132,25 @@ OrbitStatus damped_step(const DiscreteEquations& equations, const Linearisation&
 }
 
 }  // namespace
+
+std::optional<PhaseCondition> phase_condition(const models::System& system, const VectorXd& theta,
+                                              const MatrixXd& guess, std::span<const double> shares,
+                                              const std::optional<models::Section>& section, PhaseChoice choice) {
+    if (system.kind() != models::Kind::autonomous) return std::nullopt;
+    if (section) return PhaseCondition{section->normal, section->offset};
+    const Index used = choice == PhaseChoice::integral ? guess.cols() : 1;
+    PhaseCondition condition;
+    condition.normals =
+        system.rhs(guess.leftCols(used), std::vector<double>(static_cast<std::size_t>(used), 0.0), theta);
+    for (Index j = 0; used > 1 && j < used; ++j) {
+        const auto at = static_cast<std::size_t>(j);
+        const double before = j > 0 ? shares[at - 1] : shares[static_cast<std::size_t>(used - 1)] - 1.0;
+        const double after = j + 1 < used ? shares[at + 1] : 1.0;
+        condition.normals.col(j) *= 0.5 * (after - before);
+    }
+    condition.offset = condition.normals.cwiseProduct(guess.leftCols(used)).sum();
+    return condition;
+}
 
 NewtonResult newton(const DiscreteEquations& equations, const MatrixXd& start, double time, ClosingError first,
                     const ShootingOptions& options) {
@@ -156,12 +167,12 @@ NewtonResult newton(const DiscreteEquations& equations, const MatrixXd& start, d
     result.status = OrbitStatus::iteration_limit;
     double last_size = std::numeric_limits<double>::infinity();
     for (result.iterations = 0; result.iterations < options.maximum_iterations; ++result.iterations) {
-        const Linearisation matrix(now.closing, now.gap);
+        const CyclicSystem matrix = linearised(now.closing, now.gap);
         if (matrix.singular()) {
             result.status = OrbitStatus::singular;
             return result;
         }
-        const Move step = matrix.solve(now.closing.error, now.gap.value);
+        const Move step = solved(matrix, now.closing.error, now.gap.value);
         const double step_size = step.size(scale);
         const bool closed = relative_size(now.closing.error, scale) <= options.tolerance;
         const bool stagnates = now.after_full_step && last_size < noise_level && step_size > 0.1 * last_size;
@@ -192,10 +203,9 @@ NewtonResult newton(const DiscreteEquations& equations, const MatrixXd& start, d
 MatrixXd node_sensitivities(const DiscreteEquations& equations, const ClosingError& closing, const MatrixXd& nodes,
                             double time, std::span<const Index> free) {
     const Gap gap = gap_at(equations, nodes, time, free);
-    const CyclicSystem matrix(closing.jacobians, {closing.by_ln_time, gap.by_nodes, gap.by_ln_time});
     MatrixXd right(closing.parameters.rows() + gap.value.size(), closing.parameters.cols());
     right << closing.parameters, -gap.by_parameters;
-    return matrix.solve(right);
+    return linearised(closing, gap).solve(right);
 }
 
 }  // namespace orbid::periodic

@@ -1,6 +1,5 @@
 #include "periodic/solution/orbit_solution.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <optional>

@@ -190,13 +190,6 @@ void make_conjugate(std::vector<Complex>& values) {
     }
 }
 
-Index zero_rows(const MatrixXd& matrix) {
-    Index count = 0;
-    for (Index i = 0; i < matrix.rows(); ++i)
-        count += (matrix.row(i).array() == 0.0).all() ? 1 : 0;
-    return count;
-}
-
 /// Products of neighbours, half as many.
 std::vector<MatrixXd> paired(const std::vector<MatrixXd>& factors) {
     std::vector<MatrixXd> products;
@@ -220,7 +213,7 @@ std::vector<Complex> floquet_multipliers(const std::vector<MatrixXd>& factors) {
         std::frexp(factor.cwiseAbs().maxCoeff(), &exponent);
         sequence.exponent += exponent;
         sequence.a.emplace_back((factor * std::ldexp(1.0, -exponent)).cast<Complex>());
-        exact_zeros = std::max(exact_zeros, zero_rows(factor));
+        exact_zeros = std::max<Index>(exact_zeros, (factor.array() == 0.0).rowwise().all().count());
     }
     sequence.make_triangular_but_first();
     sequence.make_first_hessenberg();

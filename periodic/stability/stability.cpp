@@ -96,20 +96,18 @@ struct Passages {
         const Index n = x.size();
         const auto f = static_cast<Index>(free.size());
         const Index d = n + f;
-        Piece piece;
         if (f == 0) {
             const auto flow = system.flow_with_sensitivities(x, begin, duration, theta, free, clock(), options);
-            piece.jacobian = flow.sensitivities;
+            result.push_back({flow.sensitivities, {}});
             x = flow.states.col(0);
-            result.push_back(std::move(piece));
             return flow.status == models::FlowStatus::ok;
         }
         const auto flow = system.flow_with_second_derivatives(x, begin, duration, theta, free, clock(), options);
         if (flow.status != models::FlowStatus::ok || !flow.second_derivatives.allFinite()) return false;
-        piece.jacobian = flow.sensitivities.leftCols(n);
+        Piece piece{flow.sensitivities.leftCols(n), {}};
         x = flow.states.col(0);
         MatrixXd by_time;
-        if (autonomous()) by_time = field_slope(x) * piece.jacobian;
+        if (autonomous()) by_time = system.rhs_derivatives(x, std::vector<double>{0.0}, theta, {}) * piece.jacobian;
         for (Index k = 0; k < f; ++k) {
             MatrixXd slope(n, n);
             for (Index i = 0; i < n; ++i) {
@@ -126,10 +124,6 @@ struct Passages {
         return true;
     }
     [[nodiscard]] VectorXd field_at(const VectorXd& x) const { return system.rhs(x, std::vector<double>{0.0}, theta); }
-    /// f_x at a state, shape (n, n).
-    [[nodiscard]] MatrixXd field_slope(const VectorXd& x) const {
-        return system.rhs_derivatives(x, std::vector<double>{0.0}, theta, {});
-    }
 };
 
 void check(const models::System& system, const PeriodicOrbit& orbit, std::span<const Index> free,

@@ -84,6 +84,14 @@ std::optional<MatrixXd> reading_velocity(const models::System& system, const Vec
     return velocity;
 }
 
+/// The order in which values ascend.
+std::vector<std::size_t> ascending(const std::vector<double>& values) {
+    std::vector<std::size_t> order(values.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
+    return order;
+}
+
 }  // namespace
 
 double SolvedCurve::length() const {
@@ -94,18 +102,6 @@ double SolvedCurve::place_of_point(Index j) const {
     return system_.kind() == models::Kind::forced ? full_turn * static_cast<double>(j)
                                                   : orbit_.times(j) - orbit_.times(0);
 }
-
-namespace {
-
-/// The order in which values ascend.
-std::vector<std::size_t> ascending(const std::vector<double>& values) {
-    std::vector<std::size_t> order(values.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
-    return order;
-}
-
-}  // namespace
 
 CurveStates SolvedCurve::states(std::span<const double> places, std::optional<std::span<const Index>> free) const {
     const bool forced = system_.kind() == models::Kind::forced;

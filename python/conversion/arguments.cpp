@@ -21,20 +21,10 @@ std::vector<std::string> names_of(std::span<const Item> items) {
     return names;
 }
 
-double number(py::handle value, const std::string& name) {
-    return *finite_vector(value, name.c_str(), 1).data();
-}
-
 /// What a name is not, and the nearest one there is.
 std::string unknown(std::string_view name, const std::vector<std::string>& names, const std::string& what) {
-    std::string message = "no " + what + " '" + std::string(name) + "'";
-    const auto nearest =
-        py::module_::import("difflib").attr("get_close_matches")(name, names, 1).cast<std::vector<std::string>>();
-    if (!nearest.empty()) return message + ": did you mean '" + nearest.front() + "'?";
-    message += "; there is";
-    for (const std::string& known : names)
-        message += (&known == &names.front() ? " '" : ", '") + known + "'";
-    return names.empty() ? message + " none" : message;
+    const std::string others = names.empty() ? "; there is none" : suggestion(name, names, ": ", "; there is");
+    return "no " + what + " '" + std::string(name) + "'" + others;
 }
 
 }  // namespace
@@ -72,7 +62,7 @@ Eigen::VectorXd parameter_values(const models::System& system, py::handle parame
             if (!py::isinstance<py::str>(pair[0])) throw py::type_error("parameters: names must be text");
             const auto name = pair[0].cast<std::string>();
             const Eigen::Index k = index_of(name, names, "parameter");
-            theta[k] = number(pair[1], "parameters['" + name + "']");
+            theta[k] = *finite_vector(pair[1], ("parameters['" + name + "']").c_str(), 1).data();
         }
     } else {
         theta = vector(finite_vector(parameters, "parameters", theta.size()));

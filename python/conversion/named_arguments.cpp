@@ -23,16 +23,21 @@ std::string type_name(py::handle value) {
 }
 
 std::string nearest(const std::string& name, const std::vector<std::string>& known) {
-    const auto near =
-        py::module_::import("difflib").attr("get_close_matches")(name, known, 1).cast<std::vector<std::string>>();
-    if (!near.empty()) return ", did you mean '" + near.front() + "'?";
-    std::string all = "; known are";
-    for (const std::string& one : known)
-        all += (&one == &known.front() ? " '" : ", '") + one + "'";
-    return known.empty() ? "" : all;
+    return known.empty() ? "" : suggestion(name, known, ", ", "; known are");
 }
 
 }  // namespace
+
+std::string suggestion(std::string_view name, const std::vector<std::string>& known, const char* before_nearest,
+                       const char* before_all) {
+    const auto near =
+        py::module_::import("difflib").attr("get_close_matches")(name, known, 1).cast<std::vector<std::string>>();
+    if (!near.empty()) return before_nearest + ("did you mean '" + near.front()) + "'?";
+    std::string all = before_all;
+    for (const std::string& one : known)
+        all += (&one == &known.front() ? " '" : ", '") + one + "'";
+    return all;
+}
 
 bool is_mapping(py::handle given) {
     return given && (py::isinstance<py::dict>(given) || PyMapping_Check(given.ptr()) != 0) &&

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <pybind11/pybind11.h>
@@ -57,6 +58,10 @@ private:
     pybind11::dict given_;
     std::vector<std::string> asked_;
 };
+
+/// "did you mean 'x'?" after its introduction where a known name is near, otherwise all of them after theirs.
+[[nodiscard]] std::string suggestion(std::string_view name, const std::vector<std::string>& known,
+                                     const char* before_nearest, const char* before_all);
 
 /// A mapping from text as a dict: the one given, or a copy of another kind of mapping.
 /// @throws TypeError naming `where`, for anything else and for a key that is not text.

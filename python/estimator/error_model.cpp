@@ -1,7 +1,5 @@
 #include "python/estimator/error_model.hpp"
 
-#include <algorithm>
-
 #include <pybind11/stl.h>
 
 #include "python/conversion/arguments.hpp"
@@ -26,6 +24,55 @@ estimator::ErrorScale error_scale(py::handle value, const std::string& where) {
     // From the residuals on unless a start is given.
     const estimator::ErrorParameter sd = error_parameter(value, 0.0, where);
     return {sd.estimate, sd.value, sd.prior};
+}
+
+estimator::FreeParameter free_parameter(const std::string& name, py::handle description) {
+    estimator::FreeParameter result;
+    result.name = name;
+    const std::string where = "parameter '" + name + "'";
+    if (!is_mapping(description)) {
+        result.start = finite_number(description, where);
+        return result;
+    }
+    NamedArguments given(where, description);
+    if (const py::object tied = given.find_value("tied")) {
+        if (py::isinstance<py::str>(tied)) {
+            result.tied_to = tied.cast<std::string>();
+        } else {
+            NamedArguments how(where + ": tied", tied);
+            result.tied_to = how.text("to", "");
+            result.tie_factor = how.number("factor", 1.0);
+            how.finish();
+            if (result.tied_to.empty()) throw py::type_error(where + ": tied: 'to' is missing");
+        }
+        result.unit = given.text("unit", "");
+        given.finish();
+        return result;
+    }
+    result.start = given.required_number("start");
+    result.unit = given.text("unit", "");
+    constexpr estimator::Scale scales[] = {estimator::Scale::linear, estimator::Scale::log, estimator::Scale::log10,
+                                           estimator::Scale::logit};
+    result.scale = scales[given.choice("scale", {"linear", "log", "log10", "logit"})];
+    if (const py::object bounds = given.find_value("bounds")) {
+        if (!is_list(bounds) || py::len(bounds) != 2)
+            throw py::value_error(where + ": bounds: needs [lower, upper], None where there is none");
+        const py::object lower = bounds[py::int_(0)];
+        const py::object upper = bounds[py::int_(1)];
+        const auto bound = [&](const py::object& value, double none) {
+            if (value.is_none()) return none;
+            if (PyFloat_Check(value.ptr()) && value.cast<double>() == none) return none;
+            return finite_number(value, where + ": bounds");
+        };
+        result.lower = bound(lower, result.lower);
+        result.upper = bound(upper, result.upper);
+    } else if (result.scale == estimator::Scale::log || result.scale == estimator::Scale::log10) {
+        result.lower = 0.0;
+    }
+    result.prior = prior(given.find("prior"), where + ": prior");
+    result.typical_size = given.number("typical_size", 1.0);
+    given.finish();
+    return result;
 }
 
 }  // namespace
@@ -165,59 +212,6 @@ estimator::Group group(py::handle description, std::size_t number) {
     given.finish();
     return result;
 }
-
-namespace {
-
-estimator::FreeParameter free_parameter(const std::string& name, py::handle description) {
-    estimator::FreeParameter result;
-    result.name = name;
-    const std::string where = "parameter '" + name + "'";
-    if (!is_mapping(description)) {
-        result.start = finite_number(description, where);
-        return result;
-    }
-    NamedArguments given(where, description);
-    if (const py::object tied = given.find_value("tied")) {
-        if (py::isinstance<py::str>(tied)) {
-            result.tied_to = tied.cast<std::string>();
-        } else {
-            NamedArguments how(where + ": tied", tied);
-            result.tied_to = how.text("to", "");
-            result.tie_factor = how.number("factor", 1.0);
-            how.finish();
-            if (result.tied_to.empty()) throw py::type_error(where + ": tied: 'to' is missing");
-        }
-        result.unit = given.text("unit", "");
-        given.finish();
-        return result;
-    }
-    result.start = given.required_number("start");
-    result.unit = given.text("unit", "");
-    constexpr estimator::Scale scales[] = {estimator::Scale::linear, estimator::Scale::log, estimator::Scale::log10,
-                                           estimator::Scale::logit};
-    result.scale = scales[given.choice("scale", {"linear", "log", "log10", "logit"})];
-    if (const py::object bounds = given.find_value("bounds")) {
-        if (!is_list(bounds) || py::len(bounds) != 2)
-            throw py::value_error(where + ": bounds: needs [lower, upper], None where there is none");
-        const py::object lower = bounds[py::int_(0)];
-        const py::object upper = bounds[py::int_(1)];
-        const auto bound = [&](const py::object& value, double none) {
-            if (value.is_none()) return none;
-            if (PyFloat_Check(value.ptr()) && value.cast<double>() == none) return none;
-            return finite_number(value, where + ": bounds");
-        };
-        result.lower = bound(lower, result.lower);
-        result.upper = bound(upper, result.upper);
-    } else if (result.scale == estimator::Scale::log || result.scale == estimator::Scale::log10) {
-        result.lower = 0.0;
-    }
-    result.prior = prior(given.find("prior"), where + ": prior");
-    result.typical_size = given.number("typical_size", 1.0);
-    given.finish();
-    return result;
-}
-
-}  // namespace
 
 std::vector<estimator::FreeParameter> estimated_parameters(py::handle parameters) {
     if (!parameters || !is_mapping(parameters))

@@ -23,28 +23,20 @@ py::list latent_list(const std::vector<Eigen::VectorXd>& latents) {
     return listed(latents, [](const Eigen::VectorXd& one) { return array(Eigen::VectorXd(one)); });
 }
 
-template <class Values>
-std::string first_not_finite(const Values& values, const std::string& name) {
-    if (values.allFinite()) return {};
-    for (Eigen::Index i = 0; i < values.rows(); ++i)
-        for (Eigen::Index j = 0; j < values.cols(); ++j)
-            if (!std::isfinite(values(i, j)))
-                return name + "[" + std::to_string(i) + (values.cols() > 1 ? ", " + std::to_string(j) : "") +
-                       "] = " + std::to_string(values(i, j));
-    return {};
-}
-
 /// The first entry of a block that is not finite, with its value; empty: all are.
 std::string first_not_finite(const estimator::BlockValue& value) {
-    std::string found = first_not_finite(value.e, "e");
-    for (const auto& [name, matrix] :
-         {std::pair{"e_theta", &value.e_theta}, {"e_z", &value.e_z}, {"e_next", &value.e_next}})
-        if (found.empty()) found = first_not_finite(*matrix, name);
-    if (found.empty()) found = first_not_finite(value.c, "c");
-    for (const auto& [name, matrix] :
-         {std::pair{"c_theta", &value.c_theta}, {"c_z", &value.c_z}, {"c_next", &value.c_next}})
-        if (found.empty()) found = first_not_finite(*matrix, name);
-    return found;
+    const std::pair<const char*, Eigen::Ref<const Eigen::MatrixXd>> parts[] = {
+        {"e", value.e}, {"e_theta", value.e_theta}, {"e_z", value.e_z}, {"e_next", value.e_next},
+        {"c", value.c}, {"c_theta", value.c_theta}, {"c_z", value.c_z}, {"c_next", value.c_next}};
+    for (const auto& [name, values] : parts) {
+        if (values.allFinite()) continue;
+        for (Eigen::Index i = 0; i < values.rows(); ++i)
+            for (Eigen::Index j = 0; j < values.cols(); ++j)
+                if (!std::isfinite(values(i, j)))
+                    return std::string(name) + "[" + std::to_string(i) +
+                           (values.cols() > 1 ? ", " + std::to_string(j) : "") + "] = " + std::to_string(values(i, j));
+    }
+    return {};
 }
 
 /// Residuals that take part in a computation: update_active_set() and deactivate() change them, those of the library as

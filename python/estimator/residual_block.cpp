@@ -1,5 +1,3 @@
-#include <algorithm>
-#include <utility>
 
 #include <pybind11/stl.h>
 

@@ -97,10 +97,6 @@ py::dict scale_dict(const EstimatedScale& scale) {
                     "distribution"_a = scale.distribution, "shape"_a = estimated_dicts(scale.shape));
 }
 
-py::tuple interval(double lower, double upper) {
-    return py::make_tuple(lower, upper);
-}
-
 std::string shown(const std::string& name, double value, double sd, const std::string& unit) {
     return std::string(py::str("{} = {:.6g} (sd {:.2g}){}").format(name, value, sd, unit.empty() ? "" : " " + unit));
 }
@@ -121,26 +117,6 @@ void made(Class& result, const char* name, Make make, const char* text) {
         name, [make](const EstimateResult& one) { return make(one.estimate); }, text);
 }
 
-}  // namespace
-
-py::dict estimate_dict(const Estimate& estimate) {
-    const auto list = [](const auto& array) { return array.attr("tolist")(); };
-    return py::dict(
-        "status"_a = std::string(name(estimate.status)), "message"_a = estimate.message,
-        "parameters"_a = estimated_dicts(estimate.parameters), "derived"_a = estimated_dicts(estimate.derived),
-        "scales"_a = by_name(estimate.scales, &EstimatedScale::group, scale_dict),
-        "covariance"_a = list(matrix_array(estimate.covariance)),
-        "correlation"_a = list(matrix_array(estimate.correlation)),
-        "singular_values"_a = list(vector_array(estimate.singular_values)), "trust_normal"_a = estimate.trust_normal,
-        "distrust"_a = estimate.distrust, "counts"_a = counts(estimate), "objective"_a = estimate.objective,
-        "log_likelihood"_a = estimate.log_likelihood, "log_integral"_a = estimate.log_integral,
-        "degrees_of_freedom"_a = estimate.degrees_of_freedom, "effective_count"_a = estimate.effective_count,
-        "iterations"_a = estimate.iterations, "evaluations"_a = estimate.evaluations, "rounds"_a = estimate.rounds,
-        "remaining"_a = estimate.remaining);
-}
-
-namespace {
-
 void bind_estimated(py::module_& module) {
     py::class_<Estimated>(module, "Estimated", "One estimated or derived number with its uncertainty.")
         .def_readonly("name", &Estimated::name)
@@ -149,7 +125,8 @@ void bind_estimated(py::module_& module) {
         .def_readonly("start", &Estimated::start)
         .def_readonly("sd", &Estimated::sd, "nan when undetermined: a singular direction, or at a bound")
         .def_property_readonly(
-            "interval95", [](const Estimated& one) { return interval(one.lower95, one.upper95); }, "(lower, upper)")
+            "interval95", [](const Estimated& one) { return py::make_tuple(one.lower95, one.upper95); },
+            "(lower, upper)")
         .def_readonly("interval_method", &Estimated::interval_method)
         .def_readonly("at_bound", &Estimated::at_bound, "\"\", \"lower\" or \"upper\"")
         .def_readonly("laplace_sd", &Estimated::laplace_sd, "sd if errors were independent")
@@ -163,7 +140,7 @@ void bind_estimated(py::module_& module) {
         .def_readonly("value", &EstimatedScale::value)
         .def_readonly("sd", &EstimatedScale::uncertainty, "of the value; 0 when it is fixed")
         .def_property_readonly("interval95",
-                               [](const EstimatedScale& one) { return interval(one.lower95, one.upper95); })
+                               [](const EstimatedScale& one) { return py::make_tuple(one.lower95, one.upper95); })
         .def_readonly("interval_method", &EstimatedScale::interval_method)
         .def_readonly("count", &EstimatedScale::count, "records")
         .def_readonly("rms", &EstimatedScale::rms)
@@ -200,6 +177,22 @@ py::array theta_array(const Estimate& estimate) {
 }
 
 }  // namespace
+
+py::dict estimate_dict(const Estimate& estimate) {
+    const auto list = [](const auto& array) { return array.attr("tolist")(); };
+    return py::dict(
+        "status"_a = std::string(name(estimate.status)), "message"_a = estimate.message,
+        "parameters"_a = estimated_dicts(estimate.parameters), "derived"_a = estimated_dicts(estimate.derived),
+        "scales"_a = by_name(estimate.scales, &EstimatedScale::group, scale_dict),
+        "covariance"_a = list(matrix_array(estimate.covariance)),
+        "correlation"_a = list(matrix_array(estimate.correlation)),
+        "singular_values"_a = list(vector_array(estimate.singular_values)), "trust_normal"_a = estimate.trust_normal,
+        "distrust"_a = estimate.distrust, "counts"_a = counts(estimate), "objective"_a = estimate.objective,
+        "log_likelihood"_a = estimate.log_likelihood, "log_integral"_a = estimate.log_integral,
+        "degrees_of_freedom"_a = estimate.degrees_of_freedom, "effective_count"_a = estimate.effective_count,
+        "iterations"_a = estimate.iterations, "evaluations"_a = estimate.evaluations, "rounds"_a = estimate.rounds,
+        "remaining"_a = estimate.remaining);
+}
 
 void bind_estimate_result(py::module_& module) {
     bind_estimated(module);

@@ -33,18 +33,9 @@ class LeastSquares(Residual):
     errors      as "errors" of a job: distribution, sd, dof, relative, correlation, floor; interval for readings in order.
     """
 
-    def __init__(
-        self,
-        y: npt.ArrayLike,
-        prediction: Function,
-        *,
-        jacobian: Union[Function, str],
-        name: str = "readings",
-        unit: str = "",
-        deviations: Optional[npt.ArrayLike] = None,
-        groups: Optional[Sequence[int]] = None,
-        errors: Union[None, Dict[str, Any], Sequence[Dict[str, Any]]] = None,
-    ) -> None:
+    def __init__(self, y: npt.ArrayLike, prediction: Function, *, jacobian: Union[Function, str], name: str = "readings",
+                 unit: str = "", deviations: Optional[npt.ArrayLike] = None, groups: Optional[Sequence[int]] = None,
+                 errors: Union[None, Dict[str, Any], Sequence[Dict[str, Any]]] = None) -> None:
         super().__init__()
         self.y = _finite_vector(y, "y")
         if self.y.size == 0:
@@ -57,9 +48,8 @@ class LeastSquares(Residual):
         self._jacobian = jacobian
         given = [errors or {}] if errors is None or isinstance(errors, dict) else errors
         several = [dict(one) for one in given]
-        self._groups = [
-            {"name": name if len(several) == 1 else f"{name}.{k}", "unit": unit, **one} for k, one in enumerate(several)
-        ]
+        self._groups = [{"name": name if len(several) == 1 else f"{name}.{k}", "unit": unit, **one}
+                        for k, one in enumerate(several)]
         self._block: Dict[str, Any] = {"label": name, "observed": self.y}
         if groups is None:
             if len(several) > 1:

@@ -1,15 +1,13 @@
 #include "python/orbits/series_bindings.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <utility>
 
 #include <pybind11/stl.h>
 
-#include "models/catalogue/registry.hpp"
 #include "python/conversion/arguments.hpp"
 #include "python/conversion/arrays.hpp"
+#include "python/conversion/bindings.hpp"
 #include "python/conversion/named_arguments.hpp"
 #include "python/conversion/properties.hpp"
 
@@ -195,6 +193,14 @@ models::FlowOptions flow_options(NamedArguments& given, models::FlowOptions usua
     usual.absolute_tolerance = given.number("atol", usual.absolute_tolerance);
     usual.maximum_steps = given.whole("maximum_steps", usual.maximum_steps, 1);
     return usual;
+}
+
+void bind_orbits(py::module_& module) {
+    bind_series(module);
+    bind_series_files(module);
+    bind_simulation(module);
+    bind_cycles(module);
+    bind_invariants(module);
 }
 
 void bind_series(py::module_& module) {

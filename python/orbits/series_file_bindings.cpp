@@ -68,6 +68,12 @@ std::shared_ptr<Series> read_csv(const std::filesystem::path& file, const py::ob
     return std::make_shared<Series>(computed_interruptibly([&] { return orbits::read_csv(file, layout); }));
 }
 
+template <auto write>
+void written(const std::filesystem::path& file, const std::shared_ptr<Series>& series) {
+    const py::gil_scoped_release unlocked;
+    write(file, *series);
+}
+
 }  // namespace
 
 void bind_series_files(py::module_& module) {
@@ -85,21 +91,10 @@ void bind_series_files(py::module_& module) {
         },
         py::arg("file"), py::kw_only(), py::arg("minimum_points") = 1,
         "The Series that write_hdf5() wrote, to the bit.");
-    module.def(
-        "write_csv",
-        [](const std::filesystem::path& file, const std::shared_ptr<Series>& series) {
-            const py::gil_scoped_release unlocked;
-            orbits::write_csv(file, *series);
-        },
-        py::arg("file"), py::arg("series").none(false),
-        "One column per coordinate, \"segment\" and, with times, \"t\"; known sds are not stored.");
-    module.def(
-        "write_hdf5",
-        [](const std::filesystem::path& file, const std::shared_ptr<Series>& series) {
-            const py::gil_scoped_release unlocked;
-            orbits::write_hdf5(file, *series);
-        },
-        py::arg("file"), py::arg("series").none(false), "Format \"orbid-series/1\"; equal series give equal bytes.");
+    module.def("write_csv", &written<orbits::write_csv>, py::arg("file"), py::arg("series").none(false),
+               "One column per coordinate, \"segment\" and, with times, \"t\"; known sds are not stored.");
+    module.def("write_hdf5", &written<orbits::write_hdf5>, py::arg("file"), py::arg("series").none(false),
+               "Format \"orbid-series/1\"; equal series give equal bytes.");
 }
 
 }  // namespace orbid::python

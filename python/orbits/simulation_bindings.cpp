@@ -1,4 +1,3 @@
-#include <utility>
 
 #include <pybind11/stl.h>
 

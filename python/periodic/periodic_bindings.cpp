@@ -1,7 +1,6 @@
 #include "periodic/solution/solve_orbit.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include <pybind11/complex.h>
 #include <pybind11/eigen.h>
