@@ -180,7 +180,7 @@ def _write_table(columns: Mapping[str, Any], pointer: str, folder: pathlib.Path)
 
 def _with_tables(job: Mapping[str, Any], folder: pathlib.Path) -> Dict[str, Any]:
     """The job with data whose "file" is a dict of arrays written to files."""
-    data = job.get("data")
+    data: Any = job.get("data")
     several = isinstance(data, (list, tuple))
     written: List[Any] = []
     for k, block in enumerate(data if several else [data]):
