@@ -24,48 +24,35 @@ std::vector<std::size_t> places_of(const Equations& equations) {
 }
 
 /// A shape with N >= n coordinates as a kernel of n: starts are filled up, results picked out.
-class InterpretedKernel final : public Kernel {
+class InterpretedKernel final : public NamedKernel {
 public:
-    InterpretedKernel(std::shared_ptr<const Equations> equations, std::shared_ptr<const Kernel> shape, std::size_t size)
-        : equations_(std::move(equations)),
-          shape_(std::move(shape)),
-          places_(places_of(*equations_)),
-          program_(equation_program(*equations_, places_)),
-          n_(equations_->coordinates().size()),
+    InterpretedKernel(const std::shared_ptr<const Equations>& equations, std::shared_ptr<const Kernel> shape,
+                      std::size_t size)
+        : NamedKernel(equations, std::move(shape)),
+          places_(places_of(*equations)),
+          program_(equation_program(*equations, places_)),
+          n_(equations->coordinates().size()),
           size_(size),
-          coordinates_(equations_->coordinates().begin(), equations_->coordinates().end()) {
+          coordinates_(equations->coordinates().begin(), equations->coordinates().end()) {
         coordinates_.resize(size, real("", "1"));
     }
 
-    // NamedKernel knows these.
-    std::string_view name() const override { return equations_->text().name; }
-    std::string_view variant() const override { return {}; }
-    Kind kind() const override { return equations_->kind(); }
-    bool stiff() const override { return false; }
-    std::span<const Coordinate> coordinates() const override { return equations_->coordinates(); }
-    std::span<const Parameter> parameters() const override { return equations_->parameters(); }
-    std::span<const Coordinate> inputs() const override { return equations_->inputs(); }
-    std::optional<std::size_t> forcing_frequency() const override { return equations_->frequency(); }
-    std::span<const double> symmetry_signs() const override { return {}; }
-    double symmetry_phase_shift() const override { return 0.0; }
-    bool smooth(const double* theta) const override { return equations_->smooth(theta); }
-
     bool at_rest(const double* state, const double* theta) const override {
         const Use use(*this);
-        return shape_->at_rest(padded(state).data(), placed(theta).data());
+        return other()->at_rest(padded(state).data(), placed(theta).data());
     }
     void rhs(double phase, const double* state, const double* theta, const double* input, double* f) const override {
         const Use use(*this);
         std::vector<double> all(size_);
-        shape_->rhs(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(), all.data());
+        other()->rhs(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(), all.data());
         std::copy_n(all.begin(), n_, f);
     }
     void rhs_derivatives(double phase, const double* state, const double* theta, const double* input,
                          std::span<const std::ptrdiff_t> free, double* derivatives) const override {
         const Use use(*this);
         std::vector<double> all(size_ * (size_ + free.size()));
-        shape_->rhs_derivatives(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(),
-                                placed(free), all.data());
+        other()->rhs_derivatives(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(),
+                                 placed(free), all.data());
         pick(all, 1, free.size(), derivatives);
     }
     void rhs_second_derivatives(double phase, const double* state, const double* theta, const double* input,
@@ -73,8 +60,8 @@ public:
         const Use use(*this);
         const std::size_t d = size_ + free.size();
         std::vector<double> all(size_ * d * d), all_by_phase(size_);
-        shape_->rhs_second_derivatives(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(),
-                                       placed(free), all.data(), all_by_phase.data());
+        other()->rhs_second_derivatives(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(),
+                                        placed(free), all.data(), all_by_phase.data());
         pick_second(all, 1, free.size(), second);
         std::copy_n(all_by_phase.begin(), n_, by_phase);
     }
@@ -83,9 +70,9 @@ public:
                  const FlowOutput& output) const override {
         const Use use(*this);
         const Start from(*this, start);
-        if (n_ == size_) return shape_->flow(from.start, durations, placed(free), output);
+        if (n_ == size_) return other()->flow(from.start, durations, placed(free), output);
         Padded all(*this, durations.size(), free.size(), output);
-        const FlowEnd end = shape_->flow(from.start, durations, placed(free), all.output);
+        const FlowEnd end = other()->flow(from.start, durations, placed(free), all.output);
         all.pick(*this, output);
         return end;
     }
@@ -94,30 +81,26 @@ public:
                       std::span<const std::ptrdiff_t> free, const FlowOutput& output) const override {
         const Use use(*this);
         const Start from(*this, start);
-        if (n_ == size_) return shape_->crossings(from.start, plane, count, longest, placed(free), output);
+        if (n_ == size_) return other()->crossings(from.start, plane, count, longest, placed(free), output);
         std::vector<double> normal(plane.normal.begin(), plane.normal.end());
         normal.resize(size_, 0.0);
         Padded all(*this, count, free.size(), output);
-        const FlowEnd end = shape_->crossings(from.start, {normal, plane.offset, plane.direction}, count, longest,
-                                              placed(free), all.output);
+        const FlowEnd end = other()->crossings(from.start, {normal, plane.offset, plane.direction}, count, longest,
+                                               placed(free), all.output);
         all.pick(*this, output);
         return end;
     }
 
-    void instrument(const double* state, const double* /*theta*/, std::span<const std::ptrdiff_t> free, double* reading,
+    void instrument(const double* state, const double* theta, std::span<const std::ptrdiff_t> free, double* reading,
                     double* derivative) const override {
-        std::copy_n(state, n_, reading);
-        if (derivative == nullptr) return;
-        std::fill_n(derivative, n_ * (n_ + free.size()), 0.0);
-        for (std::size_t i = 0; i < n_; ++i)
-            derivative[i * n_ + i] = 1.0;
+        Kernel::instrument(state, theta, free, reading, derivative);
     }
 
     std::unique_ptr<const FlowBatch> flow_batch(const FlowStarts& starts, std::span<const double> durations,
                                                 std::span<const std::ptrdiff_t> free) const override {
         const Use use(*this);
         auto batch = std::make_unique<Batch>(*this, starts, durations.size(), free.size());
-        batch->flows = shape_->flow_batch(batch->starts, durations, placed(free));
+        batch->flows = other()->flow_batch(batch->starts, durations, placed(free));
         if (!batch->flows) return nullptr;
         return batch;
     }
@@ -128,7 +111,7 @@ public:
         const Use use(*this);
         const auto p = placed(theta);
         if (n_ == size_)
-            return shape_->ensemble(starts, count, phase, periods, p.data(), options, sections, columns, status);
+            return other()->ensemble(starts, count, phase, periods, p.data(), options, sections, columns, status);
         std::vector<double> from, all(count * size_ * (periods + 1));
         std::vector<double*> to;
         for (std::size_t i = 0; i < count; ++i) {
@@ -136,12 +119,11 @@ public:
             from.insert(from.end(), state.begin(), state.end());
             to.push_back(all.data() + i * size_ * (periods + 1));
         }
-        shape_->ensemble(from.data(), count, phase, periods, p.data(), options, to.data(), columns, status);
+        other()->ensemble(from.data(), count, phase, periods, p.data(), options, to.data(), columns, status);
         for (std::size_t i = 0; i < count; ++i)
             for (std::size_t k = 0; k < columns[i]; ++k)
                 std::copy_n(to[i] + k * size_, n_, sections[i] + k * n_);
     }
-    std::size_t ensemble_block() const override { return shape_->ensemble_block(); }
 
 private:
     /// The program in use by this thread as long as it lives.
@@ -164,7 +146,7 @@ private:
         return all;
     }
     std::vector<double> padded_input(const double* input) const {
-        const std::size_t count = equations_->inputs().size();
+        const std::size_t count = equations().inputs().size();
         std::vector<double> all(input, input + (input == nullptr ? 0 : count));
         all.resize(InterpretedInputs<1>::inputs.size(), 0.0);
         return all;
@@ -280,8 +262,6 @@ private:
         }
     };
 
-    std::shared_ptr<const Equations> equations_;
-    std::shared_ptr<const Kernel> shape_;
     std::vector<std::size_t> places_;
     EquationProgram program_;
     std::size_t n_, size_;
@@ -294,8 +274,7 @@ std::shared_ptr<const Kernel> interpreted_kernel(const std::shared_ptr<const Equ
     InterpretedShapeChoice shape = interpreted_shape_for(*equations, why);
     if (!shape.kernel) return nullptr;
     try {
-        return std::make_shared<NamedKernel>(
-            equations, std::make_shared<InterpretedKernel>(equations, std::move(shape.kernel), shape.size));
+        return std::make_shared<InterpretedKernel>(equations, std::move(shape.kernel), shape.size);
     } catch (const std::length_error&) {
         why = fmt::format("formulas with more than {} intermediate results at a time", FormulaCode::most_registers);
         return nullptr;

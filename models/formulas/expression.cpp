@@ -1,7 +1,6 @@
 #include "models/formulas/expression.hpp"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <numbers>
 #include <utility>
@@ -12,19 +11,7 @@ namespace orbid::models {
 
 namespace {
 
-using StepOperation = Expression::Operation;
 using Step = Expression::Step;
-
-struct Function {
-    std::string_view name;
-    StepOperation operation;
-};
-constexpr std::array functions{
-    Function{"sin", StepOperation::sin},   Function{"cos", StepOperation::cos},   Function{"tan", StepOperation::tan},
-    Function{"asin", StepOperation::asin}, Function{"acos", StepOperation::acos}, Function{"atan", StepOperation::atan},
-    Function{"sinh", StepOperation::sinh}, Function{"cosh", StepOperation::cosh}, Function{"tanh", StepOperation::tanh},
-    Function{"exp", StepOperation::exp},   Function{"log", StepOperation::log},   Function{"sqrt", StepOperation::sqrt},
-    Function{"abs", StepOperation::abs},   Function{"sign", StepOperation::sign}};
 
 // The parser is recursive in brackets and signs; a formula that nests deeper than this is a mistake or an attack on the
 // stack.
@@ -54,37 +41,15 @@ public:
     }
 
 private:
-    void sum() {
-        product();
-        while (true) {
-            if (take('+')) {
-                const std::size_t at = position_ - 1;
-                product();
-                push(StepOperation::add, at);
-            } else if (take('-')) {
-                const std::size_t at = position_ - 1;
-                product();
-                push(StepOperation::subtract, at);
-            } else {
-                return;
-            }
-        }
-    }
-
-    void product() {
-        negated();
-        while (true) {
-            if (take('*')) {
-                const std::size_t at = position_ - 1;
-                negated();
-                push(StepOperation::multiply, at);
-            } else if (take('/')) {
-                const std::size_t at = position_ - 1;
-                negated();
-                push(StepOperation::divide, at);
-            } else {
-                return;
-            }
+    void sum() { chain(&Parser::product, '+', FormulaOperation::add, '-', FormulaOperation::subtract); }
+    void product() { chain(&Parser::negated, '*', FormulaOperation::multiply, '/', FormulaOperation::divide); }
+    /// operand { (first | second) operand }, left to right.
+    void chain(void (Parser::*operand)(), char first, FormulaOperation one, char second, FormulaOperation other) {
+        (this->*operand)();
+        for (char found = peek(); found == first || found == second; found = peek()) {
+            const std::size_t at = position_++;
+            (this->*operand)();
+            push(found == first ? one : other, at);
         }
     }
 
@@ -93,7 +58,7 @@ private:
         if (take('-')) {
             const std::size_t at = position_ - 1;
             negated();
-            push(StepOperation::negate, at);
+            push(FormulaOperation::negate, at);
         } else if (take('+')) {
             negated();
         } else {
@@ -107,7 +72,7 @@ private:
         if (!take('^')) return;
         const std::size_t at = position_ - 1;
         negated();
-        push(StepOperation::power, at);
+        push(FormulaOperation::power, at);
     }
 
     void atom() {
@@ -120,15 +85,15 @@ private:
             ++position_;
         const std::string_view word = text_.substr(start, position_ - start);
         if (word == "pi") {
-            steps_.push_back({StepOperation::constant, std::numbers::pi, 0, start});
+            steps_.push_back({FormulaOperation::number, std::numbers::pi, 0, start});
             return;
         }
-        for (const Function& function : functions) {
-            if (word != function.name) continue;
+        const auto function = std::find(formula_functions.begin(), formula_functions.end(), word);
+        if (function != formula_functions.end()) {
             const std::size_t open = position_;
             if (!take('(')) fail("expected \"(\" after " + std::string(word));
             bracket(open);
-            push(function.operation, start);
+            push(formula_function(static_cast<std::size_t>(function - formula_functions.begin())), start);
             return;
         }
         const auto at = std::find(names_.begin(), names_.end(), word);
@@ -136,7 +101,7 @@ private:
             position_ = start;
             fail("unknown name \"" + std::string(word) + "\"");
         }
-        steps_.push_back({StepOperation::name, 0.0, static_cast<std::size_t>(at - names_.begin()), start});
+        steps_.push_back({FormulaOperation::parameter, 0.0, static_cast<std::size_t>(at - names_.begin()), start});
     }
 
     void bracket(std::size_t open) {
@@ -152,11 +117,11 @@ private:
         const auto [end, error] = std::from_chars(begin, text_.data() + text_.size(), value);
         if (error == std::errc::result_out_of_range) fail("number out of range");
         if (error != std::errc()) fail("expected a number");
-        steps_.push_back({StepOperation::constant, value, 0, position_});
+        steps_.push_back({FormulaOperation::number, value, 0, position_});
         position_ += static_cast<std::size_t>(end - begin);
     }
 
-    void push(StepOperation operation, std::size_t position) { steps_.push_back({operation, 0.0, 0, position}); }
+    void push(FormulaOperation operation, std::size_t position) { steps_.push_back({operation, 0.0, 0, position}); }
 
     /// What may follow a value only after an operator: a product written as in a book, "k x" or "2(x + 1)".
     static bool begins_atom(char c) { return is_letter(c) || is_digit(c) || c == '('; }
@@ -206,7 +171,7 @@ Expression Expression::parse(std::string_view text, std::span<const std::string>
     result.text_ = text;
     result.steps_ = Parser(text, names).parse();
     for (const Step& step : result.steps_) {
-        if (step.operation == StepOperation::name) result.used_.push_back(step.index);
+        if (step.operation == FormulaOperation::parameter) result.used_.push_back(step.index);
     }
     std::sort(result.used_.begin(), result.used_.end());
     result.used_.erase(std::unique(result.used_.begin(), result.used_.end()), result.used_.end());
@@ -214,8 +179,7 @@ Expression Expression::parse(std::string_view text, std::span<const std::string>
 }
 
 bool is_reserved_word(std::string_view word) {
-    return word == "pi" ||
-           std::any_of(functions.begin(), functions.end(), [&](const Function& f) { return f.name == word; });
+    return word == "pi" || std::count(formula_functions.begin(), formula_functions.end(), word) > 0;
 }
 
 double Expression::value(const Eigen::VectorXd& values) const {

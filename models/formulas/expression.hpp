@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <span>
 #include <stdexcept>
@@ -11,6 +10,7 @@
 #include <Eigen/Core>
 
 #include "models/arithmetic/matrix_layout.hpp"
+#include "models/formulas/formula_operation.hpp"
 
 #pragma GCC visibility push(default)
 
@@ -68,35 +68,12 @@ public:
     /// Exact gradient by forward derivatives, shape as values. At x = 0 the derivative of abs is 1, that of sign 0.
     [[nodiscard]] Eigen::VectorXd gradient(const Eigen::VectorXd& values) const;
 
+    using Operation = FormulaOperation;
     /// One step of the program: postfix notation on a stack.
-    enum class Operation {
-        constant,
-        name,
-        add,
-        subtract,
-        multiply,
-        divide,
-        power,
-        negate,
-        sin,
-        cos,
-        tan,
-        asin,
-        acos,
-        atan,
-        sinh,
-        cosh,
-        tanh,
-        exp,
-        log,
-        sqrt,
-        abs,
-        sign
-    };
     struct Step {
         Operation operation;
-        double constant = 0.0;     ///< of `constant`
-        std::size_t index = 0;     ///< of `name`
+        double constant = 0.0;     ///< of `number`
+        std::size_t index = 0;     ///< of `parameter`: which of the names
         std::size_t position = 0;  ///< character of the text at which it stands (of a function: its name), from 0
     };
     [[nodiscard]] const std::vector<Step>& steps() const { return steps_; }
@@ -112,94 +89,20 @@ private:
 
 template <class T>
 T Expression::evaluate(std::span<const T> values, std::vector<T>& stack) const {
-    using std::abs, std::sqrt, std::exp, std::log, std::pow;
-    using std::sin, std::cos, std::tan, std::asin, std::acos, std::atan, std::sinh, std::cosh, std::tanh;
     stack.clear();
     stack.reserve(steps_.size());
     for (const Step& step : steps_) {
-        if (step.operation == Operation::constant) {
+        if (step.operation == Operation::number) {
             stack.push_back(T(step.constant));
-            continue;
-        }
-        if (step.operation == Operation::name) {
+        } else if (step.operation == Operation::parameter) {
             stack.push_back(values[step.index]);
-            continue;
-        }
-        T right = stack.back();
-        stack.pop_back();
-        const auto binary = [&](auto&& combine) {
-            T left = stack.back();
+        } else if (is_binary(step.operation)) {
+            const T right = stack.back();
             stack.pop_back();
-            return T(combine(left, right));
-        };
-        T result(0.0);
-        switch (step.operation) {
-            case Operation::add:
-                result = binary([](const T& a, const T& b) { return T(a + b); });
-                break;
-            case Operation::subtract:
-                result = binary([](const T& a, const T& b) { return T(a - b); });
-                break;
-            case Operation::multiply:
-                result = binary([](const T& a, const T& b) { return T(a * b); });
-                break;
-            case Operation::divide:
-                result = binary([](const T& a, const T& b) { return T(a / b); });
-                break;
-            case Operation::power:
-                result = binary([](const T& a, const T& b) { return T(pow(a, b)); });
-                break;
-            case Operation::negate:
-                result = -right;
-                break;
-            case Operation::sin:
-                result = sin(right);
-                break;
-            case Operation::cos:
-                result = cos(right);
-                break;
-            case Operation::tan:
-                result = tan(right);
-                break;
-            case Operation::asin:
-                result = asin(right);
-                break;
-            case Operation::acos:
-                result = acos(right);
-                break;
-            case Operation::atan:
-                result = atan(right);
-                break;
-            case Operation::sinh:
-                result = sinh(right);
-                break;
-            case Operation::cosh:
-                result = cosh(right);
-                break;
-            case Operation::tanh:
-                result = tanh(right);
-                break;
-            case Operation::exp:
-                result = exp(right);
-                break;
-            case Operation::log:
-                result = log(right);
-                break;
-            case Operation::sqrt:
-                result = sqrt(right);
-                break;
-            case Operation::abs:
-                result = abs(right);
-                break;
-            // nan stays nan: right - right is 0 for finite numbers only.
-            case Operation::sign:
-                result = right > T(0.0) ? T(1.0) : right < T(0.0) ? T(-1.0) : T(right - right);
-                break;
-            case Operation::constant:
-            case Operation::name:
-                break;  // handled above
+            stack.back() = value_of_operation(step.operation, stack.back(), right);
+        } else {
+            stack.back() = value_of_operation(step.operation, stack.back());
         }
-        stack.push_back(result);
     }
     return stack.back();
 }

@@ -14,108 +14,16 @@ using Node = ExpressionGraph::Node;
 using Entry = ExpressionGraph::Entry;
 using Operation = ExpressionGraph::Operation;
 
-Operation operation_of(Expression::Operation operation) {
-    switch (operation) {
-        case Expression::Operation::constant:
-            return Operation::number;
-        case Expression::Operation::name:
-            return Operation::parameter;
-        case Expression::Operation::add:
-            return Operation::add;
-        case Expression::Operation::subtract:
-            return Operation::subtract;
-        case Expression::Operation::multiply:
-            return Operation::multiply;
-        case Expression::Operation::divide:
-            return Operation::divide;
-        case Expression::Operation::power:
-            return Operation::power;
-        case Expression::Operation::negate:
-            return Operation::negate;
-        case Expression::Operation::sin:
-            return Operation::sin;
-        case Expression::Operation::cos:
-            return Operation::cos;
-        case Expression::Operation::tan:
-            return Operation::tan;
-        case Expression::Operation::asin:
-            return Operation::asin;
-        case Expression::Operation::acos:
-            return Operation::acos;
-        case Expression::Operation::atan:
-            return Operation::atan;
-        case Expression::Operation::sinh:
-            return Operation::sinh;
-        case Expression::Operation::cosh:
-            return Operation::cosh;
-        case Expression::Operation::tanh:
-            return Operation::tanh;
-        case Expression::Operation::exp:
-            return Operation::exp;
-        case Expression::Operation::log:
-            return Operation::log;
-        case Expression::Operation::sqrt:
-            return Operation::sqrt;
-        case Expression::Operation::abs:
-            return Operation::abs;
-        case Expression::Operation::sign:
-            return Operation::sign;
-    }
-    return Operation::number;
-}
-
 // Products of up to 64 factors take at most eleven multiplications, and lose less than a digit; beyond, pow() is as
 // fast.
 constexpr double largest_written_power = 64.0;
 
-}  // namespace
-
-double value_of_operation(Operation operation, double a, double b) {
-    switch (operation) {
-        case Operation::add:
-            return a + b;
-        case Operation::subtract:
-            return a - b;
-        case Operation::multiply:
-            return a * b;
-        case Operation::divide:
-            return a / b;
-        case Operation::power:
-            return std::pow(a, b);
-        case Operation::negate:
-            return -a;
-        case Operation::sin:
-            return std::sin(a);
-        case Operation::cos:
-            return std::cos(a);
-        case Operation::tan:
-            return std::tan(a);
-        case Operation::asin:
-            return std::asin(a);
-        case Operation::acos:
-            return std::acos(a);
-        case Operation::atan:
-            return std::atan(a);
-        case Operation::sinh:
-            return std::sinh(a);
-        case Operation::cosh:
-            return std::cosh(a);
-        case Operation::tanh:
-            return std::tanh(a);
-        case Operation::exp:
-            return std::exp(a);
-        case Operation::log:
-            return std::log(a);
-        case Operation::sqrt:
-            return std::sqrt(a);
-        case Operation::abs:
-            return std::abs(a);
-        case Operation::sign:
-            return a > 0.0 ? 1.0 : a < 0.0 ? -1.0 : a - a;
-        default:
-            return std::numeric_limits<double>::quiet_NaN();
-    }
+void need_operands(const Entry& entry, std::vector<bool>& needed) {
+    if (is_binary(entry.operation) || is_unary(entry.operation)) needed[entry.a] = true;
+    if (is_binary(entry.operation)) needed[entry.b] = true;
 }
+
+}  // namespace
 
 Node ExpressionGraph::insert(const Entry& entry) {
     const bool commutes = entry.operation == Operation::add || entry.operation == Operation::multiply;
@@ -138,7 +46,7 @@ Node ExpressionGraph::variable(Operation operation, std::size_t index) {
 
 Node ExpressionGraph::apply(Operation operation, Node a) {
     const Entry operand = entries_[a];
-    if (operand.operation == Operation::number) return number(value_of_operation(operation, operand.value, 0.0));
+    if (operand.operation == Operation::number) return number(value_of_operation(operation, operand.value));
     if (operand.operation == Operation::negate) {
         if (operation == Operation::negate) return operand.a;
         // A surface and its mirror image are one surface.
@@ -200,19 +108,16 @@ Node ExpressionGraph::whole_power(Node base, unsigned exponent) {
 Node ExpressionGraph::insert(const Expression& expression, std::span<const Node> names) {
     std::vector<Node> stack;
     for (const Expression::Step& step : expression.steps()) {
-        const Operation operation = operation_of(step.operation);
-        if (operation == Operation::number) {
+        if (step.operation == Operation::number) {
             stack.push_back(number(step.constant));
-        } else if (operation == Operation::parameter) {
+        } else if (step.operation == Operation::parameter) {
             stack.push_back(names[step.index]);
-        } else {
+        } else if (is_binary(step.operation)) {
             const Node last = stack.back();
             stack.pop_back();
-            if (is_binary(operation)) {
-                stack.back() = apply(operation, stack.back(), last);
-            } else {
-                stack.push_back(apply(operation, last));
-            }
+            stack.back() = apply(step.operation, stack.back(), last);
+        } else {
+            stack.back() = apply(step.operation, stack.back());
         }
     }
     return stack.back();
@@ -229,9 +134,7 @@ Node ExpressionGraph::replace(Node node, const std::function<std::optional<Node>
             known[i] = *other;
             continue;
         }
-        const Entry entry = entries_[i];
-        if (is_binary(entry.operation) || is_unary(entry.operation)) needed[entry.a] = true;
-        if (is_binary(entry.operation)) needed[entry.b] = true;
+        need_operands(entries_[i], needed);
     }
     for (Node i = 0; i <= node; ++i) {
         if (!needed[i] || known.count(i) > 0) continue;
@@ -250,9 +153,7 @@ bool ExpressionGraph::contains(Node node, Node part) const {
     for (Node i = node + 1; i-- > 0;) {
         if (!needed[i]) continue;
         if (i == part) return true;
-        const Entry& entry = entries_[i];
-        if (is_binary(entry.operation) || is_unary(entry.operation)) needed[entry.a] = true;
-        if (is_binary(entry.operation)) needed[entry.b] = true;
+        need_operands(entries_[i], needed);
     }
     return false;
 }
@@ -269,8 +170,10 @@ std::vector<double> ExpressionGraph::values(std::span<const Node> wanted,
             all[i] = entry.value;
         } else if (is_variable(entry.operation)) {
             all[i] = variable(entry);
+        } else if (is_binary(entry.operation)) {
+            all[i] = value_of_operation(entry.operation, all[entry.a], all[entry.b]);
         } else {
-            all[i] = value_of_operation(entry.operation, all[entry.a], is_binary(entry.operation) ? all[entry.b] : 0.0);
+            all[i] = value_of_operation(entry.operation, all[entry.a]);
         }
     }
     std::vector<double> result;

@@ -20,36 +20,7 @@ namespace orbid::models {
 class ExpressionGraph {
 public:
     using Node = std::uint32_t;
-    enum class Operation : std::uint8_t {
-        number,      ///< `value`
-        parameter,   ///< `index`, as all variables
-        coordinate,  ///< of the state
-        phase,       ///< of the forcing
-        input,       ///< measured
-        side,        ///< +1 or -1, of a switching surface
-        constant,    ///< computed from the parameters once per flow
-        forcing,     ///< the one number through which the phase enters
-        add,
-        subtract,
-        multiply,
-        divide,
-        power,  ///< general
-        negate,
-        sin,
-        cos,
-        tan,
-        asin,
-        acos,
-        atan,
-        sinh,
-        cosh,
-        tanh,
-        exp,
-        log,
-        sqrt,
-        abs,
-        sign
-    };
+    using Operation = FormulaOperation;
     struct Entry {
         Operation operation;
         Node a = 0, b = 0;  ///< operands
@@ -94,20 +65,5 @@ private:
     std::map<std::tuple<Operation, Node, Node, std::uint64_t, std::uint32_t>, Node> known_;
     std::map<std::pair<Node, Node>, std::optional<Node>> derivatives_;
 };
-
-/// A variable: no operation on others.
-[[nodiscard]] constexpr bool is_variable(ExpressionGraph::Operation operation) {
-    return operation != ExpressionGraph::Operation::number && operation < ExpressionGraph::Operation::add;
-}
-/// An operation on two operands.
-[[nodiscard]] constexpr bool is_binary(ExpressionGraph::Operation operation) {
-    return operation >= ExpressionGraph::Operation::add && operation <= ExpressionGraph::Operation::power;
-}
-/// An operation on one operand.
-[[nodiscard]] constexpr bool is_unary(ExpressionGraph::Operation operation) {
-    return operation > ExpressionGraph::Operation::power;
-}
-/// The result of an operation on numbers; b is read by those with two operands.
-[[nodiscard]] double value_of_operation(ExpressionGraph::Operation operation, double a, double b);
 
 }  // namespace orbid::models

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "models/arithmetic/dual.hpp"
+#include "models/formulas/formula_operation.hpp"
 
 namespace orbid::models {
 
@@ -23,38 +24,7 @@ public:
         std::uint8_t segment = registers;
         std::uint16_t index = 0;
     };
-    /// The graph's operations, and variants with a number or a side as operand.
-    enum class Operation : std::uint8_t {
-        number,  ///< literal
-        side,    ///< of surface b
-        add,
-        subtract,
-        multiply,
-        divide,
-        power,
-        add_number,   ///< a + literal
-        from_number,  ///< literal - a
-        multiply_number,
-        over_number,    ///< a / literal
-        number_over,    ///< literal / a
-        power_number,   ///< a ^ literal
-        multiply_side,  ///< side of surface b times a
-        negate,
-        sin,
-        cos,
-        tan,
-        asin,
-        acos,
-        atan,
-        sinh,
-        cosh,
-        tanh,
-        exp,
-        log,
-        sqrt,
-        abs,
-        sign
-    };
+    using Operation = FormulaOperation;
     struct Instruction {
         Operation operation;
         Operand a, b;
@@ -104,11 +74,6 @@ T sign_of(const T& x) {
         return select(x > T(0.0), T(1.0), select(x < T(0.0), T(-1.0), x - x));
     }
 }
-/// a side times a number.
-template <class T, class S>
-[[gnu::always_inline]] inline T side_times(const S& side, const T& x) {
-    return T(side * x);
-}
 }  // namespace detail
 
 template <class T, class S>
@@ -121,93 +86,32 @@ template <class T, class S>
         const T& b = given[step.b.segment][step.b.index];
         T& to = results[step.to];
         switch (step.operation) {
-            case Operation::number:
-                to = T(step.literal);
-                break;
-            case Operation::side:
-                to = T(sides[step.b.index]);
-                break;
-            case Operation::add:
-                to = a + b;
-                break;
-            case Operation::subtract:
-                to = a - b;
-                break;
-            case Operation::multiply:
-                to = a * b;
-                break;
-            case Operation::divide:
-                to = a / b;
-                break;
-            case Operation::power:
-                to = pow(a, b);
-                break;
-            case Operation::add_number:
-                to = a + step.literal;
-                break;
-            case Operation::from_number:
-                to = step.literal - a;
-                break;
-            case Operation::multiply_number:
-                to = step.literal * a;
-                break;
-            case Operation::over_number:
-                to = a / step.literal;
-                break;
-            case Operation::number_over:
-                to = step.literal / a;
-                break;
-            case Operation::power_number:
-                to = pow(a, step.literal);
-                break;
-            case Operation::multiply_side:
-                to = detail::side_times(sides[step.b.index], a);
-                break;
-            case Operation::negate:
-                to = -a;
-                break;
-            case Operation::sin:
-                to = sin(a);
-                break;
-            case Operation::cos:
-                to = cos(a);
-                break;
-            case Operation::tan:
-                to = tan(a);
-                break;
-            case Operation::asin:
-                to = asin(a);
-                break;
-            case Operation::acos:
-                to = acos(a);
-                break;
-            case Operation::atan:
-                to = atan(a);
-                break;
-            case Operation::sinh:
-                to = sinh(a);
-                break;
-            case Operation::cosh:
-                to = cosh(a);
-                break;
-            case Operation::tanh:
-                to = tanh(a);
-                break;
-            case Operation::exp:
-                to = exp(a);
-                break;
-            case Operation::log:
-                to = log(a);
-                break;
-            case Operation::sqrt:
-                to = sqrt(a);
-                break;
-            case Operation::abs:
-                to = abs(a);
-                break;
-            case Operation::sign:
-                to = detail::sign_of(a);
-                break;
+#define ORBID_INSTRUCTION(operation, value) \
+    case Operation::operation:              \
+        to = value;                         \
+        break
+            ORBID_INSTRUCTION(number, T(step.literal));
+            ORBID_INSTRUCTION(side, T(sides[step.b.index]));
+            ORBID_INSTRUCTION(add, a + b);
+            ORBID_INSTRUCTION(subtract, a - b);
+            ORBID_INSTRUCTION(multiply, a * b);
+            ORBID_INSTRUCTION(divide, a / b);
+            ORBID_INSTRUCTION(power, pow(a, b));
+            ORBID_INSTRUCTION(add_number, a + step.literal);
+            ORBID_INSTRUCTION(from_number, step.literal - a);
+            ORBID_INSTRUCTION(multiply_number, step.literal * a);
+            ORBID_INSTRUCTION(over_number, a / step.literal);
+            ORBID_INSTRUCTION(number_over, step.literal / a);
+            ORBID_INSTRUCTION(power_number, pow(a, step.literal));
+            ORBID_INSTRUCTION(multiply_side, T(sides[step.b.index] * a));
+            ORBID_INSTRUCTION(negate, -a);
+            ORBID_INSTRUCTION(sign, detail::sign_of(a));
+#define ORBID_FUNCTION_INSTRUCTION(function) ORBID_INSTRUCTION(function, function(a));
+            ORBID_FORMULA_FUNCTIONS(ORBID_FUNCTION_INSTRUCTION)
+#undef ORBID_FUNCTION_INSTRUCTION
+#undef ORBID_INSTRUCTION
+            default:
+                break;  // variables are operands
         }
     }
 }

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <string_view>
-
 namespace orbid::models {
 
 namespace {
@@ -13,39 +11,6 @@ using Operation = ExpressionGraph::Operation;
 
 /// Brackets of brackets of that many levels are more than compilers like.
 constexpr int deepest = 40;
-
-std::string_view function_name(Operation operation) {
-    switch (operation) {
-        case Operation::sin:
-            return "sin";
-        case Operation::cos:
-            return "cos";
-        case Operation::tan:
-            return "tan";
-        case Operation::asin:
-            return "asin";
-        case Operation::acos:
-            return "acos";
-        case Operation::atan:
-            return "atan";
-        case Operation::sinh:
-            return "sinh";
-        case Operation::cosh:
-            return "cosh";
-        case Operation::tanh:
-            return "tanh";
-        case Operation::exp:
-            return "exp";
-        case Operation::log:
-            return "log";
-        case Operation::sqrt:
-            return "sqrt";
-        case Operation::abs:
-            return "abs";
-        default:
-            return "detail::sign_of";
-    }
-}
 
 }  // namespace
 
@@ -153,8 +118,10 @@ std::string FormulaText::formula(Node node) const {
                                    : operand(entry.b));
         case Operation::negate:
             return fmt::format("-{}", operand(entry.a));
+        case Operation::sign:
+            return fmt::format("detail::sign_of({})", operand(entry.a));
         default:
-            return fmt::format("{}({})", function_name(entry.operation), operand(entry.a));
+            return fmt::format("{}({})", name_of_function(entry.operation), operand(entry.a));
     }
 }
 

@@ -27,16 +27,9 @@ public:
     }
 
     std::string_view name() const override { return M::name; }
-    std::string_view variant() const override { return {}; }
     Kind kind() const override { return Kind::autonomous; }
-    bool stiff() const override { return false; }
     std::span<const Coordinate> coordinates() const override { return coordinates_; }
     std::span<const Parameter> parameters() const override { return M::parameters; }
-    std::span<const Coordinate> inputs() const override { return {}; }
-    std::optional<std::size_t> forcing_frequency() const override { return std::nullopt; }
-    std::span<const double> symmetry_signs() const override { return {}; }
-    double symmetry_phase_shift() const override { return 0.0; }
-    bool smooth(const double* /*theta*/) const override { return true; }
 
     /// An equilibrium, up to rounding: 1e-12 of the coordinate's size (at least one unit) per unit of time.
     bool at_rest(const double* state, const double* theta) const override {
@@ -125,22 +118,6 @@ public:
             end = crossing_pass<chunk>(start, plane, count, longest, free, first, output);
         return end;
     }
-
-    void instrument(const double* state, const double* /*theta*/, std::span<const std::ptrdiff_t> free, double* reading,
-                    double* derivative) const override {
-        const std::size_t n = coordinates_.size();
-        std::copy(state, state + n, reading);
-        if (derivative == nullptr) return;
-        std::fill(derivative, derivative + n * (n + free.size()), 0.0);
-        for (std::size_t i = 0; i < n; ++i)
-            derivative[i * n + i] = 1.0;
-    }
-
-    /// KernelSystem refuses this: an autonomous flow has no sections by phase.
-    void ensemble(const double* /*starts*/, std::size_t /*count*/, double /*phase*/, std::size_t /*periods*/,
-                  const double* /*theta*/, const FlowOptions& /*options*/, double* const* /*sections*/,
-                  std::size_t* /*columns*/, FlowStatus* /*status*/) const override {}
-    std::size_t ensemble_block() const override { return 1; }
 
 private:
     /// Directions carried at once: the probe of the step control and seven others. Two of the widest vector registers

@@ -137,8 +137,7 @@ public:
         return end;
     }
 
-    void instrument(const double* state, [[maybe_unused]] const double* theta,
-                    [[maybe_unused]] std::span<const std::ptrdiff_t> free, double* reading,
+    void instrument(const double* state, const double* theta, std::span<const std::ptrdiff_t> free, double* reading,
                     double* derivative) const override {
         if constexpr (InstrumentModel<M>) {
             const auto values = M::instrument(array_from<double, n>(state), array_from<double, q>(theta));
@@ -151,11 +150,7 @@ public:
                 store_partials<N, n>(M::instrument(x, p), first, n + free.size(), derivative);
             });
         } else {
-            std::copy(state, state + n, reading);
-            if (derivative == nullptr) return;
-            std::fill(derivative, derivative + n * (n + free.size()), 0.0);
-            for (std::size_t i = 0; i < n; ++i)
-                derivative[i * n + i] = 1.0;
+            Kernel::instrument(state, theta, free, reading, derivative);
         }
     }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <memory>
 #include <optional>
@@ -9,17 +10,11 @@
 #include "models/definition/input_signal.hpp"
 #include "models/definition/parameter.hpp"
 #include "models/definition/simulation.hpp"
+#include "models/system/section_plane.hpp"
 
 #pragma GCC visibility push(default)
 
 namespace orbid::models {
-
-/// A hyperplane in the state space, normal . x = offset, crossed in one direction (autonomous flows).
-struct SectionPlane {
-    std::span<const double> normal;  ///< shape (n)
-    double offset = 0.0;
-    int direction = 1;  ///< +1: crossings from below (normal . x' > 0), -1: from above
-};
 
 /// Where a solution starts and what it depends on. Pointers are to arrays of the model's dimension and number of
 /// parameters. All values have been checked.
@@ -85,16 +80,16 @@ public:
     virtual ~Kernel() = default;
 
     [[nodiscard]] virtual std::string_view name() const = 0;
-    [[nodiscard]] virtual std::string_view variant() const = 0;
+    [[nodiscard]] virtual std::string_view variant() const { return {}; }
     [[nodiscard]] virtual Kind kind() const = 0;
-    [[nodiscard]] virtual bool stiff() const = 0;
+    [[nodiscard]] virtual bool stiff() const { return false; }
     [[nodiscard]] virtual std::span<const Coordinate> coordinates() const = 0;
     [[nodiscard]] virtual std::span<const Parameter> parameters() const = 0;
-    [[nodiscard]] virtual std::span<const Coordinate> inputs() const = 0;
-    [[nodiscard]] virtual std::optional<std::size_t> forcing_frequency() const = 0;
-    [[nodiscard]] virtual std::span<const double> symmetry_signs() const = 0;  ///< empty: none
-    [[nodiscard]] virtual double symmetry_phase_shift() const = 0;
-    [[nodiscard]] virtual bool smooth(const double* theta) const = 0;
+    [[nodiscard]] virtual std::span<const Coordinate> inputs() const { return {}; }
+    [[nodiscard]] virtual std::optional<std::size_t> forcing_frequency() const { return std::nullopt; }
+    [[nodiscard]] virtual std::span<const double> symmetry_signs() const { return {}; }  ///< empty: none
+    [[nodiscard]] virtual double symmetry_phase_shift() const { return 0.0; }
+    [[nodiscard]] virtual bool smooth(const double* /*theta*/) const { return true; }
     [[nodiscard]] virtual bool at_rest(const double* state, const double* theta) const = 0;
 
     /// f(x, phase; theta), or the image of a map.
@@ -127,18 +122,27 @@ public:
                                             double longest, std::span<const std::ptrdiff_t> free,
                                             const FlowOutput& output) const = 0;
 
-    /// What the instrument reads in a state, n values, and the n x d derivatives (nullptr: none).
-    virtual void instrument(const double* state, const double* theta, std::span<const std::ptrdiff_t> free,
-                            double* reading, double* derivative) const = 0;
+    /// What the instrument reads in a state, n values, and the n x d derivatives (nullptr: none): the state itself, if
+    /// not overridden.
+    virtual void instrument(const double* state, const double* /*theta*/, std::span<const std::ptrdiff_t> free,
+                            double* reading, double* derivative) const {
+        const std::size_t n = coordinates().size();
+        std::copy(state, state + n, reading);
+        if (derivative == nullptr) return;
+        std::fill(derivative, derivative + n * (n + free.size()), 0.0);
+        for (std::size_t i = 0; i < n; ++i)
+            derivative[i * n + i] = 1.0;
+    }
 
     /// Sections over whole periods (forced) or iterations (map) of `count` trajectories that start at the columns of
     /// `starts`. sections[i] has room for n x (periods + 1) values, column 0 the start; columns[i] of them are valid.
-    /// The results of a trajectory do not depend on which others share the call.
-    virtual void ensemble(const double* starts, std::size_t count, double phase, std::size_t periods,
-                          const double* theta, const FlowOptions& options, double* const* sections,
-                          std::size_t* columns, FlowStatus* status) const = 0;
+    /// The results of a trajectory do not depend on which others share the call. KernelSystem does not ask autonomous
+    /// models: they have no sections by phase.
+    virtual void ensemble(const double* /*starts*/, std::size_t /*count*/, double /*phase*/, std::size_t /*periods*/,
+                          const double* /*theta*/, const FlowOptions& /*options*/, double* const* /*sections*/,
+                          std::size_t* /*columns*/, FlowStatus* /*status*/) const {}
     /// Preferred number of trajectories in one call of ensemble().
-    [[nodiscard]] virtual std::size_t ensemble_block() const = 0;
+    [[nodiscard]] virtual std::size_t ensemble_block() const { return 1; }
 
 protected:
     Kernel() = default;

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <numbers>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -43,7 +42,7 @@ public:
     };
 
     /// A start on the plane, or one that rounding has put slightly below it, is no crossing.
-    SectionCrossing(const SectionPlane& plane, Path& path) : plane_(plane), path_(path), turn_(turn_of(plane)) {
+    SectionCrossing(const SectionPlane& plane, Path& path) : plane_(plane), path_(path), turn_(turn_of(plane, M::coordinates)) {
         end_ = look(path_);
     }
 
@@ -78,57 +77,27 @@ public:
     [[nodiscard]] FlowStatus status() const { return found_.empty() ? status_ : FlowStatus::ok; }
 
 private:
-    /// Position of the solution relative to the plane.
-    struct View {
-        double s = 0.0;
-        double g = 0.0;
-        double slope = 0.0;  ///< dg/ds
-        double terms = 0.0;  ///< sum of the terms of g without their signs: what rounding is relative to
+    struct View : PlaneView {
         State<double, n> f{};
     };
 
     [[nodiscard]] View look(Path& path) const {
         View view;
-        view.s = path.s();
-        const Point f = path.slope();
-        view.g = -plane_.offset;
-        view.terms = std::abs(plane_.offset);
-        for (std::size_t i = 0; i < n; ++i) {
-            view.f[i] = value_of(f[i]);
-            view.g += plane_.normal[i] * value_of(path.state()[i]);
-            view.terms += std::abs(plane_.normal[i] * value_of(path.state()[i]));
-            view.slope += plane_.normal[i] * view.f[i];
-        }
-        view.g *= plane_.direction;
-        view.slope *= plane_.direction;
+        view.f = values_of<N, n>(path.slope());
+        static_cast<PlaneView&>(view) = view_from(plane_, path.s(), path.state(), view.f);
         return view;
     }
 
     /// A start within rounding of the plane is taken as lying on it.
     void snap_start() {
         started_ = true;
-        const double level = std::isfinite(turn_) ? turn_ * std::round(begin_.g / turn_) : 0.0;
+        const double level = nearest_level(begin_.g, turn_);
         if (std::abs(begin_.g - level) <= rounding_) begin_.g = level;
     }
 
     /// Instants this close count as neighbouring doubles.
     [[nodiscard]] static double resolution(double s) { return 2.0 * std::numeric_limits<double>::epsilon() * s; }
 
-    /// Period of g over which the plane recurs, infinity without angles.
-    static double turn_of(const SectionPlane& plane) {
-        constexpr double none = std::numeric_limits<double>::infinity();
-        double smallest = none;
-        for (std::size_t i = 0; i < n; ++i)
-            if (M::coordinates[i].angle && plane.normal[i] != 0.0)
-                smallest = std::min(smallest, std::abs(plane.normal[i]));
-        for (std::size_t i = 0; i < n && smallest < none; ++i) {
-            const double multiple = plane.normal[i] / smallest;
-            // Entries come from a normalised vector: whole multiples up to a few roundings.
-            if (M::coordinates[i].angle && std::abs(multiple - std::round(multiple)) > 1e-12 * std::abs(multiple))
-                return none;
-        }
-        return 2.0 * std::numbers::pi * smallest;
-    }
     /// Copy of the trajectory at s inside the present step.
     [[nodiscard]] std::optional<Path> path_at(double s) {
         Path copy = *before_;

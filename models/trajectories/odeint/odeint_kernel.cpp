@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
+#include "models/system/forwarding_kernel.hpp"
 #include "models/system/kernel_system.hpp"
 #include "models/trajectories/odeint/odeint_section.hpp"
-#include "models/trajectories/odeint/odeint_solution.hpp"
 
 namespace orbid::models {
 
@@ -27,42 +27,13 @@ bool store(const std::vector<double>& y, std::size_t from, std::size_t count, do
 }
 
 /// A kernel whose equations are solved by Odeint.
-class OdeintKernel final : public Kernel {
+class OdeintKernel final : public ForwardingKernel {
 public:
-    explicit OdeintKernel(std::shared_ptr<const Kernel> kernel) : kernel_(std::move(kernel)) {}
-    [[nodiscard]] const std::shared_ptr<const Kernel>& equations() const { return kernel_; }
-
-    std::string_view name() const override { return kernel_->name(); }
-    std::string_view variant() const override { return kernel_->variant(); }
-    Kind kind() const override { return kernel_->kind(); }
-    bool stiff() const override { return kernel_->stiff(); }
-    std::span<const Coordinate> coordinates() const override { return kernel_->coordinates(); }
-    std::span<const Parameter> parameters() const override { return kernel_->parameters(); }
-    std::span<const Coordinate> inputs() const override { return kernel_->inputs(); }
-    std::optional<std::size_t> forcing_frequency() const override { return kernel_->forcing_frequency(); }
-    std::span<const double> symmetry_signs() const override { return kernel_->symmetry_signs(); }
-    double symmetry_phase_shift() const override { return kernel_->symmetry_phase_shift(); }
-    bool smooth(const double* theta) const override { return kernel_->smooth(theta); }
-    bool at_rest(const double* state, const double* theta) const override { return kernel_->at_rest(state, theta); }
-    void rhs(double phase, const double* state, const double* theta, const double* input, double* f) const override {
-        kernel_->rhs(phase, state, theta, input, f);
-    }
-    void rhs_derivatives(double phase, const double* state, const double* theta, const double* input,
-                         std::span<const std::ptrdiff_t> free, double* derivatives) const override {
-        kernel_->rhs_derivatives(phase, state, theta, input, free, derivatives);
-    }
-    void rhs_second_derivatives(double phase, const double* state, const double* theta, const double* input,
-                                std::span<const std::ptrdiff_t> free, double* second, double* by_phase) const override {
-        kernel_->rhs_second_derivatives(phase, state, theta, input, free, second, by_phase);
-    }
-    void instrument(const double* state, const double* theta, std::span<const std::ptrdiff_t> free, double* reading,
-                    double* derivative) const override {
-        kernel_->instrument(state, theta, free, reading, derivative);
-    }
+    using ForwardingKernel::ForwardingKernel;
 
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                  const FlowOutput& output) const override {
-        if (!smooth(start.theta, free)) return refused(start, output);
+        if (!stays_smooth(start.theta, free)) return refused(start, output);
         const FlowEnd end = follow(start, durations, free, output.second_derivatives != nullptr ? 2 : 1, output);
         // Derivatives that nobody asked for, but that take part in the choice of steps, leave the range of numbers on
         // long chaotic motion: the values alone need not.
@@ -71,12 +42,18 @@ public:
         return end;
     }
 
+    /// One by one.
+    std::unique_ptr<const FlowBatch> flow_batch(const FlowStarts& /*starts*/, std::span<const double> /*durations*/,
+                                                std::span<const std::ptrdiff_t> /*free*/) const override {
+        return nullptr;
+    }
+
     FlowEnd crossings(const FlowStart& start, const SectionPlane& plane, std::size_t count, double longest,
                       std::span<const std::ptrdiff_t> free, const FlowOutput& output) const override {
-        if (!smooth(start.theta, free)) return refused(start, output);
+        if (!stays_smooth(start.theta, free)) return refused(start, output);
         const bool derivatives = output.sensitivities != nullptr;
-        OdeintSolution solution(*kernel_, start, free, derivatives ? 1 : 0);
-        OdeintSection section(*kernel_, start, plane, solution);
+        OdeintSolution solution(*other(), start, free, derivatives ? 1 : 0);
+        OdeintSection section(*other(), start, plane, solution);
         const std::size_t n = coordinates().size(), directions = n + free.size();
         FlowEnd end;
         std::copy(start.state, start.state + n, output.stopped_state);
@@ -108,9 +85,9 @@ public:
         for (std::size_t i = 0; i < count; ++i) {
             std::copy_n(starts + i * n, n, sections[i]);
             columns[i] = 1;
-            status[i] = kernel_->smooth(theta) ? FlowStatus::ok : FlowStatus::not_smooth;
+            status[i] = smooth(theta) ? FlowStatus::ok : FlowStatus::not_smooth;
             if (status[i] != FlowStatus::ok) continue;
-            OdeintSolution solution(*kernel_, {starts + i * n, phase, theta, Clock::phase, options}, {}, 0);
+            OdeintSolution solution(*other(), {starts + i * n, phase, theta, Clock::phase, options}, {}, 0);
             for (; columns[i] <= periods; ++columns[i]) {
                 // The step budget holds for one call of a flow; here that is one period.
                 solution.limit_steps(solution.steps() + options.maximum_steps);
@@ -128,13 +105,13 @@ public:
 private:
     /// At these parameters, and when those by which derivatives are asked for change: f by a dry friction jumps also
     /// where there is none.
-    [[nodiscard]] bool smooth(const double* theta, std::span<const std::ptrdiff_t> free) const {
-        if (!kernel_->smooth(theta)) return false;
+    [[nodiscard]] bool stays_smooth(const double* theta, std::span<const std::ptrdiff_t> free) const {
+        if (!smooth(theta)) return false;
         std::vector<double> moved(theta, theta + parameters().size());
         return std::all_of(free.begin(), free.end(), [&](std::ptrdiff_t i) {
             const auto index = static_cast<std::size_t>(i);
             moved[index] += parameters()[index].typical_size;
-            const bool still = kernel_->smooth(moved.data());
+            const bool still = smooth(moved.data());
             moved[index] = theta[index];
             return still;
         });
@@ -153,7 +130,7 @@ private:
         // Solutions of forced models run over the phase.
         const auto frequency = forcing_frequency();
         const double rate = frequency && start.clock == Clock::time ? start.theta[*frequency] : 1.0;
-        OdeintSolution solution(*kernel_, start, free, order);
+        OdeintSolution solution(*other(), start, free, order);
         FlowEnd end;
         for (std::size_t k = 0; k < durations.size() && end.status == FlowStatus::ok; ++k) {
             const double s = durations[k] * rate;
@@ -195,8 +172,6 @@ private:
                 columns[j * n + i] = column[i] + crossing.f[i] * times[j];
         }
     }
-
-    std::shared_ptr<const Kernel> kernel_;
 };
 
 }  // namespace
@@ -220,7 +195,7 @@ std::shared_ptr<const System> odeint_system(const System& system) {
 std::shared_ptr<const System> system_without_odeint(const System& system) {
     const auto* known = dynamic_cast<const KernelSystem*>(&system);
     const auto* kernel = known == nullptr ? nullptr : dynamic_cast<const OdeintKernel*>(known->kernel().get());
-    return kernel == nullptr ? nullptr : std::make_shared<KernelSystem>(kernel->equations());
+    return kernel == nullptr ? nullptr : std::make_shared<KernelSystem>(kernel->other());
 }
 
 }  // namespace orbid::models
