@@ -154,13 +154,11 @@ struct Dual {
     }
 
     friend Dual sin(const Dual& a) {
-        using std::cos;
-        using std::sin;
+        using std::cos, std::sin;
         return a.chained(sin(a.value), cos(a.value));
     }
     friend Dual cos(const Dual& a) {
-        using std::cos;
-        using std::sin;
+        using std::cos, std::sin;
         return a.chained(cos(a.value), -sin(a.value));
     }
     friend Dual tan(const Dual& a) {
@@ -169,13 +167,11 @@ struct Dual {
         return a.chained(t, 1.0 + t * t);
     }
     friend Dual asin(const Dual& a) {
-        using std::asin;
-        using std::sqrt;
+        using std::asin, std::sqrt;
         return a.chained(asin(a.value), 1.0 / sqrt((1.0 - a.value) * (1.0 + a.value)));
     }
     friend Dual acos(const Dual& a) {
-        using std::acos;
-        using std::sqrt;
+        using std::acos, std::sqrt;
         return a.chained(acos(a.value), -1.0 / sqrt((1.0 - a.value) * (1.0 + a.value)));
     }
     friend Dual atan(const Dual& a) {
@@ -192,13 +188,11 @@ struct Dual {
         return r;
     }
     friend Dual sinh(const Dual& a) {
-        using std::cosh;
-        using std::sinh;
+        using std::cosh, std::sinh;
         return a.chained(sinh(a.value), cosh(a.value));
     }
     friend Dual cosh(const Dual& a) {
-        using std::cosh;
-        using std::sinh;
+        using std::cosh, std::sinh;
         return a.chained(cosh(a.value), sinh(a.value));
     }
     friend Dual tanh(const Dual& a) {
@@ -229,8 +223,7 @@ struct Dual {
         return a.chained(pow(a.value, exponent), exponent * pow(a.value, exponent - 1.0));
     }
     friend Dual pow(const Dual& a, const Dual& b) {
-        using std::log;
-        using std::pow;
+        using std::log, std::pow;
         const B power = pow(a.value, b.value);
         const B by_base = vanishes(b.value) ? B(0.0) : b.value * pow(a.value, b.value - 1.0);
         // d/db a^b = a^b ln a; at a = 0 its limit is 0.
@@ -278,21 +271,12 @@ template <std::size_t N, std::size_t order = 1>
 using Scalar = typename detail::ScalarOf<N, order>::type;
 
 /// The part without the second derivatives.
-template <std::size_t N>
-const Dual<N>& first_order(const Dual<N>& x) {
-    return x;
-}
-template <std::size_t N>
-Dual<N>& first_order(Dual<N>& x) {
-    return x;
-}
-template <std::size_t N>
-const Dual<N>& first_order(const Dual<1, Dual<N>>& x) {
-    return x.value;
-}
-template <std::size_t N>
-Dual<N>& first_order(Dual<1, Dual<N>>& x) {
-    return x.value;
+template <class D>
+auto& first_order(D& x) {
+    if constexpr (requires { x.value.partial; })
+        return x.value;
+    else
+        return x;
 }
 
 }  // namespace orbid::models

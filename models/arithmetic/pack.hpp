@@ -5,6 +5,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <type_traits>
 
@@ -29,6 +30,7 @@ template <std::size_t R, class Arch = xsimd::default_arch>
 class Pack {
 public:
     using Register = xsimd::batch<double, Arch>;
+    using Part = const Register&;
     static constexpr std::size_t registers = R;
     static constexpr std::size_t width = R * Register::size;
 
@@ -49,17 +51,15 @@ public:
                 part_[i].store_unaligned(lanes.data() + i * Pack::Register::size);
             return lanes;
         }
-        [[gnu::always_inline]] friend Mask operator&(const Mask& a, const Mask& b) {
-            Mask r;
+        [[gnu::always_inline]] friend Mask operator&(Mask a, const Mask& b) {
             for (std::size_t i = 0; i < R; ++i)
-                r.part_[i] = a.part_[i] & b.part_[i];
-            return r;
+                a.part_[i] = a.part_[i] & b.part_[i];
+            return a;
         }
-        [[gnu::always_inline]] friend Mask operator|(const Mask& a, const Mask& b) {
-            Mask r;
+        [[gnu::always_inline]] friend Mask operator|(Mask a, const Mask& b) {
             for (std::size_t i = 0; i < R; ++i)
-                r.part_[i] = a.part_[i] | b.part_[i];
-            return r;
+                a.part_[i] = a.part_[i] | b.part_[i];
+            return a;
         }
         [[gnu::always_inline]] friend Mask operator!(const Mask& a) {
             Mask r;
@@ -110,25 +110,17 @@ public:
     Pack& operator/=(const Pack& b) { return *this = *this / b; }
 
     [[gnu::always_inline]] friend Pack operator+(const Pack& a) { return a; }
-    [[gnu::always_inline]] friend Pack operator-(const Pack& a) {
-        return each([](const Register& x) { return -x; }, a);
-    }
-    [[gnu::always_inline]] friend Pack operator+(const Pack& a, const Pack& b) {
-        return each([](const Register& x, const Register& y) { return x + y; }, a, b);
-    }
-    [[gnu::always_inline]] friend Pack operator-(const Pack& a, const Pack& b) {
-        return each([](const Register& x, const Register& y) { return x - y; }, a, b);
-    }
+    [[gnu::always_inline]] friend Pack operator-(const Pack& a) { return each(std::negate<>(), a); }
+    [[gnu::always_inline]] friend Pack operator+(const Pack& a, const Pack& b) { return each(std::plus<>(), a, b); }
+    [[gnu::always_inline]] friend Pack operator-(const Pack& a, const Pack& b) { return each(std::minus<>(), a, b); }
     [[gnu::always_inline]] friend Pack operator*(const Pack& a, const Pack& b) {
-        return each([](const Register& x, const Register& y) { return x * y; }, a, b);
+        return each(std::multiplies<>(), a, b);
     }
-    [[gnu::always_inline]] friend Pack operator/(const Pack& a, const Pack& b) {
-        return each([](const Register& x, const Register& y) { return x / y; }, a, b);
-    }
+    [[gnu::always_inline]] friend Pack operator/(const Pack& a, const Pack& b) { return each(std::divides<>(), a, b); }
     /// factor b + c, rounded once where the machine can.
     [[gnu::always_inline]] friend Pack fma(double factor, const Pack& b, const Pack& c) {
         const Register f(factor);
-        return each([&f](const Register& x, const Register& y) { return fused_sum(f, x, y); }, b, c);
+        return each([&f](Part x, Part y) { return fused_sum(f, x, y); }, b, c);
     }
     [[gnu::always_inline]] friend Pack fma(const Pack& a, const Pack& b, const Pack& c) {
         Pack r;
@@ -138,63 +130,63 @@ public:
     }
 
     [[gnu::always_inline]] friend Mask operator<(const Pack& a, const Pack& b) {
-        return compare([](const Register& x, const Register& y) { return x < y; }, a, b);
+        return each<Mask>([](Part x, Part y) { return x < y; }, a, b);
     }
     [[gnu::always_inline]] friend Mask operator<=(const Pack& a, const Pack& b) {
-        return compare([](const Register& x, const Register& y) { return x <= y; }, a, b);
+        return each<Mask>([](Part x, Part y) { return x <= y; }, a, b);
     }
     [[gnu::always_inline]] friend Mask operator>(const Pack& a, const Pack& b) { return b < a; }
     [[gnu::always_inline]] friend Mask operator>=(const Pack& a, const Pack& b) { return b <= a; }
     [[gnu::always_inline]] friend Mask operator==(const Pack& a, const Pack& b) {
-        return compare([](const Register& x, const Register& y) { return x == y; }, a, b);
+        return each<Mask>([](Part x, Part y) { return x == y; }, a, b);
     }
     [[gnu::always_inline]] friend Mask operator!=(const Pack& a, const Pack& b) { return !(a == b); }
     /// a where the mask holds, b elsewhere.
     [[gnu::always_inline]] friend Pack select(const Mask& mask, const Pack& a, const Pack& b) {
-        return choose(mask, a, b);
+        return each([](const auto& m, Part x, Part y) { return xsimd::select(m, x, y); }, mask, a, b);
     }
     [[gnu::always_inline]] friend Mask isfinite(const Pack& a) {
         return abs(a) <= Pack(std::numeric_limits<double>::max());
     }
 
     [[gnu::always_inline]] friend Pack abs(const Pack& a) {
-        return each([](const Register& x) { return xsimd::abs(x); }, a);
+        return each([](Part x) { return xsimd::abs(x); }, a);
     }
     [[gnu::always_inline]] friend Pack min(const Pack& a, const Pack& b) {
-        return each([](const Register& x, const Register& y) { return xsimd::min(x, y); }, a, b);
+        return each([](Part x, Part y) { return xsimd::min(x, y); }, a, b);
     }
     [[gnu::always_inline]] friend Pack max(const Pack& a, const Pack& b) {
-        return each([](const Register& x, const Register& y) { return xsimd::max(x, y); }, a, b);
+        return each([](Part x, Part y) { return xsimd::max(x, y); }, a, b);
     }
     /// |a| with the sign of b.
     [[gnu::always_inline]] friend Pack copysign(const Pack& a, const Pack& b) {
-        return each([](const Register& x, const Register& y) { return xsimd::copysign(x, y); }, a, b);
+        return each([](Part x, Part y) { return xsimd::copysign(x, y); }, a, b);
     }
     [[gnu::always_inline]] friend Pack sqrt(const Pack& a) {
-        return each([](const Register& x) { return xsimd::sqrt(x); }, a);
+        return each([](Part x) { return xsimd::sqrt(x); }, a);
     }
     [[gnu::always_inline]] friend Pack sin(const Pack& a) { return a.template sine<0>(); }
     [[gnu::always_inline]] friend Pack cos(const Pack& a) { return a.template sine<1>(); }
     [[gnu::always_inline]] friend Pack exp(const Pack& a) {
-        return each([](const Register& x) { return xsimd::exp(x); }, a);
+        return each([](Part x) { return xsimd::exp(x); }, a);
     }
     [[gnu::always_inline]] friend Pack log(const Pack& a) {
-        return each([](const Register& x) { return xsimd::log(x); }, a);
+        return each([](Part x) { return xsimd::log(x); }, a);
     }
     [[gnu::always_inline]] friend Pack asin(const Pack& a) {
-        return each([](const Register& x) { return xsimd::asin(x); }, a);
+        return each([](Part x) { return xsimd::asin(x); }, a);
     }
     [[gnu::always_inline]] friend Pack acos(const Pack& a) {
-        return each([](const Register& x) { return xsimd::acos(x); }, a);
+        return each([](Part x) { return xsimd::acos(x); }, a);
     }
     [[gnu::always_inline]] friend Pack sinh(const Pack& a) {
-        return each([](const Register& x) { return xsimd::sinh(x); }, a);
+        return each([](Part x) { return xsimd::sinh(x); }, a);
     }
     [[gnu::always_inline]] friend Pack cosh(const Pack& a) {
-        return each([](const Register& x) { return xsimd::cosh(x); }, a);
+        return each([](Part x) { return xsimd::cosh(x); }, a);
     }
     [[gnu::always_inline]] friend Pack tanh(const Pack& a) {
-        return each([](const Register& x) { return xsimd::tanh(x); }, a);
+        return each([](Part x) { return xsimd::tanh(x); }, a);
     }
     [[gnu::always_inline]] friend Pack tan(const Pack& a) {
         return lanewise([](double x) { return std::tan(x); }, a);
@@ -210,31 +202,12 @@ public:
     }
 
 private:
-    template <class F>
-    [[gnu::always_inline]] static Pack each(const F& f, const Pack& a) {
-        Pack r;
+    /// f of each register of the operands.
+    template <class Result = Pack, class F, class... Operands>
+    [[gnu::always_inline]] static Result each(const F& f, const Operands&... operands) {
+        Result r;
         for (std::size_t i = 0; i < R; ++i)
-            r.part_[i] = f(a.part_[i]);
-        return r;
-    }
-    template <class F>
-    [[gnu::always_inline]] static Pack each(const F& f, const Pack& a, const Pack& b) {
-        Pack r;
-        for (std::size_t i = 0; i < R; ++i)
-            r.part_[i] = f(a.part_[i], b.part_[i]);
-        return r;
-    }
-    template <class F>
-    [[gnu::always_inline]] static Mask compare(const F& f, const Pack& a, const Pack& b) {
-        Mask r;
-        for (std::size_t i = 0; i < R; ++i)
-            r.part_[i] = f(a.part_[i], b.part_[i]);
-        return r;
-    }
-    [[gnu::always_inline]] static Pack choose(const Mask& mask, const Pack& a, const Pack& b) {
-        Pack r;
-        for (std::size_t i = 0; i < R; ++i)
-            r.part_[i] = xsimd::select(mask.part_[i], a.part_[i], b.part_[i]);
+            r.part_[i] = f(operands.part_[i]...);
         return r;
     }
     /// a b + c with one rounding, where the processor has it. For AVX-512 xsimd 8.1 would multiply and then add.

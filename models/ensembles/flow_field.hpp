@@ -11,13 +11,12 @@
 
 namespace orbid::models {
 
-/// Right hand side of a model and its derivatives in N directions (those of the start first) in packs,
-///
-///     (x, X)' = (f, f_x X + f_p),   per unit of a flow's clock over seconds()
+/// What fields of flows in packs have in common, whatever computes their equations: how numbers are stored, the clock,
+/// and the forcing.
 ///
 /// @tparam N  > dimension: the other directions are parameters.
-template <FlowPackModel M, std::size_t N, class Arch = xsimd::default_arch>
-class FlowField {
+template <FlowPackModel M, std::size_t N, class Arch>
+class FlowFieldBase {
 public:
     /// One register: with so many numbers per lane their sums hide the latency of an operation. Two took as long per
     /// trajectory and leave more lanes idle at a crossing.
@@ -44,10 +43,23 @@ public:
     /// step.
     using Forcing = std::array<std::array<double, 1 + free>, verner98.stages>;
 
-    /// @param p  with partials in the N directions
-    FlowField(const Values<Dual<N>, q>& p, Clock clock) : clock_(clock), scalar_(constants_from<M, Dual<N>>(p)) {
-        for (std::size_t i = 0; i < m; ++i)
-            constants_[i] = in_all_lanes(scalar_[i]);
+    /// The forcing during a step of ds from s on of solutions that began at this phase.
+    [[nodiscard]] Forcing forcing_of(double phase, double s, double ds) const requires ForcedModel<M> {
+        Forcing forcing;
+        for (std::size_t i = 0; i < forcing.size(); ++i) {
+            const double at = s + verner98.nodes[i] * ds;
+            Dual<N> through = clock_ == Clock::phase ? Dual<N>(phase + at) : omega_ * at + phase;
+            if constexpr (TabulatedFlowModel<M>) through = M::forcing(through, scalar_);
+            forcing[i][0] = through.value;
+            std::copy(through.partial.begin() + n, through.partial.end(), forcing[i].begin() + 1);
+        }
+        return forcing;
+    }
+    /// Seconds per unit of the clock.
+    [[nodiscard]] double seconds() const { return seconds_; }
+
+protected:
+    FlowFieldBase(const Values<Dual<N>, q>& p, Clock clock) : clock_(clock), scalar_(constants_from<M, Dual<N>>(p)) {
         if constexpr (ForcedModel<M>) {
             omega_ = p[M::forcing_frequency];
             if (clock == Clock::phase) {
@@ -61,22 +73,18 @@ public:
         }
     }
 
-    /// The forcing during a step of ds from s on of solutions that began at this phase.
-    [[nodiscard]] Forcing forcing_of(double phase, double s, double ds) const requires ForcedModel<M> {
-        Forcing forcing;
-        for (std::size_t i = 0; i < forcing.size(); ++i) {
-            const double at = s + verner98.nodes[i] * ds;
-            Dual<N> through = clock_ == Clock::phase ? Dual<N>(phase + at) : omega_ * at + phase;
-            if constexpr (TabulatedFlowModel<M>) through = M::forcing(through, scalar_);
-            forcing[i][0] = through.value;
-            std::copy(through.partial.begin() + n, through.partial.end(), forcing[i].begin() + 1);
-        }
-        return forcing;
+    static Parametric in_all_lanes(const Dual<N>& x) {
+        Parametric same;
+        same[0] = P(x.value);
+        for (std::size_t j = 0; j < free; ++j)
+            same[1 + j] = P(x.partial[n + j]);
+        return same;
     }
 
-    /// The same at one instant of each lane.
-    [[nodiscard]] Parametric forcing_at([[maybe_unused]] const P& phase, [[maybe_unused]] const P& s) const {
-        Parametric through{};
+    /// The phase at one instant of each lane; 0 unless forced.
+    [[nodiscard]] Parametric phase_at([[maybe_unused]] const P& phase, [[maybe_unused]] const P& s) const {
+        Parametric through;
+        through.fill(P(0.0));
         if constexpr (ForcedModel<M>) {
             if (clock_ == Clock::phase) {
                 through[0] = phase + s;
@@ -85,9 +93,43 @@ public:
                 for (std::size_t j = 0; j < free; ++j)
                     through[1 + j] = omega_.partial[n + j] * s;
             }
-            if constexpr (TabulatedFlowModel<M>) through = forced(through);
         }
         return through;
+    }
+
+    Clock clock_;
+    double seconds_ = 1.0;
+    Constants<M, Dual<N>> scalar_;
+    Dual<N> omega_{0.0};
+    Parametric rate_{};
+    bool rate_depends_ = false;  ///< on a parameter
+};
+
+/// Right hand side of a model and its derivatives in N directions (those of the start first) in packs,
+///
+///     (x, X)' = (f, f_x X + f_p),   per unit of a flow's clock over seconds()
+template <FlowPackModel M, std::size_t N, class Arch = xsimd::default_arch>
+class FlowField : public FlowFieldBase<M, N, Arch> {
+    using Base = FlowFieldBase<M, N, Arch>;
+
+public:
+    using Base::n, Base::free, Base::index;
+    using typename Base::Numbers;
+    using typename Base::P;
+    using typename Base::Parametric;
+
+    /// @param p  with partials in the N directions
+    FlowField(const Values<Dual<N>, Base::q>& p, Clock clock) : Base(p, clock) {
+        for (std::size_t i = 0; i < m; ++i)
+            constants_[i] = Base::in_all_lanes(Base::scalar_[i]);
+    }
+
+    /// The forcing at one instant of each lane.
+    [[nodiscard]] Parametric forcing_at(const P& phase, const P& s) const {
+        if constexpr (TabulatedFlowModel<M>)
+            return forced(Base::phase_at(phase, s));
+        else
+            return Base::phase_at(phase, s);
     }
     /// dx/ds over seconds(), times `time`, by a right hand side on local variables: the coordinates, the constants, the
     /// forcing. Flattened: the model's functions have to be inlined, as the operations of packs are.
@@ -117,19 +159,9 @@ public:
         }
         (std::make_index_sequence<n>{});
     }
-    /// Seconds per unit of the clock.
-    [[nodiscard]] double seconds() const { return seconds_; }
 
 private:
     static constexpr std::size_t m = std::tuple_size_v<Constants<M, double>>;
-
-    static Parametric in_all_lanes(const Dual<N>& x) {
-        Parametric same;
-        same[0] = P(x.value);
-        for (std::size_t j = 0; j < free; ++j)
-            same[1 + j] = P(x.partial[n + j]);
-        return same;
-    }
 
     /// sum of partial by each local variable times that variable's own partial in one direction.
     template <class Local>
@@ -183,9 +215,9 @@ private:
             ((slope[index(c, 1 + j)] = time * in_direction<j>(f, forcing, at)), ...);
         }
         (std::make_index_sequence<N>{});
-        if (rate_depends_)
+        if (Base::rate_depends_)
             for (std::size_t j = 1; j <= free; ++j)
-                slope[index(c, n + j)] = fma(rate_[j], slope[index(c, 0)], slope[index(c, n + j)]);
+                slope[index(c, n + j)] = fma(Base::rate_[j], slope[index(c, 0)], slope[index(c, n + j)]);
     }
     template <std::size_t j, class Local>
     [[gnu::always_inline]] P in_direction(const Local& f, const Parametric& forcing, const Numbers& at) const {
@@ -202,13 +234,7 @@ private:
         return sum;
     }
 
-    Clock clock_;
-    double seconds_ = 1.0;
-    Constants<M, Dual<N>> scalar_;
     std::array<Parametric, m> constants_;
-    Dual<N> omega_{0.0};
-    Parametric rate_{};
-    bool rate_depends_ = false;  ///< on a parameter
 };
 
 }  // namespace orbid::models

@@ -15,9 +15,12 @@ namespace orbid::models {
 
 namespace {
 
-/// Reshapes the columns of several instants, `per` each, to those that were reached.
-void keep_columns(Eigen::MatrixXd& columns, Eigen::Index count) {
-    columns.conservativeResize(Eigen::NoChange, count);
+/// Room for the results of a flow of m durations, with sensitivities in d directions.
+FlowOutput room_in(FlowResult& result, Eigen::Index n, Eigen::Index m, Eigen::Index d) {
+    result.states.resize(n, m);
+    result.sensitivities.setZero(n, m * d);
+    result.stopped_state.resize(n);
+    return {result.states.data(), result.stopped_state.data(), d > 0 ? result.sensitivities.data() : nullptr, nullptr};
 }
 
 void say_how_it_ended(FlowResult& result, const FlowEnd& end) {
@@ -32,28 +35,6 @@ void say_how_it_ended(FlowResult& result, const FlowEnd& end) {
 
 KernelSystem::KernelSystem(std::shared_ptr<const Kernel> kernel, std::shared_ptr<const InputSignal> signal)
     : kernel_(std::move(kernel)), signal_(std::move(signal)) {}
-
-std::string_view KernelSystem::name() const {
-    return kernel_->name();
-}
-std::string_view KernelSystem::variant() const {
-    return kernel_->variant();
-}
-Kind KernelSystem::kind() const {
-    return kernel_->kind();
-}
-std::span<const Coordinate> KernelSystem::coordinates() const {
-    return kernel_->coordinates();
-}
-std::span<const Parameter> KernelSystem::parameters() const {
-    return kernel_->parameters();
-}
-bool KernelSystem::stiff() const {
-    return kernel_->stiff();
-}
-std::span<const Coordinate> KernelSystem::inputs() const {
-    return kernel_->inputs();
-}
 
 std::optional<Symmetry> KernelSystem::symmetry() const {
     const auto signs = kernel_->symmetry_signs();
@@ -77,6 +58,12 @@ void KernelSystem::require_input() const {
 void KernelSystem::require_autonomous() const {
     if (kind() != Kind::autonomous)
         throw std::logic_error(fmt::format("model {} is not autonomous: its sections are at a phase", name()));
+}
+
+const double* KernelSystem::input_at(double phase, std::vector<double>& values) const {
+    values.resize(inputs().size());
+    if (signal_) signal_->evaluate(signal_->piece_at(phase), phase, values.data());
+    return values.data();
 }
 
 bool KernelSystem::smooth(const Eigen::VectorXd& theta) const {
@@ -108,12 +95,11 @@ Eigen::MatrixXd KernelSystem::rhs(const Eigen::MatrixXd& states, std::span<const
     check_parameters(*this, theta);
     check_columns(*this, states, phases);
     require_input();
-    std::vector<double> input(inputs().size());
+    std::vector<double> input;
     Eigen::MatrixXd f(states.rows(), states.cols());
     for (Eigen::Index k = 0; k < states.cols(); ++k) {
         const double phase = phases[static_cast<std::size_t>(k)];
-        if (signal_) signal_->evaluate(signal_->piece_at(phase), phase, input.data());
-        kernel_->rhs(phase, states.col(k).data(), theta.data(), input.data(), f.col(k).data());
+        kernel_->rhs(phase, states.col(k).data(), theta.data(), input_at(phase, input), f.col(k).data());
     }
     return f;
 }
@@ -125,12 +111,11 @@ Eigen::MatrixXd KernelSystem::rhs_derivatives(const Eigen::MatrixXd& states, std
     check_free(*this, free);
     require_input();
     const Eigen::Index d = dimension() + static_cast<Eigen::Index>(free.size());
-    std::vector<double> input(inputs().size());
+    std::vector<double> input;
     Eigen::MatrixXd derivatives(dimension(), states.cols() * d);
     for (Eigen::Index k = 0; k < states.cols(); ++k) {
         const double phase = phases[static_cast<std::size_t>(k)];
-        if (signal_) signal_->evaluate(signal_->piece_at(phase), phase, input.data());
-        kernel_->rhs_derivatives(phase, states.col(k).data(), theta.data(), input.data(), free,
+        kernel_->rhs_derivatives(phase, states.col(k).data(), theta.data(), input_at(phase, input), free,
                                  derivatives.col(k * d).data());
     }
     return derivatives;
@@ -146,12 +131,8 @@ FlowResult KernelSystem::flow(const Eigen::VectorXd& x0, double phase, std::span
                               const Eigen::VectorXd& theta, Clock clock, const FlowOptions& options) const {
     check_flow(*this, x0, phase, durations, theta, {}, clock, options);
     FlowResult result;
-    result.states.resize(dimension(), static_cast<Eigen::Index>(durations.size()));
-    result.sensitivities.resize(dimension(), 0);
-    result.stopped_state.resize(dimension());
-    const FlowEnd end = kernel_->flow(start_of(x0, phase, theta, clock, options), durations, {},
-                                      {result.states.data(), result.stopped_state.data(), nullptr, nullptr});
-    say_how_it_ended(result, end);
+    const FlowOutput output = room_in(result, dimension(), std::ssize(durations), 0);
+    say_how_it_ended(result, kernel_->flow(start_of(x0, phase, theta, clock, options), durations, {}, output));
     return result;
 }
 
@@ -160,16 +141,9 @@ FlowResult KernelSystem::flow_with_sensitivities(const Eigen::VectorXd& x0, doub
                                                  std::span<const Eigen::Index> free, Clock clock,
                                                  const FlowOptions& options) const {
     check_flow(*this, x0, phase, durations, theta, free, clock, options);
-    const auto count = static_cast<Eigen::Index>(durations.size());
-    const Eigen::Index directions = dimension() + static_cast<Eigen::Index>(free.size());
     FlowResult result;
-    result.states.resize(dimension(), count);
-    result.sensitivities.setZero(dimension(), count * directions);
-    result.stopped_state.resize(dimension());
-    const FlowEnd end =
-        kernel_->flow(start_of(x0, phase, theta, clock, options), durations, free,
-                      {result.states.data(), result.stopped_state.data(), result.sensitivities.data(), nullptr});
-    say_how_it_ended(result, end);
+    const FlowOutput output = room_in(result, dimension(), std::ssize(durations), dimension() + std::ssize(free));
+    say_how_it_ended(result, kernel_->flow(start_of(x0, phase, theta, clock, options), durations, free, output));
     return result;
 }
 
@@ -191,7 +165,6 @@ std::vector<FlowResult> KernelSystem::flows(const Eigen::MatrixXd& starts, std::
                            ? nullptr
                            : kernel_->flow_batch(all, durations, free.value_or(std::span<const Eigen::Index>{}));
     if (!batch) return System::flows(starts, phases, durations, theta, free, clock, options);
-    const auto count = std::ssize(durations);
     const Eigen::Index directions = free ? dimension() + std::ssize(*free) : 0;
     std::vector<FlowResult> results(total);
     // Blocks of 256 fill the packs of those that meet a switching surface at once; fewer where threads would stay idle.
@@ -202,13 +175,8 @@ std::vector<FlowResult> KernelSystem::flows(const Eigen::MatrixXd& starts, std::
         const std::size_t first = b * block, size = std::min(block, total - first);
         std::vector<FlowOutput> outputs;
         std::vector<FlowEnd> ends(size);
-        for (std::size_t i = first; i < first + size; ++i) {
-            results[i].states.resize(dimension(), count);
-            results[i].sensitivities.setZero(dimension(), count * directions);
-            results[i].stopped_state.resize(dimension());
-            outputs.push_back({results[i].states.data(), results[i].stopped_state.data(),
-                               free ? results[i].sensitivities.data() : nullptr, nullptr});
-        }
+        for (std::size_t i = first; i < first + size; ++i)
+            outputs.push_back(room_in(results[i], dimension(), std::ssize(durations), directions));
         batch->run(first, size, outputs.data(), ends.data());
         for (std::size_t i = 0; i < size; ++i)
             say_how_it_ended(results[first + i], ends[i]);
@@ -222,17 +190,12 @@ SecondOrderResult KernelSystem::flow_with_second_derivatives(const Eigen::Vector
                                                              std::span<const Eigen::Index> free, Clock clock,
                                                              const FlowOptions& options) const {
     check_flow(*this, x0, phase, durations, theta, free, clock, options);
-    const auto count = static_cast<Eigen::Index>(durations.size());
-    const Eigen::Index directions = dimension() + static_cast<Eigen::Index>(free.size());
+    const Eigen::Index directions = dimension() + std::ssize(free);
     SecondOrderResult result;
-    result.states.resize(dimension(), count);
-    result.sensitivities.setZero(dimension(), count * directions);
-    result.second_derivatives.setZero(dimension(), count * directions * directions);
-    result.stopped_state.resize(dimension());
-    const FlowEnd end = kernel_->flow(start_of(x0, phase, theta, clock, options), durations, free,
-                                      {result.states.data(), result.stopped_state.data(), result.sensitivities.data(),
-                                       result.second_derivatives.data()});
-    say_how_it_ended(result, end);
+    FlowOutput output = room_in(result, dimension(), std::ssize(durations), directions);
+    result.second_derivatives.setZero(dimension(), std::ssize(durations) * directions * directions);
+    output.second_derivatives = result.second_derivatives.data();
+    say_how_it_ended(result, kernel_->flow(start_of(x0, phase, theta, clock, options), durations, free, output));
     return result;
 }
 
@@ -267,9 +230,9 @@ CrossingResult KernelSystem::crossings(const Eigen::VectorXd& x0, const Section&
     if (end.crossings < count) {
         const auto reached = static_cast<Eigen::Index>(end.crossings);
         result.times.conservativeResize(reached);
-        keep_columns(result.states, reached);
-        keep_columns(result.sensitivities, reached * directions);
-        keep_columns(result.time_sensitivities, reached);
+        result.states.conservativeResize(Eigen::NoChange, reached);
+        result.sensitivities.conservativeResize(Eigen::NoChange, reached * directions);
+        result.time_sensitivities.conservativeResize(Eigen::NoChange, reached);
     }
     return result;
 }
@@ -279,8 +242,7 @@ EnsembleResult KernelSystem::ensemble(const Eigen::MatrixXd& starts, double phas
     check_parameters(*this, theta);
     check_options(options);
     const auto count = static_cast<std::size_t>(starts.cols());
-    const std::vector<double> phases(count, phase);
-    check_columns(*this, starts, phases);
+    check_columns(*this, starts, std::vector<double>(count, phase));
     if (kind() == Kind::autonomous)
         throw std::logic_error(fmt::format("model {} is not forced: it has no section by phase", name()));
     EnsembleResult result;
@@ -304,7 +266,8 @@ EnsembleResult KernelSystem::ensemble(const Eigen::MatrixXd& starts, double phas
                           result.status.data() + first);
     });
     for (std::size_t i = 0; i < count; ++i)
-        if (columns[i] <= periods) keep_columns(result.sections[i], static_cast<Eigen::Index>(columns[i]));
+        if (columns[i] <= periods)
+            result.sections[i].conservativeResize(Eigen::NoChange, static_cast<Eigen::Index>(columns[i]));
     return result;
 }
 

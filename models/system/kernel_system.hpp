@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "models/system/kernel.hpp"
 #include "models/system/system.hpp"
@@ -18,14 +19,14 @@ public:
     /// What computes.
     [[nodiscard]] const std::shared_ptr<const Kernel>& kernel() const { return kernel_; }
 
-    std::string_view name() const override;
-    std::string_view variant() const override;
-    Kind kind() const override;
-    std::span<const Coordinate> coordinates() const override;
-    std::span<const Parameter> parameters() const override;
+    std::string_view name() const override { return kernel_->name(); }
+    std::string_view variant() const override { return kernel_->variant(); }
+    Kind kind() const override { return kernel_->kind(); }
+    std::span<const Coordinate> coordinates() const override { return kernel_->coordinates(); }
+    std::span<const Parameter> parameters() const override { return kernel_->parameters(); }
     std::optional<Symmetry> symmetry() const override;
-    bool stiff() const override;
-    std::span<const Coordinate> inputs() const override;
+    bool stiff() const override { return kernel_->stiff(); }
+    std::span<const Coordinate> inputs() const override { return kernel_->inputs(); }
     std::shared_ptr<const System> with_input(std::shared_ptr<const InputSignal> signal) const override;
     bool smooth(const Eigen::VectorXd& theta) const override;
     double period(const Eigen::VectorXd& theta, Clock clock) const override;
@@ -63,6 +64,7 @@ public:
 private:
     [[nodiscard]] FlowStart start_of(const Eigen::VectorXd& x0, double phase, const Eigen::VectorXd& theta, Clock clock,
                                      const FlowOptions& options) const;
+    [[nodiscard]] const double* input_at(double phase, std::vector<double>& values) const;
     void require_input() const;
     void require_autonomous() const;
 
