@@ -10,9 +10,7 @@ namespace orbid::models {
 
 // Tells in one sentence what a model lacks. The concepts of model.hpp are asked in the order in which an author would
 // meet them. The first that fails ends the compilation with its text, so there is one error instead of a page.
-//
-// Formatted by hand: one question, one answer.
-// clang-format off
+// clang-format off: one question, one answer
 
 /// Texts and the table of parameters.
 template <class M>

@@ -7,9 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "models/ensembles/flow_steps.hpp"
-#include "models/ensembles/surface_meeting.hpp"
-#include "models/system/kernel.hpp"
+#include "models/ensembles/flow_lanes.hpp"
 
 namespace orbid::models {
 
@@ -41,23 +39,7 @@ public:
 
     /// @param columns  which of the starts, any order
     FlowBlock(const Steps& steps, const FlowStarts& starts, std::span<const std::size_t> columns)
-        : steps_(steps), options_(starts.options), lanes_(columns.size()) {
-        const std::size_t padded = (lanes_.size() + width - 1) / width * width;
-        for (std::size_t k = 0; k < Steps::size; ++k)
-            x_[k].assign(padded, 0.0);
-        phase_.assign(padded, 0.0);
-        for (std::size_t i = 0; i < padded; ++i) {
-            // Lanes without a trajectory repeat the last.
-            const std::size_t column = columns[std::min(i, lanes_.size() - 1)];
-            for (std::size_t c = 0; c < n; ++c) {
-                x_[Steps::index(c, 0)][i] = starts.states[column * n + c];
-                x_[Steps::index(c, 1 + c)][i] = 1.0;
-            }
-            phase_[i] = starts.phases[column];
-        }
-        for (std::size_t i = 0; i < lanes_.size(); ++i)
-            if constexpr (SwitchingModel<M>) lanes_[i].failed = !(std::abs(speed(i)) > 0.0);
-    }
+        : steps_(steps), options_(starts.options), lanes_(starts, columns) {}
 
     /// Through all durations; store(i, k) is called for every trajectory that gets there.
     template <class Store>
@@ -80,7 +62,7 @@ public:
         while (k < durations.size()) {
             if (durations[k] > s) {
                 for (std::size_t i = 0; i < lanes_.size(); ++i)
-                    if (!lanes_[i].failed) walkers_.push_back({i, s, lanes_[i].length, side_of(i)});
+                    if (!lanes_[i].failed) walkers_.push_back({i, s, lanes_[i].length, lanes_.side_of(i)});
                 walk(s = durations[k]);
             }
             arrive(k + 1);
@@ -94,18 +76,14 @@ public:
     [[nodiscard]] std::size_t crossings(std::size_t i) const { return lanes_[i].crossings; }
     /// Shared steps that were too coarse for their trajectory.
     [[nodiscard]] std::size_t coarse() const { return coarse_; }
-    [[nodiscard]] double value(std::size_t i, std::size_t c) const { return x_[Steps::index(c, 0)][i]; }
+    [[nodiscard]] double value(std::size_t i, std::size_t c) const { return lanes_.number(Steps::index(c, 0), i); }
     [[nodiscard]] double partial(std::size_t i, std::size_t c, std::size_t direction) const {
-        return x_[Steps::index(c, 1 + direction)][i];
+        return lanes_.number(Steps::index(c, 1 + direction), i);
     }
 
 private:
-    struct Lane {
-        bool failed = false;
-        std::size_t steps = 0;
-        std::size_t crossings = 0;
-        double length = 0.0;  ///< of the next step of its own; 0: not known yet
-    };
+    using Lanes = FlowLanes<M, N, Arch>;
+    using Unpacked = typename Lanes::UnpackedStep;
     struct Walker {
         std::size_t lane;
         double s;
@@ -115,44 +93,14 @@ private:
         double crossed = 0.0;     ///< length of the step in which it was met
         int rejected = 0;         ///< tries in a row
     };
-    double speed(std::size_t i) const { return x_[Steps::index(n - 1, 0)][i]; }
-    double side_of([[maybe_unused]] std::size_t i) const {
-        if constexpr (SwitchingModel<M>)
-            return speed(i) < 0.0 ? -1.0 : 1.0;
-        else
-            return 1.0;
-    }
-
-    /// Steps of a pack, lane by lane.
-    struct Unpacked {
-        std::array<std::array<double, width>, Steps::size> end;
-        std::array<double, width> ratio, first_rise, last_rise;
-        explicit Unpacked(const typename Steps::Step& step) : ratio(step.ratio.lanes()) {
-            for (std::size_t k = 0; k < Steps::size; ++k)
-                end[k] = step.end[k].lanes();
-            if constexpr (SwitchingModel<M>) {
-                first_rise = step.first_rise.lanes();
-                last_rise = step.last_rise.lanes();
-            }
-        }
-    };
     SpeedOverStep speed_of(const Unpacked& step, std::size_t l, std::size_t i, double side, double ds) const {
-        const double moved = step.end[Steps::index(0, 0)][l] - x_[Steps::index(0, 0)][i];
-        return {side * speed(i), side * step.end[Steps::index(n - 1, 0)][l], side * step.first_rise[l],
-                side * step.last_rise[l], side * moved / (ds * steps_.field().seconds())};
-    }
-
-    void take(const std::array<std::array<double, width>, Steps::size>& end, std::size_t l, std::size_t i) {
-        for (std::size_t k = 0; k < Steps::size; ++k)
-            x_[k][i] = end[k][l];
+        return lanes_.speed_over(step, l, i, side, ds * steps_.field().seconds());
     }
 
     /// One shared step of all.
     void together(const SharedStep<Steps>& shared) {
         for (std::size_t first = 0; first < lanes_.size(); first += width) {
-            Numbers x;
-            for (std::size_t k = 0; k < Steps::size; ++k)
-                x[k] = P::load(&x_[k][first]);
+            const Numbers x = lanes_.load(first);
             P side(1.0);
             if constexpr (SwitchingModel<M>) side = copysign(side, x[Steps::index(n - 1, 0)]);
             typename Steps::Step step;
@@ -167,8 +115,7 @@ private:
             for (std::size_t i = first; i < first + count; ++i)
                 ++lanes_[i].steps;
             if (smooth.all()) {
-                for (std::size_t k = 0; k < Steps::size; ++k)
-                    step.end[k].store(&x_[k][first]);
+                lanes_.store(step.end, first);
                 continue;
             }
             sort_out(Unpacked(step), first, count, shared);
@@ -179,7 +126,7 @@ private:
         for (std::size_t l = 0; l < count; ++l) {
             const std::size_t i = first + l;
             if (lanes_[i].failed) continue;
-            Walker walker{i, shared.start, shared.length, side_of(i)};
+            Walker walker{i, shared.start, shared.length, lanes_.side_of(i)};
             if (!(step.ratio[l] <= 1.0)) {
                 ++coarse_;
                 walker.length *= shorter(step.ratio[l]);
@@ -187,7 +134,7 @@ private:
                 continue;
             }
             if constexpr (SwitchingModel<M>) {
-                if (!(std::abs(speed(i)) > 0.0)) {
+                if (!(std::abs(lanes_.speed(i)) > 0.0)) {
                     lanes_[i].failed = true;
                     continue;
                 }
@@ -204,7 +151,7 @@ private:
                     continue;
                 }
             }
-            take(step.end, l, i);
+            lanes_.take(step.end, l, i);
         }
     }
 
@@ -232,75 +179,69 @@ private:
         walkers_.clear();
     }
 
+    /// One number for each lane of a pack; those beyond the walkers repeat the last.
+    template <class F>
+    static P gathered(const std::array<Walker, width>& active, std::size_t count, const F& number) {
+        typename Lanes::PerLane lanes;
+        for (std::size_t l = 0; l < width; ++l)
+            lanes[l] = number(active[std::min(l, count - 1)]);
+        return P::load(lanes.data());
+    }
+    static double step_length(const Walker& walker, double target) {
+        if (walker.to_surface > 0.0) return walker.to_surface;
+        const double remaining = target - walker.s;
+        // Two equal steps instead of a full one and a tiny rest; a rest of 1e-6 is included in the step.
+        return walker.length >= remaining * (1.0 - 1e-6) ? remaining : std::min(walker.length, 0.5 * remaining);
+    }
+
     /// One step of each of `count` walkers.
     void stride(std::array<Walker, width>& active, std::size_t count, double target) {
-        std::array<double, width> phase, s, ds, side, crossed;
         Numbers x;
-        for (std::size_t k = 0; k < Steps::size; ++k) {
-            std::array<double, width> lanes;
-            for (std::size_t l = 0; l < width; ++l)
-                lanes[l] = x_[k][active[std::min(l, count - 1)].lane];
-            x[k] = P::load(lanes.data());
-        }
-        for (std::size_t l = 0; l < width; ++l) {
-            const Walker& walker = active[std::min(l, count - 1)];
-            phase[l] = phase_[walker.lane];
-            s[l] = walker.s;
-            side[l] = walker.side;
-            crossed[l] = walker.crossed;
-        }
-        const P at_phase = P::load(phase.data()), at = P::load(s.data()), on_side = P::load(side.data());
-        set_first_lengths(active, count, x, at_phase, on_side);
-        bool surface = false;
-        for (std::size_t l = 0; l < width; ++l) {
-            const Walker& walker = active[std::min(l, count - 1)];
-            const double remaining = target - walker.s;
-            // Two equal steps instead of a full one and a tiny rest; a rest of 1e-6 is included in the step.
-            ds[l] = walker.to_surface > 0.0                     ? walker.to_surface
-                    : walker.length >= remaining * (1.0 - 1e-6) ? remaining
-                                                                : std::min(walker.length, 0.5 * remaining);
-            surface = surface || walker.to_surface > 0.0;
-        }
+        for (std::size_t k = 0; k < Steps::size; ++k)
+            x[k] = gathered(active, count, [&](const Walker& w) { return lanes_.number(k, w.lane); });
+        const P phase = gathered(active, count, [&](const Walker& w) { return lanes_.phase(w.lane); });
+        const P side = gathered(active, count, [](const Walker& w) { return w.side; });
+        set_first_lengths(active, count, x, phase, side);
+        const P s = gathered(active, count, [](const Walker& w) { return w.s; });
+        const P ds = gathered(active, count, [&](const Walker& w) { return step_length(w, target); });
         typename Steps::Step step;
-        const P length = P::load(ds.data());
-        steps_.step(x, at_phase, at, length, on_side, nullptr, step);
-        const Unpacked lanes(step);
-        std::array<bool, width> close{}, through{};
-        std::array<double, width> surface_at{};
-        std::array<std::array<double, width>, Steps::size> behind;
+        steps_.step(x, phase, s, ds, side, nullptr, step);
+        typename Lanes::UnpackedSurface surface;
         if constexpr (SwitchingModel<M>) {
-            if (surface) {
+            const auto meets = [](const Walker& w) { return w.to_surface > 0.0; };
+            if (std::any_of(active.begin(), active.begin() + static_cast<std::ptrdiff_t>(count), meets)) {
+                const P crossed = gathered(active, count, [](const Walker& w) { return w.crossed; });
                 typename Steps::Surface found;
-                steps_.pass(step.end, at_phase, at + length, P::load(crossed.data()), on_side, found);
-                close = found.close.lanes();
-                through = found.through.lanes();
-                surface_at = found.s.lanes();
-                for (std::size_t k = 0; k < Steps::size; ++k)
-                    behind[k] = found.x[k].lanes();
+                steps_.pass(step.end, phase, s + ds, crossed, side, found);
+                surface = {Lanes::unpacked(found.x), found.s.lanes(), found.close.lanes(), found.through.lanes()};
             }
         }
+        settle(active, count, target, Unpacked(step), ds.lanes(), surface);
+    }
+
+    /// What becomes of the walkers after a step: on, once more and shorter, or through the surface.
+    void settle(std::array<Walker, width>& active, std::size_t count, double target, const Unpacked& step,
+                const typename Lanes::PerLane& ds, const typename Lanes::UnpackedSurface& surface) {
         for (std::size_t l = 0; l < count; ++l) {
             Walker& walker = active[l];
-            Lane& lane = lanes_[walker.lane];
-            const double ratio = lanes.ratio[l];
+            auto& lane = lanes_[walker.lane];
+            const double ratio = step.ratio[l];
             if (++lane.steps >= options_.maximum_steps) {
                 lane.failed = true;
             } else if (!(ratio <= 1.0)) {
                 shorten(walker, ds[l] * shorter(ratio));
-            } else if (walker.to_surface > 0.0) {
-                if (!close[l]) {
-                    shorten(walker, 0.5 * walker.crossed);
-                    continue;
-                }
-                lane.failed = !through[l];
-                if (lane.failed) continue;
-                take(behind, l, walker.lane);
-                walker.s = std::min(surface_at[l], target);
+            } else if (!(walker.to_surface > 0.0)) {
+                accept(walker, step, l, ds[l], target);
+            } else if (!surface.close[l]) {
+                shorten(walker, 0.5 * walker.crossed);
+            } else if (!surface.through[l]) {
+                lane.failed = true;
+            } else {
+                lanes_.take(surface.x, l, walker.lane);
+                walker.s = std::min(surface.s[l], target);
                 walker.side = -walker.side;
                 walker.to_surface = 0.0;
                 ++lane.crossings;
-            } else {
-                accept(walker, lanes, l, ds[l], target);
             }
         }
     }
@@ -324,7 +265,7 @@ private:
                 return;
             }
         }
-        take(step.end, l, walker.lane);
+        lanes_.take(step.end, l, walker.lane);
         walker.s = ds == target - walker.s ? target : walker.s + ds;
         walker.rejected = 0;
         const double next = ds * factor(step.ratio[l]);
@@ -349,9 +290,7 @@ private:
 
     const Steps& steps_;
     const FlowOptions& options_;
-    std::vector<Lane> lanes_;
-    std::array<std::vector<double>, Steps::size> x_;  ///< values and partials of the lanes
-    std::vector<double> phase_;
+    Lanes lanes_;
     std::vector<Walker> walkers_;
     std::size_t coarse_ = 0;
 };

@@ -19,9 +19,8 @@ namespace orbid::models {
 ///     g(x) = direction (normal . x - offset)   rises through 0: a crossing
 ///
 /// A coordinate that is an angle makes the plane recur. With every full turn g changes by 2 pi times its entry of the
-/// normal, and each of the parallel planes counts, as a section of a circle requires. (Entries of several angles that
-/// are not whole multiples of the smallest have no common turn. The plane is then one in the space of unwrapped
-/// angles.)
+/// normal, and each of the parallel planes counts, as a section of a circle requires. Entries of several angles that
+/// have no common turn: the plane is one in the space of unwrapped angles.
 ///
 /// The trajectory takes the same steps as without a section. Within a step g is bracketed between points of the
 /// solution, each reached from a copy of the trajectory at the start of the step. A crossing is therefore as accurate
@@ -42,7 +41,8 @@ public:
     };
 
     /// A start on the plane, or one that rounding has put slightly below it, is no crossing.
-    SectionCrossing(const SectionPlane& plane, Path& path) : plane_(plane), path_(path), turn_(turn_of(plane, M::coordinates)) {
+    SectionCrossing(const SectionPlane& plane, Path& path)
+        : plane_(plane), path_(path), turn_(turn_of(plane, M::coordinates)) {
         end_ = look(path_);
     }
 
@@ -60,7 +60,10 @@ public:
             if (status_ != FlowStatus::ok) break;
             end_ = look(path_);
             rounding_ = 1e-14 * std::max(begin_.terms, end_.terms);
-            if (!started_) snap_start();
+            // A start within rounding of the plane is taken as lying on it.
+            const double level = nearest_level(begin_.g, turn_);
+            if (!started_ && std::abs(begin_.g - level) <= rounding_) begin_.g = level;
+            started_ = true;
             before_ = &before;
             const View last = smooth_end(before);
             search(begin_, last, 0);
@@ -88,13 +91,6 @@ private:
         return view;
     }
 
-    /// A start within rounding of the plane is taken as lying on it.
-    void snap_start() {
-        started_ = true;
-        const double level = nearest_level(begin_.g, turn_);
-        if (std::abs(begin_.g - level) <= rounding_) begin_.g = level;
-    }
-
     /// Instants this close count as neighbouring doubles.
     [[nodiscard]] static double resolution(double s) { return 2.0 * std::numeric_limits<double>::epsilon() * s; }
 
@@ -108,8 +104,7 @@ private:
     }
     [[nodiscard]] std::optional<View> view_at(double s) {
         auto path = path_at(s);
-        if (!path) return std::nullopt;
-        return look(*path);
+        return path ? std::optional(look(*path)) : std::nullopt;
     }
 
     /// The end of the step, before the event that ended it, if any: there the slope jumps, or the state. 1e-10 of the

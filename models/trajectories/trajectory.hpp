@@ -5,10 +5,10 @@
 #include <cstddef>
 #include <optional>
 
-#include "models/arithmetic/cubic_zero.hpp"
 #include "models/trajectories/controlled_step.hpp"
 #include "models/trajectories/input_knots.hpp"
 #include "models/trajectories/sticking.hpp"
+#include "models/trajectories/velocity_watch.hpp"
 
 namespace orbid::models {
 
@@ -85,8 +85,10 @@ public:
             const FlowStatus status = walk_.attempt(until);
             if (status != FlowStatus::ok) return status;
             if constexpr (SwitchingModel<M>) {
-                const Meeting meeting =
-                    meeting_within(walk_.attempted(), values_of<N, n>(walk_.state()), values_of<N, n>(walk_.end()));
+                const auto meeting =
+                    VelocityWatch<M>(values_, values_of<N, n>(walk_.state()), values_of<N, n>(walk_.slope()), s())
+                        .meeting_within(walk_.attempted(), values_of<N, n>(walk_.end()),
+                                        [this]() -> const Point& { return walk_.end_slope(); });
                 if (meeting.wrong_side) {
                     face(-values_.side);
                     continue;
@@ -113,12 +115,6 @@ public:
     [[nodiscard]] std::size_t stickings() const { return stickings_; }
 
 private:
-    /// Where a step meets the switching surface.
-    struct Meeting {
-        std::optional<double> at;  ///< ds of the first meeting
-        bool wrong_side = false;   ///< the motion begins to the other side
-    };
-
     void set_piece() requires InputModel<M> {
         if (values_.piece == knots_->piece()) return;
         walk_.set_piece(knots_->piece());
@@ -181,74 +177,6 @@ private:
         return x;
     }
 
-    State<double, n> values_after(double ds) {
-        const State<double, n> x = values_of<N, n>(walk_.state());
-        State<double, n> end, error;
-        value_stepper_.step(values_, x, values_of<N, n>(walk_.slope()), s(), ds, end, error);
-        return end;
-    }
-
-    Meeting meeting_within(double ds, const State<double, n>& start,
-                           const State<double, n>& end) requires SwitchingModel<M> {
-        const double side = values_.side;
-        const double v0 = side * start[velocity], v1 = side * end[velocity];
-        // Slopes at both ends belong to steps anyway: this one's and the next one's.
-        const double a0 = side * value_of(walk_.slope()[velocity]);
-        if (v1 < 0.0) {
-            double lo = 0.0;
-            if (!(v0 > 0.0)) {
-                // The step began on the surface. Look for a point on the right side before the end.
-                if (!(a0 > 0.0)) return {std::nullopt, true};
-                const auto speed = [&](double at) { return side * values_after(at)[velocity]; };
-                // 2^-40 of a step: the velocity there is below the rounding of the position.
-                for (lo = 0.5 * ds; lo > ds * 0x1p-40 && !(speed(lo) > 0.0);)
-                    lo *= 0.5;
-                if (!(speed(lo) > 0.0)) return {std::nullopt, true};
-            }
-            const double a1 = side * value_of(walk_.end_slope()[velocity]);
-            return {zero_of_speed(lo, ds, cubic_zero(v0, v1, a0 * ds, a1 * ds) * ds), false};
-        }
-        if (!(v0 > 0.0 && (a0 < 0.0 || v1 == 0.0))) return {};
-        const double a1 = side * value_of(walk_.end_slope()[velocity]);
-        if (v1 == 0.0 && a1 < 0.0) return {ds, false};
-        if (!(a0 < 0.0 && a1 > 0.0)) return {};
-        // Slower in between than at both ends: two crossings may hide in this step. The tangents bound the dip of a
-        // convex curve. Only a dip that may reach half of the smaller end is examined.
-        const double tangents_meet = (v1 - v0 - a1 * ds) / (a0 - a1);
-        const double bound = v0 + a0 * std::clamp(tangents_meet, 0.0, ds);
-        if (bound > 0.5 * std::min(v0, v1)) return {};
-        double lo = 0.0, hi = ds;
-        for (int i = 0; i < 50 && hi - lo > 1e-12 * ds; ++i) {
-            const double middle = 0.5 * (lo + hi);
-            const State<double, n> x = values_after(middle);
-            if (side * x[velocity] < 0.0) return {zero_of_speed(0.0, middle, 0.5 * middle), false};
-            (side * values_(x, s() + middle)[velocity] < 0.0 ? lo : hi) = middle;
-        }
-        return {};
-    }
-
-    /// Zero of the velocity between lo (right side of the surface) and hi (wrong side), to machine accuracy: Newton's
-    /// method on the length of the step, held inside the bracket by bisection.
-    double zero_of_speed(double lo, double hi, double guess) requires SwitchingModel<M> {
-        const double side = values_.side;
-        const double step = hi;
-        double at = guess > lo && guess < hi ? guess : 0.5 * (lo + hi);
-        // Newton needs about three; 200 is what bisection alone may need to shrink any bracket to neighbouring doubles.
-        for (int i = 0; i < 200; ++i) {
-            const State<double, n> x = values_after(at);
-            const double v = side * x[velocity];
-            if (v == 0.0) break;
-            (v > 0.0 ? lo : hi) = at;
-            double next = at - v / (side * values_(x, s() + at)[velocity]);
-            if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
-            // A correction of 1e-8 of the step leaves an error of its square.
-            const bool settled = std::abs(next - at) <= 1e-8 * step;
-            at = next;
-            if (settled) break;
-        }
-        return at;
-    }
-
     /// Steps to the surface and through it, or sticks.
     [[nodiscard]] FlowStatus pass(double ds, double target) requires SwitchingModel<M> {
         Point end = walk_.after(ds);
@@ -285,16 +213,14 @@ private:
             stick(end, at);
             return FlowStatus::ok;
         }
-        if constexpr (order == 2) {
-            // Done above.
-        } else if constexpr (N > 0) {
+        if constexpr (order == 1 && N > 0) {
             // (M5): one Newton step, dt* = -v / a-, makes the event time a dual number; the slopes of the position
             // agree.
             const double factor = jump > 0.0 ? leaving / arriving : 1.0;
             for (double& partial : end[velocity].partial)
                 partial *= factor;
             end[velocity].value = 0.0;
-        } else {
+        } else if constexpr (N == 0) {
             end[velocity] = 0.0;
         }
         walk_.restart(end, at);
@@ -303,8 +229,7 @@ private:
     }
 
     ControlledStep<M, N, order> walk_;
-    Field<M, 0> values_;  ///< the same field without derivatives: events are located on it
-    Stepper<M, 0> value_stepper_;
+    Field<M, 0> values_;               ///< the same field without derivatives: events are located on it
     std::optional<InputKnots> knots_;  ///< of an InputModel
     bool stuck_ = false;
     bool on_surface_ = false;
