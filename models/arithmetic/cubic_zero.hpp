@@ -31,8 +31,7 @@ namespace orbid::models {
 /// - x)^2 has 1/30.
 template <class T>
 [[nodiscard]] T quartic_zero(const T& v0, const T& v1, const T& a0, const T& a1, const T& integral) {
-    using std::max;
-    using std::min;
+    using std::max, std::min;
     const T bulge = 30.0 * (integral - 0.5 * (v0 + v1) - (a0 - a1) / 12.0);
     const T c2 = 3.0 * (v1 - v0) - 2.0 * a0 - a1 + bulge;
     const T c3 = 2.0 * (v0 - v1) + a0 + a1 - 2.0 * bulge;

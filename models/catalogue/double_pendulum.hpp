@@ -78,8 +78,7 @@ struct ViscousJoints : ArmsOnJoints {
 
     template <class T>
     static State<T, 4> rhs(const T& /*t*/, const State<T, 4>& x, const Values<T, 6>& c) {
-        using std::cos;
-        using std::sin;
+        using std::cos, std::sin;
         const T &v1 = x[2], &v2 = x[3];
         const T difference = x[0] - x[1];
         const T coupling = c[1] * cos(difference), turning = c[1] * sin(difference);
@@ -172,9 +171,7 @@ struct JointsWithDryFriction : ArmsOnJoints {
     template <class T>
     static State<T, 4> rhs(const T& /*t*/, const State<T, 4>& x, const Values<T, 12>& c,
                            const std::array<double, 2>& side) {
-        using std::abs;
-        using std::cos;
-        using std::sin;
+        using std::abs, std::cos, std::sin;
         const T &v1 = x[2], &v2 = x[3];
         const T difference = x[0] - x[1];
         const T cosine = cos(difference);
@@ -200,8 +197,7 @@ struct JointsWithDryFriction : ArmsOnJoints {
 
     template <class T>
     static State<T, 4> instrument(const State<T, 4>& x, const Values<T, 21>& p) {
-        using std::cos;
-        using std::sin;
+        using std::cos, std::sin;
         const T q = x[1] - x[0];
         const T cos1 = cos(x[0]), sin1 = sin(x[0]), cos2 = cos(q), sin2 = sin(q);
         const T upper = p[17] * (cos1 - 1.0) + p[18] * sin1;

@@ -92,11 +92,7 @@ struct PendulumWithExtendedFriction : PendulumOnBearing {
 
     template <class T>
     static State<T, 2> rhs(const T& /*t*/, const State<T, 2>& x, const Values<T, 14>& p, const auto& side) {
-        using std::abs;
-        using std::cos;
-        using std::exp;
-        using std::pow;
-        using std::sin;
+        using std::abs, std::cos, std::exp, std::pow, std::sin;
         constexpr double v0 = 0.05;
         const T& v = x[1];
         const T square = v * v, cosine = cos(x[0]);
@@ -108,8 +104,7 @@ struct PendulumWithExtendedFriction : PendulumOnBearing {
 
     template <class T>
     static State<T, 2> instrument(const State<T, 2>& x, const Values<T, 14>& p) {
-        using std::cos;
-        using std::sin;
+        using std::cos, std::sin;
         const T cosine = cos(x[0]), sine = sin(x[0]);
         return {x[0] + p[4] + p[12] * (cosine - 1.0) + p[13] * sine, x[1] * (1.0 + p[13] * cosine - p[12] * sine)};
     }

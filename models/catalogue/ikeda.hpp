@@ -31,8 +31,7 @@ struct Ikeda {
 
     template <class T>
     static State<T, 2> map(const State<T, 2>& x, const Values<T, 4>& p) {
-        using std::cos;
-        using std::sin;
+        using std::cos, std::sin;
         const T turn = p[2] - p[3] / (1.0 + x[0] * x[0] + x[1] * x[1]);
         const T c = p[1] * cos(turn), s = p[1] * sin(turn);
         return {p[0] + c * x[0] - s * x[1], s * x[0] + c * x[1]};

@@ -78,9 +78,7 @@ struct PendulumOn {
     /// P(t) of (M2) at a phase, 1/s^2.
     template <class T>
     static T stiffness(const T& phase, const Values<T, 6>& c) {
-        using std::cos;
-        using std::sin;
-        using std::sqrt;
+        using std::cos, std::sin, std::sqrt;
         const T cosine = cos(phase);
         if constexpr (support == Support::harmonic) {
             return c[3] - c[4] * cosine;

@@ -1,10 +1,7 @@
 #pragma once
 
-#include <cstddef>
 #include <memory>
-#include <optional>
 #include <string>
-#include <vector>
 
 #include "models/equations/equation_program.hpp"
 #include "models/equations/equations.hpp"

@@ -37,6 +37,31 @@ constexpr std::array<Parameter, q> numbered_parameters(std::index_sequence<i...>
     // The first is the frequency of forced models. InterpretedKernel knows the names.
     return {Parameter{"p", "1", i == 0 ? positive : any_real, 1.0, ""}...};
 }
+
+/// Arrays of the variables that a part of a program reads; nullptr where it reads none.
+template <class T>
+struct Variables {
+    const T* coordinates = nullptr;
+    const T* constants = nullptr;
+    const T* forcing = nullptr;
+    const T* inputs = nullptr;
+};
+
+/// The first n results of a part of a program; `rest` in the place of those beyond `count`.
+template <std::size_t n, class T, class S = double>
+Values<T, n> interpreted(const FormulaCode& code, std::size_t count, double rest, const Variables<T>& of,
+                         const S* sides = nullptr) {
+    T registers[FormulaCode::most_registers];
+    // run() reads all but the registers.
+    const std::array<T*, FormulaCode::segment_count> given{registers, const_cast<T*>(of.coordinates),
+                                                           const_cast<T*>(of.constants), const_cast<T*>(of.forcing),
+                                                           const_cast<T*>(of.inputs)};
+    code.run(given, sides);
+    Values<T, n> results;
+    for (std::size_t i = 0; i < n; ++i)
+        results[i] = i < count ? code.result(given, i) : T(rest);
+    return results;
+}
 }  // namespace detail
 
 /// Common base of all shapes of interpreted models: n coordinates, of which smaller programs leave the last ones
@@ -54,48 +79,21 @@ struct InterpretedShape {
     template <class T>
     static Values<T, constant_count> reduced(const Values<T, q>& p) {
         const EquationProgram& program = *equations_in_use.program;
-        T registers[FormulaCode::most_registers];
-        std::array<T*, FormulaCode::segment_count> given{};
-        given[FormulaCode::registers] = registers;
-        given[FormulaCode::coordinates] = const_cast<T*>(p.data());
-        program.constants.run(given, static_cast<const double*>(nullptr));
-        Values<T, constant_count> c;
-        for (std::size_t i = 0; i < constant_count; ++i)
-            c[i] = i < program.constant_count ? program.constants.result(given, i) : T(0.0);
-        return c;
+        return detail::interpreted<constant_count, T>(program.constants, program.constant_count, 0.0, {p.data()});
     }
 
 protected:
     /// @param through  the forcing, or the phase
-    template <class T, class S>
+    template <class T, class S = double>
     static State<T, n> rates(const T* through, const State<T, n>& x, const Values<T, constant_count>& c, const T* u,
-                             const S* sides) {
+                             const S* sides = nullptr) {
         const EquationProgram& program = *equations_in_use.program;
-        T registers[FormulaCode::most_registers];
-        const auto given = arrays(registers, through, x, c, u);
-        program.rates.run(given, sides);
-        State<T, n> f;
-        for (std::size_t i = 0; i < n; ++i)
-            f[i] = i < program.coordinate_count ? program.rates.result(given, i) : T(0.0);
-        return f;
+        return detail::interpreted<n, T>(program.rates, program.coordinate_count, 0.0, {x.data(), c.data(), through, u},
+                                         sides);
     }
     template <class T>
     static T force(const T& phase, const Values<T, constant_count>& c) {
-        const EquationProgram& program = *equations_in_use.program;
-        T registers[FormulaCode::most_registers];
-        std::array<T*, FormulaCode::segment_count> given{};
-        given[FormulaCode::registers] = registers;
-        given[FormulaCode::constants] = const_cast<T*>(c.data());
-        given[FormulaCode::forcing] = const_cast<T*>(&phase);
-        program.forcing.run(given, static_cast<const double*>(nullptr));
-        return program.forcing.result(given, 0);
-    }
-    template <class T>
-    static std::array<T*, FormulaCode::segment_count> arrays(T* registers, const T* through, const State<T, n>& x,
-                                                             const Values<T, constant_count>& c, const T* u) {
-        // run() reads all but the registers.
-        return {registers, const_cast<T*>(x.data()), const_cast<T*>(c.data()), const_cast<T*>(through),
-                const_cast<T*>(u)};
+        return detail::interpreted<1, T>(equations_in_use.program->forcing, 1, 0.0, {nullptr, c.data(), &phase})[0];
     }
 };
 
@@ -105,7 +103,7 @@ struct InterpretedFlow : InterpretedShape<n> {
     using Shape = InterpretedShape<n>;
     template <class T>
     static State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c) {
-        return Shape::rates(&t, x, c, &t, static_cast<const double*>(nullptr));
+        return Shape::rates(&t, x, c, &t);
     }
 };
 
@@ -121,7 +119,7 @@ struct InterpretedForcedFlow : InterpretedShape<n> {
     template <class T>
     static State<T, n> rhs_forced(const T& force, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
                                   const auto& /*side*/) {
-        return Shape::rates(&force, x, c, &force, static_cast<const double*>(nullptr));
+        return Shape::rates(&force, x, c, &force);
     }
     template <class T>
     static State<T, n> rhs(const T& phase, const State<T, n>& x, const Values<T, Shape::constant_count>& c) {
@@ -169,13 +167,8 @@ struct InterpretedSurfaces : InterpretedShape<n> {
     static Values<T, surface_count> surfaces(const T& t, const State<T, n>& x,
                                              const Values<T, Shape::constant_count>& c) {
         const EquationProgram& program = *equations_in_use.program;
-        T registers[FormulaCode::most_registers];
-        const auto given = Shape::arrays(registers, &t, x, c, &t);
-        program.surfaces.run(given, static_cast<const double*>(nullptr));
-        Values<T, surface_count> h;
-        for (std::size_t j = 0; j < surface_count; ++j)
-            h[j] = j < program.surface_count ? program.surfaces.result(given, j) : T(1.0);
-        return h;
+        return detail::interpreted<surface_count, T>(program.surfaces, program.surface_count, 1.0,
+                                                     {x.data(), c.data(), &t, &t});
     }
     template <class T>
     static State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
@@ -198,7 +191,7 @@ struct InterpretedInputs : InterpretedShape<n> {
     template <class T>
     static State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
                            const std::array<T, 4>& u) {
-        return Shape::rates(&t, x, c, u.data(), static_cast<const double*>(nullptr));
+        return Shape::rates(&t, x, c, u.data());
     }
 };
 
@@ -220,7 +213,7 @@ struct InterpretedMap : InterpretedShape<n> {
     using Shape = InterpretedShape<n>;
     template <class T>
     static State<T, n> map(const State<T, n>& x, const Values<T, Shape::constant_count>& c) {
-        return Shape::rates(x.data(), x, c, x.data(), static_cast<const double*>(nullptr));
+        return Shape::rates(x.data(), x, c, x.data());
     }
 };
 

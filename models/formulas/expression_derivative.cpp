@@ -1,5 +1,4 @@
 #include <optional>
-#include <utility>
 
 #include "models/formulas/expression_graph.hpp"
 

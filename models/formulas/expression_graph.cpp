@@ -3,8 +3,6 @@
 #include <bit>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
-#include <utility>
 
 namespace orbid::models {
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <memory>
-
 #include "models/kernels/model_kernel.hpp"
 #include "models/system/kernel_system.hpp"
 

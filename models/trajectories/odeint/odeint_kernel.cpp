@@ -4,10 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <stdexcept>
-#include <utility>
 #include <vector>
 
 #include "models/system/forwarding_kernel.hpp"
