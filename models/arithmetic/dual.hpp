@@ -107,9 +107,9 @@ struct Dual {
             r.partial[i] = -b.partial[i];
         return r;
     }
-    friend Dual operator*(const Dual& a, double b) { return a.scaled(a.value * b, b); }
-    friend Dual operator*(double a, const Dual& b) { return b.scaled(a * b.value, a); }
-    friend Dual operator/(const Dual& a, double b) { return a.scaled(a.value / b, 1.0 / b); }
+    friend Dual operator*(const Dual& a, double b) { return a.chained(a.value * b, b); }
+    friend Dual operator*(double a, const Dual& b) { return b.chained(a * b.value, a); }
+    friend Dual operator/(const Dual& a, double b) { return a.chained(a.value / b, 1.0 / b); }
     friend Dual operator/(double a, const Dual& b) {
         const B quotient = a / b.value;
         return b.chained(quotient, -quotient / b.value);
@@ -144,8 +144,9 @@ struct Dual {
         return all;
     }
 
-    /// Chain rule: the dual with this function value and this derivative times our partials.
-    [[nodiscard]] [[gnu::always_inline]] Dual chained(const B& function, const B& derivative) const {
+    /// Chain rule: the dual with this function value and this derivative, a B or a plain number, times our partials.
+    template <class F>
+    [[nodiscard]] [[gnu::always_inline]] Dual chained(const B& function, const F& derivative) const {
         Dual r;
         r.value = function;
         for (std::size_t i = 0; i < N; ++i)
@@ -235,16 +236,6 @@ struct Dual {
             const B share = vanishes(b.partial[i]) ? B(0.0) : by_exponent * b.partial[i];
             r.partial[i] = by_base * a.partial[i] + share;
         }
-        return r;
-    }
-
-private:
-    /// As chained(), with a plain factor.
-    [[nodiscard]] [[gnu::always_inline]] Dual scaled(const B& new_value, double factor) const {
-        Dual r;
-        r.value = new_value;
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = factor * partial[i];
         return r;
     }
 };

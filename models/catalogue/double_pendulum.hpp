@@ -116,29 +116,19 @@ struct JointsWithDryFriction : ArmsOnJoints {
     static constexpr std::string_view variant = "friction_and_drag";
     // Typical: 1e-4 N m is the friction of a miniature ball bearing. 0.01 kg/m^2 is the drag of a bar of a centimetre
     // or two in air (1.2 kg/m^3, C_d about 1). A wheel of 40 mm that runs out by 0.1 mm errs by 5 mrad.
-    static constexpr std::array parameters{
-        shared[0],
-        shared[1],
-        shared[2],
-        shared[3],
-        shared[4],
-        shared[5],
-        shared[6],
-        shared[7],
-        shared[8],
-        shared[9],
-        shared[10],
-        shared[11],
-        Parameter{"c1", "N m", nonnegative, 0.0, "dry friction of the upper joint", typical(1e-4)},
-        Parameter{"c2", "N m", nonnegative, 0.0, "dry friction of the lower joint", typical(1e-4)},
-        Parameter{"drag", "kg/m^2", nonnegative, 0.0, "drag per length and squared velocity", typical(0.01)},
-        Parameter{"L2", "m", positive, 0.26, "length of the lower arm in the air"},
-        Parameter{"bend", "rad", any_real, 0.0, "centre of mass of the upper arm off its line of joints",
-                  typical(0.01)},
-        Parameter{"e1_cos", "rad", any_real, 0.0, "eccentricity of the upper encoder, cosine", typical(0.005)},
-        Parameter{"e1_sin", "rad", any_real, 0.0, "eccentricity of the upper encoder, sine", typical(0.005)},
-        Parameter{"e2_cos", "rad", any_real, 0.0, "eccentricity of the lower encoder, cosine", typical(0.005)},
-        Parameter{"e2_sin", "rad", any_real, 0.0, "eccentricity of the lower encoder, sine", typical(0.005)}};
+    static constexpr auto parameters = joined(
+        shared,
+        std::array{
+            Parameter{"c1", "N m", nonnegative, 0.0, "dry friction of the upper joint", typical(1e-4)},
+            Parameter{"c2", "N m", nonnegative, 0.0, "dry friction of the lower joint", typical(1e-4)},
+            Parameter{"drag", "kg/m^2", nonnegative, 0.0, "drag per length and squared velocity", typical(0.01)},
+            Parameter{"L2", "m", positive, 0.26, "length of the lower arm in the air"},
+            Parameter{"bend", "rad", any_real, 0.0, "centre of mass of the upper arm off its line of joints",
+                      typical(0.01)},
+            Parameter{"e1_cos", "rad", any_real, 0.0, "eccentricity of the upper encoder, cosine", typical(0.005)},
+            Parameter{"e1_sin", "rad", any_real, 0.0, "eccentricity of the upper encoder, sine", typical(0.005)},
+            Parameter{"e2_cos", "rad", any_real, 0.0, "eccentricity of the lower encoder, cosine", typical(0.005)},
+            Parameter{"e2_sin", "rad", any_real, 0.0, "eccentricity of the lower encoder, sine", typical(0.005)}});
 
     static constexpr std::size_t surface_count = 2;
 

@@ -70,21 +70,19 @@ struct PendulumWithQuadraticFriction : PendulumOnBearing {
 /// is taken. e_cos, e_sin: an eccentric code wheel; counted from hanging.
 struct PendulumWithExtendedFriction : PendulumOnBearing {
     static constexpr std::string_view variant = "extended";
-    static constexpr std::array parameters{
-        shared[0],
-        shared[1],
-        shared[2],
-        shared[3],
-        shared[4],
-        Parameter{"c5", "s/rad^2", nonnegative, 0.0, "cubic damping", typical(1e-3)},
-        Parameter{"cp", "rad^(1-p) s^(p-2)", nonnegative, 0.0, "damping by the power p", typical(0.01)},
-        Parameter{"p", "1", positive, 2.0, "power of the speed"},
-        Parameter{"c_load", "rad/s^2", nonnegative, 0.0, "dry friction per weight on the bearing", typical(0.05)},
-        Parameter{"c_angle", "rad/s^2", nonnegative, 0.0, "growth of the dry friction with the angle", typical(0.05)},
-        Parameter{"c_slow", "rad/s^2", nonnegative, 0.0, "rise of the dry friction at low speed", typical(0.05)},
-        Parameter{"v_slow", "rad/s", positive, 0.3, "speed at which the rise has fallen to 1/e"},
-        Parameter{"e_cos", "rad", any_real, 0.0, "eccentricity of the encoder, cosine", typical(0.005)},
-        Parameter{"e_sin", "rad", any_real, 0.0, "eccentricity of the encoder, sine", typical(0.005)}};
+    static constexpr auto parameters = joined(
+        shared,
+        std::array{
+            Parameter{"c5", "s/rad^2", nonnegative, 0.0, "cubic damping", typical(1e-3)},
+            Parameter{"cp", "rad^(1-p) s^(p-2)", nonnegative, 0.0, "damping by the power p", typical(0.01)},
+            Parameter{"p", "1", positive, 2.0, "power of the speed"},
+            Parameter{"c_load", "rad/s^2", nonnegative, 0.0, "dry friction per weight on the bearing", typical(0.05)},
+            Parameter{"c_angle", "rad/s^2", nonnegative, 0.0, "growth of the dry friction with the angle",
+                      typical(0.05)},
+            Parameter{"c_slow", "rad/s^2", nonnegative, 0.0, "rise of the dry friction at low speed", typical(0.05)},
+            Parameter{"v_slow", "rad/s", positive, 0.3, "speed at which the rise has fallen to 1/e"},
+            Parameter{"e_cos", "rad", any_real, 0.0, "eccentricity of the encoder, cosine", typical(0.005)},
+            Parameter{"e_sin", "rad", any_real, 0.0, "eccentricity of the encoder, sine", typical(0.005)}});
 
     static bool smooth(const Values<double, 14>& p) {
         return p[1] == 0.0 && p[8] == 0.0 && p[9] == 0.0 && p[10] == 0.0;

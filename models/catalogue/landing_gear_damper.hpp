@@ -37,17 +37,17 @@ struct Strut {
 
     static constexpr std::array coordinates{real("stroke", "m"), real("stroke_rate", "m/s")};
 
-    static constexpr Parameter mass{"m", "kg", positive, 1000.0, "mass on the strut"};
-    static constexpr Parameter gravity{"g", "m/s^2", nonnegative, 9.81, "gravity"};
-    static constexpr Parameter pressure{"p0", "Pa", positive, 5e5, "pressure of the gas at full length"};
-    static constexpr Parameter volume{"V0", "m^3", positive, 1e-3, "volume of the gas at full length"};
-    static constexpr Parameter area{"area", "m^2", positive, 5e-3, "cross section of the gas column"};
-    // Between 1 (isothermal) and 1.4 (adiabatic); oil spray keeps it low.
-    static constexpr Parameter exponent{"kappa", "1", positive, 1.1, "polytropic exponent"};
-    static constexpr Parameter compression{"c_compression", "N s^2/m^2", nonnegative, 2e4,
-                                           "oil damping in compression"};
-    static constexpr Parameter rebound{"c_rebound", "N s^2/m^2", nonnegative, 6e4, "oil damping in rebound"};
-    static constexpr Parameter friction{"friction", "N", nonnegative, 300.0, "dry friction of the seals"};
+    static constexpr std::array of_strut{
+        Parameter{"m", "kg", positive, 1000.0, "mass on the strut"},
+        Parameter{"g", "m/s^2", nonnegative, 9.81, "gravity"},
+        Parameter{"p0", "Pa", positive, 5e5, "pressure of the gas at full length"},
+        Parameter{"V0", "m^3", positive, 1e-3, "volume of the gas at full length"},
+        Parameter{"area", "m^2", positive, 5e-3, "cross section of the gas column"},
+        // Between 1 (isothermal) and 1.4 (adiabatic); oil spray keeps it low.
+        Parameter{"kappa", "1", positive, 1.1, "polytropic exponent"},
+        Parameter{"c_compression", "N s^2/m^2", nonnegative, 2e4, "oil damping in compression"},
+        Parameter{"c_rebound", "N s^2/m^2", nonnegative, 6e4, "oil damping in rebound"},
+        Parameter{"friction", "N", nonnegative, 300.0, "dry friction of the seals"}};
 
     template <std::size_t q>
     static bool smooth(const Values<double, q>& p) {
@@ -80,17 +80,9 @@ protected:
 /// Over ground of height z = amplitude cos(omega t), at its highest at phase 0.
 struct StrutOnHarmonicBase : Strut {
     static constexpr std::string_view variant = "harmonic_base";
-    static constexpr std::array parameters{mass,
-                                           gravity,
-                                           pressure,
-                                           volume,
-                                           area,
-                                           exponent,
-                                           compression,
-                                           rebound,
-                                           friction,
-                                           Parameter{"amplitude", "m", nonnegative, 0.03, "amplitude of the ground"},
-                                           Parameter{"omega", "rad/s", positive, 12.0, "frequency of the ground"}};
+    static constexpr auto parameters =
+        joined(of_strut, std::array{Parameter{"amplitude", "m", nonnegative, 0.03, "amplitude of the ground"},
+                                    Parameter{"omega", "rad/s", positive, 12.0, "frequency of the ground"}});
     static constexpr std::size_t forcing_frequency = 10;
 
     /// Those of the strut, then amplitude omega^2.
@@ -119,8 +111,7 @@ struct StrutOnHarmonicBase : Strut {
 /// Over ground whose acceleration was recorded.
 struct StrutOnMeasuredBase : Strut {
     static constexpr std::string_view variant = "measured_base";
-    static constexpr std::array parameters{mass,     gravity,     pressure, volume,  area,
-                                           exponent, compression, rebound,  friction};
+    static constexpr std::array parameters = of_strut;
     static constexpr std::array inputs{real("base_acceleration", "m/s^2")};  ///< z'', upwards
 
     template <class T>

@@ -31,10 +31,8 @@ template <class M>
 concept ModelTables = requires {
     { M::coordinates[0] } -> std::convertible_to<const Coordinate&>;
     { M::parameters[0] } -> std::convertible_to<const Parameter&>;
-    requires dimension_of<M> >
-    0;
-    requires parameter_count_of<M> >
-    0;
+    requires(dimension_of<M> > 0);
+    requires(parameter_count_of<M> > 0);
 };
 
 /// The equations read constants that are reduced from the parameters once per flow. They are quotients and products
@@ -80,32 +78,18 @@ concept InputTable = ModelTables<M> && requires {
 template <class M>
 concept SurfaceTable = ModelTables<M> && requires {
     { M::surface_count } -> std::convertible_to<std::size_t>;
-    requires M::surface_count >
-    0;
+    requires(M::surface_count > 0);
 };
-
-namespace detail {
-template <class M>
-constexpr std::size_t input_count() {
-    if constexpr (InputTable<M>)
-        return M::inputs.size();
-    else
-        return 0;
-}
-template <class M>
-constexpr std::size_t surface_count() {
-    if constexpr (SurfaceTable<M>)
-        return M::surface_count;
-    else
-        return 0;
-}
-}  // namespace detail
 
 /// Numbers of measured inputs and of switching surfaces beside the velocity's.
 template <class M>
-inline constexpr std::size_t input_count_of = detail::input_count<M>();
+inline constexpr std::size_t input_count_of = 0;
+template <InputTable M>
+inline constexpr std::size_t input_count_of<M> = M::inputs.size();
 template <class M>
-inline constexpr std::size_t surface_count_of = detail::surface_count<M>();
+inline constexpr std::size_t surface_count_of = 0;
+template <SurfaceTable M>
+inline constexpr std::size_t surface_count_of<M> = M::surface_count;
 
 /// The sides of the switching surfaces on which the equations are evaluated. One number for a SwitchingModel (and for
 /// models that ignore it), an array for a SurfaceModel.
@@ -250,12 +234,10 @@ concept DynamicModel = requires(const double& t, std::span<const double> x, std:
                                 std::span<const Dual<2>> dual_x, std::span<Dual<2>> dual_f) {
     { M::coordinate } -> std::convertible_to<const Coordinate&>;
     { M::parameters[0] } -> std::convertible_to<const Parameter&>;
-    requires parameter_count_of<M> >
-    0;
+    requires(parameter_count_of<M> > 0);
     { M::smallest_size } -> std::convertible_to<std::size_t>;
     { M::default_size } -> std::convertible_to<std::size_t>;
-    requires M::smallest_size >
-    0 && M::smallest_size <= M::default_size;
+    requires(M::smallest_size > 0 && M::smallest_size <= M::default_size);
     { M::rhs(t, x, Values<double, parameter_count_of<M>>{}, f) } -> std::same_as<void>;
     { M::rhs(dual_t, dual_x, Values<Dual<2>, parameter_count_of<M>>{}, dual_f) } -> std::same_as<void>;
     requires !ModelTables<M> && detail::Texts<M>;

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <string_view>
+#include <utility>
 
 #pragma GCC visibility push(default)
 
@@ -50,6 +53,16 @@ struct Parameter {
           description(description_),
           typical_size(typical_.size) {}
 };
+
+/// A table with those of `first`, then those of `others`.
+template <std::size_t n, std::size_t m>
+constexpr std::array<Parameter, n + m> joined(const std::array<Parameter, n>& first,
+                                              const std::array<Parameter, m>& others) {
+    return [&]<std::size_t... i, std::size_t... j>(std::index_sequence<i...>, std::index_sequence<j...>) {
+        return std::array<Parameter, n + m>{first[i]..., others[j]...};
+    }
+    (std::make_index_sequence<n>{}, std::make_index_sequence<m>{});
+}
 
 /// One coordinate of the state. An angle lives on a circle of 2 pi rad: differences are taken modulo 2 pi.
 struct Coordinate {

@@ -40,7 +40,6 @@ private:
 
     /// Depends on the state, the phase or an input.
     [[nodiscard]] bool moves(Node node) const;
-    [[nodiscard]] std::vector<Node> rates_of(const std::vector<Node>& nodes) const;
 
     const EquationText& text_;
     std::vector<EquationProblem>& problems_;

@@ -142,7 +142,6 @@ public:
     /// Length and end of the step attempted.
     [[nodiscard]] double attempted() const { return ds_; }
     [[nodiscard]] const Point& end() const { return end_; }
-    [[nodiscard]] double s_end() const { return s_end_; }
     /// Attempts so far, accepted and rejected.
     [[nodiscard]] std::size_t steps() const { return steps_; }
 
