@@ -39,9 +39,6 @@ struct LdltFactor::Factor {
 };
 
 LdltFactor::LdltFactor(const MatrixXd& a) : factor_(new Factor{Eigen::LDLT<MatrixXd>(a)}) {}
-LdltFactor::~LdltFactor() = default;
-LdltFactor::LdltFactor(LdltFactor&&) noexcept = default;
-LdltFactor& LdltFactor::operator=(LdltFactor&&) noexcept = default;
 
 bool LdltFactor::succeeded() const {
     return factor_->ldlt.info() == Eigen::Success;

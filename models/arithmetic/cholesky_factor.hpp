@@ -32,9 +32,6 @@ private:
 class LdltFactor {
 public:
     explicit LdltFactor(const Eigen::MatrixXd& a);
-    ~LdltFactor();
-    LdltFactor(LdltFactor&&) noexcept;
-    LdltFactor& operator=(LdltFactor&&) noexcept;
 
     /// false where a pivot vanished before the last ones: the factors are then meaningless.
     [[nodiscard]] bool succeeded() const;
@@ -51,7 +48,7 @@ public:
 
 private:
     struct Factor;
-    std::unique_ptr<Factor> factor_;
+    std::shared_ptr<const Factor> factor_;
 };
 
 }  // namespace orbid::models

@@ -12,9 +12,6 @@ struct LuFactor::Factor {
 };
 
 LuFactor::LuFactor(const MatrixXd& a) : factor_(new Factor{Eigen::PartialPivLU<MatrixXd>(a)}) {}
-LuFactor::~LuFactor() = default;
-LuFactor::LuFactor(LuFactor&&) noexcept = default;
-LuFactor& LuFactor::operator=(LuFactor&&) noexcept = default;
 
 VectorXd LuFactor::solve(const VectorXd& b) const {
     return factor_->lu.solve(b);

@@ -11,9 +11,6 @@ namespace orbid::models {
 class LuFactor {
 public:
     explicit LuFactor(const Eigen::MatrixXd& a);
-    ~LuFactor();
-    LuFactor(LuFactor&&) noexcept;
-    LuFactor& operator=(LuFactor&&) noexcept;
 
     /// A^-1 b.
     [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& b) const;
@@ -22,7 +19,7 @@ public:
 
 private:
     struct Factor;
-    std::unique_ptr<Factor> factor_;
+    std::shared_ptr<const Factor> factor_;
 };
 
 /// A^-1 of a square matrix.

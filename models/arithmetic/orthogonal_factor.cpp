@@ -1,5 +1,7 @@
 #include "models/arithmetic/orthogonal_factor.hpp"
 
+#include <utility>
+
 #include <Eigen/QR>
 
 namespace orbid::models {
@@ -19,9 +21,6 @@ struct HouseholderFactor::Factor {
 
 HouseholderFactor::HouseholderFactor() : factor_(new Factor) {}
 HouseholderFactor::HouseholderFactor(const MatrixXd& a) : factor_(new Factor{Eigen::HouseholderQR<MatrixXd>(a)}) {}
-HouseholderFactor::~HouseholderFactor() = default;
-HouseholderFactor::HouseholderFactor(HouseholderFactor&&) noexcept = default;
-HouseholderFactor& HouseholderFactor::operator=(HouseholderFactor&&) noexcept = default;
 
 void HouseholderFactor::compute(const MatrixXd& a) {
     factor_->qr.compute(a);
@@ -49,12 +48,11 @@ struct PivotedFactor::Factor {
 
 PivotedFactor::PivotedFactor() : factor_(new Factor) {}
 PivotedFactor::PivotedFactor(const MatrixXd& a) : factor_(new Factor{Eigen::ColPivHouseholderQR<MatrixXd>(a)}) {}
-PivotedFactor::PivotedFactor(const MatrixXd& a, double threshold) : PivotedFactor(a) {
-    factor_->qr.setThreshold(threshold);
+PivotedFactor::PivotedFactor(const MatrixXd& a, double threshold) {
+    auto factor = std::make_shared<Factor>(Factor{Eigen::ColPivHouseholderQR<MatrixXd>(a)});
+    factor->qr.setThreshold(threshold);
+    factor_ = std::move(factor);
 }
-PivotedFactor::~PivotedFactor() = default;
-PivotedFactor::PivotedFactor(PivotedFactor&&) noexcept = default;
-PivotedFactor& PivotedFactor::operator=(PivotedFactor&&) noexcept = default;
 
 Index PivotedFactor::rank() const {
     return factor_->qr.rank();
@@ -95,9 +93,6 @@ struct CompleteFactor::Factor {
 CompleteFactor::CompleteFactor() : factor_(new Factor) {}
 CompleteFactor::CompleteFactor(const MatrixXd& a)
     : factor_(new Factor{Eigen::CompleteOrthogonalDecomposition<MatrixXd>(a)}) {}
-CompleteFactor::~CompleteFactor() = default;
-CompleteFactor::CompleteFactor(CompleteFactor&&) noexcept = default;
-CompleteFactor& CompleteFactor::operator=(CompleteFactor&&) noexcept = default;
 
 void CompleteFactor::compute(const Ref<const MatrixXd>& a, double threshold) {
     factor_->cod.setThreshold(threshold);

@@ -14,9 +14,8 @@ class HouseholderFactor {
 public:
     HouseholderFactor();  ///< of nothing, until compute()
     explicit HouseholderFactor(const Eigen::MatrixXd& a);
-    ~HouseholderFactor();
-    HouseholderFactor(HouseholderFactor&&) noexcept;
-    HouseholderFactor& operator=(HouseholderFactor&&) noexcept;
+    HouseholderFactor(HouseholderFactor&&) = default;
+    HouseholderFactor& operator=(HouseholderFactor&&) = default;
 
     /// Factorises another matrix in the memory already allocated.
     void compute(const Eigen::MatrixXd& a);
@@ -31,7 +30,7 @@ public:
 
 private:
     struct Factor;
-    std::unique_ptr<Factor> factor_;
+    std::shared_ptr<Factor> factor_;
 };
 
 /// A P = Q R of a matrix of shape (m, n) by Householder reflections; each pivot is the longest remaining column.
@@ -41,9 +40,6 @@ public:
     explicit PivotedFactor(const Eigen::MatrixXd& a);
     /// Pivots below `threshold` of the largest count as zero; without it rounding decides.
     PivotedFactor(const Eigen::MatrixXd& a, double threshold);
-    ~PivotedFactor();
-    PivotedFactor(PivotedFactor&&) noexcept;
-    PivotedFactor& operator=(PivotedFactor&&) noexcept;
 
     [[nodiscard]] Eigen::Index rank() const;
     /// R in and above the diagonal; reflectors below it. Shape (m, n).
@@ -58,7 +54,7 @@ public:
 
 private:
     struct Factor;
-    std::unique_ptr<Factor> factor_;
+    std::shared_ptr<const Factor> factor_;
 };
 
 /// A P = Q [T 0; 0 0] Z of a matrix of any rank, shape (m, n): T is upper triangular of the rank's size.
@@ -66,9 +62,8 @@ class CompleteFactor {
 public:
     CompleteFactor();  ///< of nothing, until compute()
     explicit CompleteFactor(const Eigen::MatrixXd& a);
-    ~CompleteFactor();
-    CompleteFactor(CompleteFactor&&) noexcept;
-    CompleteFactor& operator=(CompleteFactor&&) noexcept;
+    CompleteFactor(CompleteFactor&&) = default;
+    CompleteFactor& operator=(CompleteFactor&&) = default;
 
     /// Pivots below `threshold` of the largest count as zero.
     void compute(const Eigen::Ref<const Eigen::MatrixXd>& a, double threshold);
@@ -85,7 +80,7 @@ public:
 
 private:
     struct Factor;
-    std::unique_ptr<Factor> factor_;
+    std::shared_ptr<Factor> factor_;
 };
 
 }  // namespace orbid::models
