@@ -2,14 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstddef>
-#include <numbers>
-#include <optional>
 #include <vector>
 
-#include "models/arithmetic/cubic_zero.hpp"
-#include "models/ensembles/pack_steps.hpp"
+#include "models/ensembles/pack_outcome.hpp"
 #include "models/trajectories/flow.hpp"
 #include "models/trajectories/trajectory.hpp"
 
@@ -48,7 +44,7 @@ public:
           phase_(phase),
           options_(options),
           steps_(steps),
-          coarsest_(coarsest),
+          tables_(steps, coarsest),
           sections_(sections),
           columns_(columns),
           status_(status) {
@@ -69,8 +65,7 @@ public:
             std::stable_sort(lanes_.begin(), lanes_.end(),
                              [](const Lane& a, const Lane& b) { return a.level < b.level; });
             for (std::size_t i = 0; i < lanes_.size(); ++i)
-                for (std::size_t c = 0; c < n; ++c)
-                    x_[c][i] = lanes_[i].section[c];
+                put(i, lanes_[i].section);
             for (std::size_t first = 0; first < lanes_.size();) {
                 std::size_t end = first;
                 while (end < lanes_.size() && lanes_[end].level == lanes_[first].level)
@@ -86,37 +81,12 @@ public:
     }
 
 private:
-    struct Lane {
-        std::size_t trajectory;
-        State<double, n> section;    ///< state at the last section
-        std::size_t level = 0;       ///< the period's table has 2^level times the coarsest one's steps
-        std::size_t halved = 0;      ///< rejected steps of this period
-        std::size_t calm = 0;        ///< periods without such steps at this level
-        std::size_t additional = 0;  ///< steps of this period beside those of the table
-        bool ended = false;
-    };
-    /// A step of which the velocity changes its sign.
-    struct Crossing {
-        std::size_t lane;
-        State<double, n> from;
-        double s, length;              ///< start and length of the step [rad]
-        double v1, moved;              ///< velocity at its end, way of the position
-        double first_rise, last_rise;  ///< accelerations times duration
-    };
-
-    /// Refinement by 2^5 at most: beyond that, steps of free length are better.
-    static constexpr std::size_t finest = 10;
-    /// The table of a level: 2^(level/2) times the coarsest one's steps; two levels double it exactly.
-    const PeriodSteps& period_at(std::size_t level) {
-        if (level == 0) return coarsest_;
-        std::optional<PeriodSteps>& period = finer_[level - 1];
-        if (!period) {
-            const auto odd =
-                static_cast<std::size_t>(std::lround(std::numbers::sqrt2 * static_cast<double>(coarsest_.count)));
-            period = steps_.period_in((level % 2 == 0 ? coarsest_.count : odd) << (level / 2));
-        }
-        return *period;
-    }
+    using Lane = PackLane<n>;
+    using Tables = PeriodTables<Steps>;
+    using Outcome = PackOutcome;
+    using Crossing = PackCrossing<n>;
+    template <class P>
+    using Unpacked = UnpackedPackStep<M, P>;
 
     void finish_period(std::size_t i) {
         Lane& lane = lanes_[i];
@@ -126,23 +96,11 @@ private:
         std::size_t& columns = columns_[lane.trajectory];
         std::copy(lane.section.begin(), lane.section.end(), sections_[lane.trajectory] + columns * n);
         ++columns;
-        // A halved step costs about four times one of the table: from an eighth of them on a finer table is cheaper.
-        // After eight periods without one, the coarser table is tried again.
-        if (8 * lane.halved > period_at(lane.level).count) {
-            lane.level = std::min(lane.level + 1, finest);
-            lane.calm = 0;
-        } else if (lane.halved > 0) {
-            lane.calm = 0;
-        } else if (++lane.calm == 8 && lane.level > 0) {
-            --lane.level;
-            lane.calm = 0;
-        }
-        lane.halved = 0;
-        lane.additional = 0;
+        lane.end_period(tables_[lane.level].count, Tables::finest);
     }
 
     void through_period(std::size_t first, std::size_t end, std::size_t level) {
-        const PeriodSteps& steps = period_at(level);
+        const PeriodSteps& steps = tables_[level];
         most_additional_ = 0;
         for (std::size_t k = 0; k < steps.count; ++k) {
             if (k + most_additional_ >= options_.maximum_steps) {
@@ -162,7 +120,7 @@ private:
                 step<Wide>(steps, k, i, end - i);
             else if (i < end)
                 step<Narrow>(steps, k, i, end - i);
-            if (!halved_.empty()) halve(k, period_at(level + 2));
+            if (!halved_.empty()) halve(k, tables_[level + 2]);
             cross(k, steps);
             for (const std::size_t lane : general_)
                 follow(lane, k, steps);
@@ -178,17 +136,22 @@ private:
     template <class P>
     State<P, n> load(std::size_t first, std::size_t count) const {
         State<P, n> x;
-        for (std::size_t c = 0; c < n; ++c) {
-            if (count == P::width) {
-                x[c] = P::load(&x_[c][first]);
-            } else {
-                std::array<double, P::width> lanes;
-                for (std::size_t l = 0; l < P::width; ++l)
-                    lanes[l] = x_[c][first + std::min(l, count - 1)];
-                x[c] = P::load(lanes.data());
-            }
-        }
+        for (std::size_t c = 0; c < n; ++c)
+            x[c] = count == P::width ? P::load(&x_[c][first])
+                                     : gathered<P>(count, [&](std::size_t l) { return x_[c][first + l]; });
         return x;
+    }
+    void put(std::size_t i, const State<double, n>& x) {
+        for (std::size_t c = 0; c < n; ++c)
+            x_[c][i] = x[c];
+    }
+    /// One value per lane; lanes beyond count repeat the last.
+    template <class P, class F>
+    static P gathered(std::size_t count, const F& value) {
+        std::array<double, P::width> lanes;
+        for (std::size_t l = 0; l < P::width; ++l)
+            lanes[l] = value(std::min(l, count - 1));
+        return P::load(lanes.data());
     }
 
     /// The step k of `count` lanes, at most a pack.
@@ -216,8 +179,7 @@ private:
             if (lanes_[i].ended) continue;
             switch (lanes.outcome(l)) {
                 case Outcome::smooth:
-                    for (std::size_t c = 0; c < n; ++c)
-                        x_[c][i] = lanes.end[c][l];
+                    put(i, lanes.at(lanes.end, l));
                     break;
                 case Outcome::coarse:
                     halved_.push_back(i);
@@ -232,44 +194,6 @@ private:
         }
     }
 
-    enum class Outcome { smooth, coarse, crosses, other };
-    template <class P>
-    struct Unpacked {
-        std::array<bool, P::width> kept, same_side;
-        std::array<std::array<double, P::width>, n> start, end;
-        std::array<double, P::width> first_rise, last_rise;
-
-        Unpacked(const PackStep<P, n>& step, const State<P, n>& x) : kept(step.kept.lanes()) {
-            for (std::size_t c = 0; c < n; ++c) {
-                start[c] = x[c].lanes();
-                end[c] = step.end[c].lanes();
-            }
-            if constexpr (SwitchingModel<M>) {
-                same_side = step.same_side.lanes();
-                first_rise = step.first_rise.lanes();
-                last_rise = step.last_rise.lanes();
-            }
-        }
-        [[nodiscard]] Outcome outcome(std::size_t l) const {
-            if constexpr (SwitchingModel<M>) {
-                if (start[velocity][l] == 0.0) return Outcome::other;
-                if (!kept[l]) return Outcome::coarse;
-                if (same_side[l]) return Outcome::smooth;
-                return (start[velocity][l] > 0.0) != (end[velocity][l] > 0.0) && end[velocity][l] != 0.0
-                           ? Outcome::crosses
-                           : Outcome::other;
-            } else {
-                return kept[l] ? Outcome::smooth : Outcome::coarse;
-            }
-        }
-        [[nodiscard]] Crossing crossing(std::size_t l, std::size_t lane, double s, double length) const {
-            Crossing crossing{lane, {}, s, length, end[n - 1][l], end[0][l] - start[0][l], first_rise[l], last_rise[l]};
-            for (std::size_t c = 0; c < n; ++c)
-                crossing.from[c] = start[c][l];
-            return crossing;
-        }
-    };
-
     void charge(std::size_t i, std::size_t steps) {
         lanes_[i].additional += steps;
         most_additional_ = std::max(most_additional_, lanes_[i].additional);
@@ -281,7 +205,7 @@ private:
             const std::size_t count = std::min(Narrow::width, halved_.size() - first);
             State<Narrow, n> x;
             for (std::size_t c = 0; c < n; ++c)
-                x[c] = gathered(count, [&](std::size_t l) { return x_[c][halved_[first + l]]; });
+                x[c] = gathered<Narrow>(count, [&](std::size_t l) { return x_[c][halved_[first + l]]; });
             const auto one = steps_.tabulated(halves, 2 * k, x);
             const auto two = steps_.tabulated(halves, 2 * k + 1, one.end);
             const Unpacked<Narrow> half(one, x), other_half(two, one.end);
@@ -296,23 +220,13 @@ private:
                 } else if (then == Outcome::crosses) {
                     crossings_.push_back(other_half.crossing(l, i, halves.start(2 * k + 1), halves.length));
                 } else if (then == Outcome::smooth) {
-                    for (std::size_t c = 0; c < n; ++c)
-                        x_[c][i] = other_half.end[c][l];
+                    put(i, other_half.at(other_half.end, l));
                 } else {
                     general_.push_back(i);
                 }
             }
         }
         halved_.clear();
-    }
-
-    /// One value per lane; lanes beyond count repeat the last.
-    template <class F>
-    static Narrow gathered(std::size_t count, const F& value) {
-        std::array<double, Narrow::width> lanes;
-        for (std::size_t l = 0; l < Narrow::width; ++l)
-            lanes[l] = value(std::min(l, count - 1));
-        return Narrow::load(lanes.data());
     }
 
     /// Steps in which the velocity changes its sign once: to the surface and on from there.
@@ -326,50 +240,25 @@ private:
     void cross(std::size_t first, std::size_t count, double until) requires SwitchingModel<M> {
         const Crossing* all = crossings_.data() + first;
         const auto each = [&](double Crossing::*member) {
-            return gathered(count, [&](std::size_t l) { return all[l].*member; });
+            return gathered<Narrow>(count, [&](std::size_t l) { return all[l].*member; });
         };
         State<Narrow, n> x;
         for (std::size_t c = 0; c < n; ++c)
-            x[c] = gathered(count, [&](std::size_t l) { return all[l].from[c]; });
+            x[c] = gathered<Narrow>(count, [&](std::size_t l) { return all[l].from[c]; });
         const Narrow s = each(&Crossing::s), length = each(&Crossing::length), side = Steps::side_of(x);
-        const Narrow integral = each(&Crossing::moved) * steps_.omega() / length;
-        const Narrow guess = quartic_zero(x[velocity], each(&Crossing::v1), each(&Crossing::first_rise),
-                                          each(&Crossing::last_rise), integral);
-        const auto to = steps_.free(x, s, guess * length, side);
-        // From there to the zero of the velocity by the midpoint rule, with the step that makes it zero. The distance
-        // is the error of the guess. Its cube is below all tolerances as long as it is less than 1e-4 of the step.
-        const Narrow near = s + guess * length;
-        const State<Narrow, n> f = steps_.slope(to.end, near, side);
-        const Narrow about = -to.end[velocity] / f[velocity];
-        State<Narrow, n> between;
-        for (std::size_t c = 0; c < n; ++c)
-            between[c] = to.end[c] + 0.5 * about * f[c];
-        const State<Narrow, n> g = steps_.slope(between, near + 0.5 * steps_.omega() * about, side);
-        const Narrow correction = -to.end[velocity] / g[velocity];
-        State<Narrow, n> surface{to.end[0] + correction * g[0], Narrow(0.0)};
-        const Narrow at = min(near + steps_.omega() * correction, Narrow(until));
-        auto good = to.kept & (abs(correction) * steps_.omega() <= 1e-4 * length);
-        // Crossed, neither held nor grazing. The accelerations of both sides point across, and clearly so where they
-        // differ (1e-6 of the jump; a Trajectory decides closer cases).
-        const Narrow arriving = side * steps_.slope(surface, at, side)[velocity];
-        const Narrow leaving = side * steps_.slope(surface, at, -side)[velocity];
-        const Narrow margin = 1e-6 * abs(leaving - arriving);
-        good = good & (arriving < -margin) & (leaving < -margin);
-        const auto on = steps_.free(surface, at, Narrow(until) - at, -side);
-        good = good & on.kept & (side * on.end[velocity] < Narrow(0.0));
-        const auto passed = good.lanes();
+        const auto passage = steps_.through_surface(x, s, length, side, each(&Crossing::v1), each(&Crossing::moved),
+                                                    each(&Crossing::first_rise), each(&Crossing::last_rise), until);
+        const auto passed = passage.good.lanes();
         std::array<std::array<double, Narrow::width>, n> end;
         for (std::size_t c = 0; c < n; ++c)
-            end[c] = on.end[c].lanes();
+            end[c] = passage.end[c].lanes();
         for (std::size_t l = 0; l < count; ++l) {
             const std::size_t i = all[l].lane;
             charge(i, 2);
-            if (!passed[l]) {
+            if (passed[l])
+                put(i, Unpacked<Narrow>::at(end, l));
+            else
                 general_.push_back(i);
-                continue;
-            }
-            for (std::size_t c = 0; c < n; ++c)
-                x_[c][i] = end[c][l];
         }
     }
 
@@ -386,16 +275,14 @@ private:
         const FlowStatus status = trajectory.advance(steps.end(k));
         charge(i, trajectory.steps());
         if (status != FlowStatus::ok) return finish(i, status);
-        for (std::size_t c = 0; c < n; ++c)
-            x_[c][i] = trajectory.state()[c];
+        put(i, trajectory.state());
     }
 
     const Values<double, q>& p_;
     double phase_;
     const FlowOptions& options_;
     const Steps& steps_;
-    const PeriodSteps& coarsest_;
-    std::array<std::optional<PeriodSteps>, finest + 2> finer_;  ///< halved steps are two levels up
+    Tables tables_;
     double* const* sections_;
     std::size_t* columns_;
     FlowStatus* status_;

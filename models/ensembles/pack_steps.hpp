@@ -1,12 +1,15 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <type_traits>
 #include <vector>
 
+#include "models/arithmetic/cubic_zero.hpp"
 #include "models/arithmetic/pack.hpp"
 #include "models/definition/model.hpp"
 #include "models/definition/simulation.hpp"
@@ -140,6 +143,45 @@ public:
         return rate(forcing_at(phase_ + s, constants), x, constants, side);
     }
 
+    /// Lanes that went through the switching surface to `until`; where not `good`, the state is meaningless.
+    struct Passage {
+        State<Narrow, n> end;
+        typename Narrow::Mask good;
+    };
+    /// To the surface by a step of which the velocity changes its sign, and on from there on the other side.
+    /// @param s, length       start and length of that step [rad]
+    /// @param v1, moved       velocity at its end, way of the position
+    /// @param first, last     accelerations times duration at its ends
+    [[nodiscard]] Passage through_surface(const State<Narrow, n>& x, const Narrow& s, const Narrow& length,
+                                          const Narrow& side, const Narrow& v1, const Narrow& moved,
+                                          const Narrow& first, const Narrow& last,
+                                          double until) const requires SwitchingModel<M> {
+        const Narrow integral = moved * omega_ / length;
+        const Narrow guess = quartic_zero(x[velocity], v1, first, last, integral);
+        const auto to = free(x, s, guess * length, side);
+        // From there to the zero of the velocity by the midpoint rule, with the step that makes it zero. The distance
+        // is the error of the guess. Its cube is below all tolerances as long as it is less than 1e-4 of the step.
+        const Narrow near = s + guess * length;
+        const State<Narrow, n> f = slope(to.end, near, side);
+        const Narrow about = -to.end[velocity] / f[velocity];
+        State<Narrow, n> between;
+        for (std::size_t c = 0; c < n; ++c)
+            between[c] = to.end[c] + 0.5 * about * f[c];
+        const State<Narrow, n> g = slope(between, near + 0.5 * omega_ * about, side);
+        const Narrow correction = -to.end[velocity] / g[velocity];
+        State<Narrow, n> surface{to.end[0] + correction * g[0], Narrow(0.0)};
+        const Narrow at = min(near + omega_ * correction, Narrow(until));
+        auto good = to.kept & (abs(correction) * omega_ <= 1e-4 * length);
+        // Crossed, neither held nor grazing. The accelerations of both sides point across, and clearly so where they
+        // differ (1e-6 of the jump; a Trajectory decides closer cases).
+        const Narrow arriving = side * slope(surface, at, side)[velocity];
+        const Narrow leaving = side * slope(surface, at, -side)[velocity];
+        const Narrow margin = 1e-6 * abs(leaving - arriving);
+        good = good & (arriving < -margin) & (leaving < -margin);
+        const auto on = free(surface, at, Narrow(until) - at, -side);
+        return {on.end, good & on.kept & (side * on.end[velocity] < Narrow(0.0))};
+    }
+
     /// +1 or -1; 1 for models without a switching surface.
     template <class P>
     [[nodiscard]] static P side_of([[maybe_unused]] const State<P, n>& x) {
@@ -148,8 +190,6 @@ public:
         else
             return P(1.0);
     }
-
-    [[nodiscard]] double omega() const { return omega_; }
 
 private:
     template <class P>
@@ -220,6 +260,33 @@ private:
     double phase_;
     FlowOptions options_;
     StepCoefficients<verner98> unit_;
+};
+
+/// The steps of a period by level: level has 2^(level/2) times as many as the coarsest table; two levels double them
+/// exactly. Made when they are asked for.
+template <class Steps>
+class PeriodTables {
+public:
+    /// Refinement by 2^5 at most: beyond that, steps of free length are better.
+    static constexpr std::size_t finest = 10;
+
+    PeriodTables(const Steps& steps, const PeriodSteps& coarsest) : steps_(steps), coarsest_(coarsest) {}
+
+    const PeriodSteps& operator[](std::size_t level) {
+        if (level == 0) return coarsest_;
+        std::optional<PeriodSteps>& period = finer_[level - 1];
+        if (!period) {
+            const auto odd =
+                static_cast<std::size_t>(std::lround(std::numbers::sqrt2 * static_cast<double>(coarsest_.count)));
+            period = steps_.period_in((level % 2 == 0 ? coarsest_.count : odd) << (level / 2));
+        }
+        return *period;
+    }
+
+private:
+    const Steps& steps_;
+    const PeriodSteps& coarsest_;
+    std::array<std::optional<PeriodSteps>, finest + 2> finer_;  ///< halved steps are two levels up
 };
 
 }  // namespace orbid::models

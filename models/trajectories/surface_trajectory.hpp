@@ -10,6 +10,7 @@
 
 #include "models/trajectories/controlled_step.hpp"
 #include "models/trajectories/input_knots.hpp"
+#include "models/trajectories/surface_event.hpp"
 #include "models/trajectories/surface_watch.hpp"
 
 namespace orbid::models {
@@ -42,7 +43,6 @@ public:
         if constexpr (InputModel<M>) {
             knots_.emplace(*input, phase);
             walk_.altered_field().input = values_.input = input;
-            set_piece();
         }
         restart(x0);
         walk_.set_length(walk_.first_length());
@@ -91,7 +91,7 @@ public:
         // smooth on 2^-30 of a step either, it is noise.
         constexpr int shortest = 30;
         for (int shortened = 0;;) {
-            if (std::any_of(on_.begin(), on_.end(), [](bool on) { return on; })) {
+            if (on_surface()) {
                 if (const FlowStatus status = leave_surfaces(); status != FlowStatus::ok) return status;
                 pull_back();
             }
@@ -141,8 +141,7 @@ public:
     [[nodiscard]] double s() const { return walk_.s(); }
     /// dx/ds with which the solution continues from here.
     [[nodiscard]] Point slope() {
-        if (std::any_of(on_.begin(), on_.end(), [](bool on) { return on; }) && leave_surfaces() == FlowStatus::ok)
-            pull_back();
+        if (on_surface() && leave_surfaces() == FlowStatus::ok) pull_back();
         return walk_.slope();
     }
     [[nodiscard]] std::size_t steps() const { return walk_.steps(); }
@@ -154,7 +153,9 @@ public:
 private:
     static constexpr std::array<bool, m> impacts = impacts_of<M>();
     using Watch = SurfaceWatch<M>;
+    using Event = SurfaceEvent<M, N, order>;
 
+    [[nodiscard]] bool on_surface() const { return on_ != std::array<bool, m>{}; }
     void turn_to(const Side<M>& side, std::size_t held) {
         auto& field = walk_.altered_field();
         field.side = values_.side = side;
@@ -199,36 +200,27 @@ private:
     }
 
     /// Steps to an event and through it: to the other side, into sliding or out of it, or by a jump of the state.
-    [[nodiscard]] FlowStatus pass(double ds, std::size_t event, double until) {
+    [[nodiscard]] FlowStatus pass(double ds, std::size_t j, double until) {
         const double at = std::min(s() + ds, until);
         const double probe = 1e-4 * walk_.attempted();
         Point x = ds > 0.0 ? walk_.after(ds) : walk_.state();
         begun_again_ = false;
-        if (event >= m) return release(x, at, event == Watch::released_up, probe);
-        const std::size_t j = event;
-        const bool impact = impacts[j];
+        if (j >= m) return release(x, at, j == Watch::released_up, probe);
         const State<double, n> arrival = values_of<N, n>(x);
         const double rate = values_.moving(arrival, values_(arrival, at), at)[j].partial[0];
         walk_.restart(x, at);
-        if (touches(arrival, j, at, rate, probe)) return FlowStatus::grazing;
+        if (Event::touches(values_, arrival, j, at, rate, probe)) return FlowStatus::grazing;
         ++crossings_;
-        // (M5): Newton steps of h in dual arithmetic, one for each order of derivative, make the event time a dual
-        // number; its value is 0.
         const auto arriving = walk_.field();
         T later(0.0);
         if constexpr (N > 0) {
-            const Point before = x;
-            for (std::size_t newton = 0; newton < order; ++newton) {
-                const T h = arriving.surfaces(shifted(arriving, before, T(at), later), at + later)[j];
-                later = later - h / rate;
-                later = later - value_of(later);
-            }
-            x = shifted(arriving, before, T(at), later);
+            later = Event::crossing_time(arriving, x, at, j, rate);
+            x = Event::shifted(arriving, x, T(at), later);
         }
         on_.fill(false);
         on_[j] = true;
         if constexpr (ImpactModel<M>) {
-            if (impact) {
+            if (impacts[j]) {
                 x = M::reset(j, arriving.time(at + later), x, arriving.constants);
                 // Impacts too close to be distinguished in time: they accumulate here.
                 const double resolution = 64.0 * std::numeric_limits<double>::epsilon() * std::abs(at);
@@ -238,11 +230,10 @@ private:
                 look_around(values_of<N, n>(x), at);
             }
         }
-        const bool was_held = values_.held < m && !impact;
-        if (was_held) on_[values_.held] = true;
+        if (values_.held < m && !impacts[j]) on_[values_.held] = true;
         walk_.restart(x, at);
         if (const FlowStatus status = leave_surfaces(); status != FlowStatus::ok) return status;
-        if constexpr (N > 0) walk_.restart(shifted(walk_.field(), x, at + later, -later), at);
+        if constexpr (N > 0) walk_.restart(Event::shifted(walk_.field(), x, at + later, -later), at);
         pull_back();
         return FlowStatus::ok;
     }
@@ -255,95 +246,15 @@ private:
         side[j] = up ? 1.0 : -1.0;
         begun_[j] = true;
         if constexpr (order == 2) {
-            const State<double, n> arrival = values_of<N, n>(x);
-            const auto slope = values_(arrival, at);
-            const auto pull = [&](const auto& field, const auto& y, const auto& s) {
-                const auto halves = field.halves(y, s);
-                return up ? halves.first.rate : halves.second.rate;
-            };
-            const auto pull_at = [&](double ahead) {
-                auto y = arrival;
-                for (std::size_t i = 0; i < n; ++i)
-                    y[i] += ahead * slope[i];
-                return pull(values_, y, at + ahead);
-            };
-            const double rate = (pull_at(probe) - pull_at(-probe)) / (2.0 * probe);
-            if (!(std::abs(rate) > 0.0)) return FlowStatus::grazing;
-            const auto sliding = walk_.field();
-            const Point before = x;
-            T later(0.0);
-            // The rate is a difference quotient, accurate to 1e-8: three steps eliminate its error.
-            for (int newton = 0; newton < 3; ++newton) {
-                later = later - pull(sliding, shifted(sliding, before, T(at), later), at + later) / rate;
-                later = later - value_of(later);
-            }
-            x = shifted(sliding, before, T(at), later);
+            const auto later = Event::release_time(walk_.field(), values_, x, at, up, probe);
+            if (!later) return FlowStatus::grazing;
+            x = Event::shifted(walk_.field(), x, T(at), *later);
             turn_to(side, m);
-            x = shifted(walk_.field(), x, at + later, -later);
+            x = Event::shifted(walk_.field(), x, at + *later, -*later);
         }
         turn_to(side, m);
         walk_.restart(x, at);
         return FlowStatus::ok;
-    }
-
-    /// x a time ds later, where ds has the value 0.
-    template <class F>
-    static Point shifted(const F& field, const Point& x, const T& s, const T& ds) {
-        if constexpr (order == 1) {
-            const Point f = field(x, value_of(s));
-            Point end;
-            for (std::size_t i = 0; i < n; ++i)
-                end[i] = x[i] + f[i] * ds;
-            return end;
-        } else {
-            return Stepper<M, N, order>().moved(field, x, s, ds);
-        }
-    }
-
-    /// True where the solution arrives on a surface without crossing it, while the field or the state jumps there.
-    /// Rounding would decide whether it is met, and the instant cannot be determined.
-    bool touches(const State<double, n>& x, std::size_t j, double at, double rate, double probe) const {
-        const double arriving = values_.side[j] * rate;
-        Side<M> other = values_.side;
-        other[j] = -other[j];
-        if (!impacts[j]) {
-            const auto here = values_.one_sided(x, at, values_.side), there = values_.one_sided(x, at, other);
-            double jump = 0.0, size = 0.0;
-            for (std::size_t i = 0; i < n; ++i) {
-                jump = std::max(jump, std::abs(there[i] - here[i]));
-                size = std::max(size, std::abs(there[i]) + std::abs(here[i]));
-            }
-            // A field that is continuous there, up to rounding, is the same for touching and crossing.
-            if (jump <= 1e-14 * size) return false;
-            // 1e-8 of the jump of the rate: half of the digits.
-            const double opposed = values_.side[j] * (values_.moving(x, there, at)[j].partial[0] -
-                                                      values_.moving(x, here, at)[j].partial[0]);
-            if (opposed > 0.0 && !(arriving < -1e-8 * opposed)) return true;
-        }
-        if (!(arriving < 0.0)) return true;
-        // The depth the solution would reach behind the surface, against the rounding of h.
-        const auto rate_at = [&](double ahead) {
-            const auto f = values_(x, at);
-            auto y = x;
-            for (std::size_t i = 0; i < n; ++i)
-                y[i] += ahead * f[i];
-            return values_.moving(y, values_(y, at + ahead), at + ahead)[j].partial[0];
-        };
-        const double turning = values_.side[j] * (rate_at(probe) - rate_at(-probe)) / (2.0 * probe);
-        return turning > 0.0 && arriving * arriving <= 2.0 * turning * rounding_of(x, j, at);
-    }
-    /// Rounding of h_j: some units in the last place of its terms.
-    double rounding_of(const State<double, n>& x, std::size_t j, double at) const {
-        using Gradient = Dual<n + 1>;
-        State<Gradient, n> y;
-        for (std::size_t i = 0; i < n; ++i)
-            y[i] = Gradient::variable(x[i], i);
-        const double t = values_.time(at);
-        const auto h = M::surfaces(Gradient::variable(t, n), y, constants_as<Gradient>(values_.constants))[j];
-        double terms = std::abs(h.partial[n] * t);
-        for (std::size_t i = 0; i < n; ++i)
-            terms += std::abs(h.partial[i] * x[i]);
-        return 8.0 * std::numeric_limits<double>::epsilon() * terms;
     }
 
     /// After a jump of the state: its new sides, and whether it is still on the surfaces that it was on.
@@ -381,11 +292,9 @@ private:
     std::array<bool, m> on_{};             ///< surfaces on which the state lies, before its continuation is decided
     typename Watch::Marks begun_{};        ///< surfaces that the state is just leaving
     std::array<double, m> last_impact_{};  ///< s of the last impact on each surface
-    double longest_ = std::numeric_limits<double>::infinity();
-    double limited_ = std::numeric_limits<double>::infinity();
+    double longest_ = std::numeric_limits<double>::infinity(), limited_ = longest_;
     bool begun_again_ = false;
-    std::size_t crossings_ = 0;
-    std::size_t stickings_ = 0;
+    std::size_t crossings_ = 0, stickings_ = 0;
 };
 
 }  // namespace orbid::models
