@@ -54,10 +54,8 @@ public:
             Values<T, q> p;
             std::copy(theta, theta + q, p.begin());
             const std::size_t count = std::min(chunk, directions - first);
-            for (std::size_t j = 0; j < count; ++j) {
-                const std::size_t direction = first + j;
-                (direction < n ? x[direction] : p[static_cast<std::size_t>(free[direction - n])]).partial[j] = 1.0;
-            }
+            for (std::size_t j = 0; j < count; ++j)
+                quantity(x, p, free, first + j).partial[j] = 1.0;
             M::rhs(T(0.0), std::span<const T>(x), p, std::span<T>(f));
             for (std::size_t j = 0; j < count; ++j)
                 for (std::size_t i = 0; i < n; ++i)
@@ -75,13 +73,10 @@ public:
                 std::copy(state, state + n, x.begin());
                 Values<T, q> p;
                 std::copy(theta, theta + q, p.begin());
-                const auto seeded = [&](std::size_t direction) -> T& {
-                    return direction < n ? x[direction] : p[static_cast<std::size_t>(free[direction - n])];
-                };
                 const std::size_t count = std::min(chunk, directions - first);
                 for (std::size_t j = 0; j < count; ++j)
-                    first_order(seeded(first + j)).partial[j] = 1.0;
-                seeded(outer).partial[0].value = 1.0;
+                    first_order(quantity(x, p, free, first + j)).partial[j] = 1.0;
+                quantity(x, p, free, outer).partial[0].value = 1.0;
                 M::rhs(T(0.0), std::span<const T>(x), p, std::span<T>(f));
                 for (std::size_t j = 0; j < count; ++j)
                     for (std::size_t i = 0; i < n; ++i)
@@ -123,6 +118,13 @@ private:
     /// hold the eight partials.
     static constexpr std::size_t chunk = 8;
 
+    /// The coordinate of the start, or the free parameter, that a direction is.
+    template <class T>
+    static T& quantity(std::vector<T>& x, Values<T, q>& p, std::span<const std::ptrdiff_t> free,
+                       std::size_t direction) {
+        return direction < x.size() ? x[direction] : p[static_cast<std::size_t>(free[direction - x.size()])];
+    }
+
     /// The start with partials in the directions [first, first + N - 1), which follow the probe's; of order 2 also in
     /// the direction `second`.
     template <std::size_t N, std::size_t order = 1>
@@ -133,12 +135,9 @@ private:
         std::vector<typename Path::T> x(start.state, start.state + n);
         typename Path::Parameters p;
         std::copy(start.theta, start.theta + q, p.begin());
-        const auto seeded = [&](std::size_t direction) -> typename Path::T& {
-            return direction < n ? x[direction] : p[static_cast<std::size_t>(free[direction - n])];
-        };
         for (std::size_t i = 1; i < N && first + i - 1 < n + free.size(); ++i)
-            first_order(seeded(first + i - 1)).partial[i] = 1.0;
-        if constexpr (order == 2) seeded(second).partial[0].value = 1.0;
+            first_order(quantity(x, p, free, first + i - 1)).partial[i] = 1.0;
+        if constexpr (order == 2) quantity(x, p, free, second).partial[0].value = 1.0;
         return {p, std::move(x), start.options};
     }
 

@@ -13,7 +13,6 @@
 #include "models/kernels/model_instance.hpp"
 #include "models/trajectories/field_derivatives.hpp"
 #include "models/trajectories/flow.hpp"
-#include "models/trajectories/map_flow.hpp"
 #include "models/trajectories/section_crossing.hpp"
 #include "models/trajectories/standstill.hpp"
 
@@ -92,18 +91,12 @@ public:
         FlowEnd end;
         if (output.second_derivatives != nullptr) {
             in_second_order_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first, std::size_t direction) {
-                if constexpr (MapModel<M>)
-                    end = map_pass<M, N, 2>(start, durations, free, first, output, direction);
-                else
-                    end = flow_pass<M, N, 2>(start, durations, free, first, output, direction);
+                end = flow_pass<M, N, 2>(start, durations, free, first, output, direction);
             });
             return end;
         }
         in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
-            if constexpr (MapModel<M>)
-                end = map_pass<M, N>(start, durations, free, first, output);
-            else
-                end = flow_pass<M, N>(start, durations, free, first, output);
+            end = flow_pass<M, N>(start, durations, free, first, output);
         });
         return end;
     }

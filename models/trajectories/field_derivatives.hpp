@@ -24,12 +24,26 @@ Side<M> side_of([[maybe_unused]] double phase, [[maybe_unused]] const State<doub
     return side;
 }
 
+/// f on these sides, or the image of a map.
+/// @param input  values of the measured inputs, nullptr for models without
+template <Model M, class T>
+State<T, dimension_of<M>> f_or_image([[maybe_unused]] const T& phase, const State<T, dimension_of<M>>& x,
+                                     const Constants<M, T>& c, [[maybe_unused]] const Side<M>& side,
+                                     [[maybe_unused]] const double* input) {
+    if constexpr (MapModel<M>) {
+        return M::map(x, c);
+    } else {
+        std::array<T, input_count_of<M>> u{};
+        if constexpr (InputModel<M>) std::copy(input, input + u.size(), u.begin());
+        return rhs_of<M, T>(phase, x, c, side, u);
+    }
+}
+
 /// d f / d(x, free parameters) at a fixed phase, n x (n + f) in column-major order: the equations in dual numbers. For
 /// a model that switches: on the side that the state is on. For a map: of its image.
 template <Model M>
-void store_field_derivatives(double phase, const double* state, const double* theta,
-                             [[maybe_unused]] const double* input, std::span<const std::ptrdiff_t> free,
-                             double* derivatives) {
+void store_field_derivatives(double phase, const double* state, const double* theta, const double* input,
+                             std::span<const std::ptrdiff_t> free, double* derivatives) {
     constexpr std::size_t n = dimension_of<M>, q = parameter_count_of<M>;
     const auto values = array_from<double, n>(state);
     const auto side = side_of<M>(phase, values, constants_from<M, double>(array_from<double, q>(theta)));
@@ -38,15 +52,7 @@ void store_field_derivatives(double phase, const double* state, const double* th
         auto x = array_from<T, n>(state);
         auto p = array_from<T, q>(theta);
         seed<N, n, q>(x, p, free, first);
-        const auto c = constants_from<M, T>(p);
-        State<T, n> f;
-        if constexpr (MapModel<M>) {
-            f = M::map(x, c);
-        } else {
-            std::array<T, input_count_of<M>> u{};
-            if constexpr (InputModel<M>) std::copy(input, input + u.size(), u.begin());
-            f = rhs_of<M, T>(T(phase), x, c, side, u);
-        }
+        const auto f = f_or_image<M, T>(T(phase), x, constants_from<M, T>(p), side, input);
         store_partials<N, n>(f, first, n + free.size(), derivatives);
     });
 }
@@ -54,9 +60,8 @@ void store_field_derivatives(double phase, const double* state, const double* th
 /// Second derivatives there, n x (d d), column i d + j for the directions i and j; and d f / d phase. The phase takes
 /// its turn as one more direction of the dual numbers.
 template <Model M>
-void store_second_field_derivatives(double phase, const double* state, const double* theta,
-                                    [[maybe_unused]] const double* input, std::span<const std::ptrdiff_t> free,
-                                    double* second, double* by_phase) {
+void store_second_field_derivatives(double phase, const double* state, const double* theta, const double* input,
+                                    std::span<const std::ptrdiff_t> free, double* second, double* by_phase) {
     constexpr std::size_t n = dimension_of<M>, q = parameter_count_of<M>;
     constexpr std::size_t N = wide_chunk<M>;
     using T = Scalar<N, 2>;
@@ -73,15 +78,7 @@ void store_second_field_derivatives(double phase, const double* state, const dou
                 seed_second<N, n, q>(x, p, free, direction);
             else
                 tau.partial[0].value = 1.0;
-            const auto c = constants_from<M, T>(p);
-            State<T, n> f;
-            if constexpr (MapModel<M>) {
-                f = M::map(x, c);
-            } else {
-                std::array<T, input_count_of<M>> u{};
-                if constexpr (InputModel<M>) std::copy(input, input + u.size(), u.begin());
-                f = rhs_of<M, T>(tau, x, c, side, u);
-            }
+            const auto f = f_or_image<M, T>(tau, x, constants_from<M, T>(p), side, input);
             if (direction < directions)
                 store_second<N, n>(f, first, directions, second + direction * directions * n);
             else
