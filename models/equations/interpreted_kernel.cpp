@@ -164,23 +164,21 @@ private:
         return all;
     }
 
-    /// Blocks of size_ + free columns to blocks of n_ + free; d blocks beside each other.
+    /// Which direction of the shape is direction j.
+    [[nodiscard]] std::size_t padded(std::size_t j) const { return j < n_ ? j : j - n_ + size_; }
+    /// Blocks of size_ + free columns to blocks of n_ + free.
     void pick(const std::vector<double>& all, std::size_t blocks, std::size_t free, double* to) const {
         for (std::size_t k = 0; k < blocks; ++k)
-            for (std::size_t j = 0; j < n_ + free; ++j) {
-                const std::size_t column = k * (size_ + free) + (j < n_ ? j : j - n_ + size_);
-                std::copy_n(all.data() + column * size_, n_, to + (k * (n_ + free) + j) * n_);
-            }
+            for (std::size_t j = 0; j < n_ + free; ++j)
+                std::copy_n(all.data() + (k * (size_ + free) + padded(j)) * size_, n_, to + (k * (n_ + free) + j) * n_);
     }
-
     /// The same of blocks for second derivatives.
     void pick_second(const std::vector<double>& all, std::size_t blocks, std::size_t free, double* to) const {
-        const auto inner = [&](std::size_t j) { return j < n_ ? j : j - n_ + size_; };
         const std::size_t d = n_ + free, padded_d = size_ + free;
         for (std::size_t k = 0; k < blocks; ++k)
             for (std::size_t i = 0; i < d; ++i)
                 for (std::size_t j = 0; j < d; ++j)
-                    std::copy_n(all.data() + ((k * padded_d + inner(i)) * padded_d + inner(j)) * size_, n_,
+                    std::copy_n(all.data() + ((k * padded_d + padded(i)) * padded_d + padded(j)) * size_, n_,
                                 to + ((k * d + i) * d + j) * n_);
     }
 
@@ -202,19 +200,17 @@ private:
         Padded(const InterpretedKernel& kernel, std::size_t count_, std::size_t free_, const FlowOutput& like)
             : count(count_), free(free_), states(kernel.size_ * count_), stopped(kernel.size_) {
             const std::size_t d = kernel.size_ + free;
-            output = {states.data(), stopped.data(), nullptr, nullptr, like.times, nullptr};
-            if (like.sensitivities != nullptr) {
-                sensitivities.resize(kernel.size_ * count * d);
-                output.sensitivities = sensitivities.data();
-            }
-            if (like.second_derivatives != nullptr) {
-                second.resize(kernel.size_ * count * d * d);
-                output.second_derivatives = second.data();
-            }
-            if (like.time_sensitivities != nullptr) {
-                time_sensitivities.resize(count * d);
-                output.time_sensitivities = time_sensitivities.data();
-            }
+            const auto room = [](std::vector<double>& values, std::size_t size, const double* asked) -> double* {
+                if (asked == nullptr) return nullptr;
+                values.resize(size);
+                return values.data();
+            };
+            output = {states.data(),
+                      stopped.data(),
+                      room(sensitivities, kernel.size_ * count * d, like.sensitivities),
+                      room(second, kernel.size_ * count * d * d, like.second_derivatives),
+                      like.times,
+                      room(time_sensitivities, count * d, like.time_sensitivities)};
         }
         void pick(const InterpretedKernel& kernel, const FlowOutput& to) const {
             const std::size_t n = kernel.n_, size = kernel.size_;
@@ -227,7 +223,7 @@ private:
             for (std::size_t k = 0; k < count; ++k)
                 for (std::size_t i = 0; i < n + free; ++i)
                     to.time_sensitivities[k * (n + free) + i] =
-                        time_sensitivities[k * (size + free) + (i < n ? i : i - n + size)];
+                        time_sensitivities[k * (size + free) + kernel.padded(i)];
         }
     };
 
