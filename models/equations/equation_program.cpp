@@ -186,12 +186,12 @@ private:
     std::size_t register_count_ = 0;
 };
 
-}  // namespace
-
 FormulaCode formula_code(const ExpressionGraph& graph, std::span<const Node> results,
-                         std::span<const std::size_t> places) {
+                         std::span<const std::size_t> places = {}) {
     return CodeWriter(graph, results, places).code();
 }
+
+}  // namespace
 
 EquationProgram equation_program(const Equations& equations, std::span<const std::size_t> places) {
     EquationProgram program;
