@@ -99,7 +99,8 @@ TEST_CASE("errors of the pendulum's section, and those of an encoder that share 
     CHECK(level.covariance(0, 1) < 0.0);
 }
 
-TEST_CASE("clean series have errors no larger than what the fits leave over, shuffled ones none that are resolved", "[orbits][noise]") {
+TEST_CASE("clean series have errors no larger than what the fits leave over, shuffled ones none that are resolved",
+          "[orbits][noise]") {
     const auto series = tests::henon_series(20000);
     const NoiseLevel clean = level_of(series);
     CHECK_FALSE(clean.resolved);
