@@ -1,9 +1,9 @@
 #include "orbits/series_residuals/observed_channels.hpp"
-#include "orbits/records/refusal.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <stdexcept>
 
 #include <fmt/format.h>
 
@@ -11,14 +11,14 @@ namespace orbid::orbits {
 
 using Eigen::Index;
 
-void ObservedChannels::require(bool rule, const std::string& message) const {
-    refuse_if(!rule, "{}: {}", who_, message);
+void ObservedChannels::refuse(const std::string& message) const {
+    throw std::invalid_argument(fmt::format("{}: {}", who_, message));
 }
 
 void ObservedChannels::check_binding(const models::ParameterBinding& binding, const Eigen::VectorXd& start) const {
     const auto q = std::ssize(system_.parameters());
-    require(binding.base.size() == q,
-            fmt::format("base has {} parameters, model {} has {}", binding.base.size(), system_.name(), q));
+    require(binding.base.size() == q, "base has {} parameters, model {} has {}", binding.base.size(), system_.name(),
+            q);
     require(binding.parameter.size() == binding.estimated.size(),
             "binding: parameter and estimated must have equal lengths");
     for (std::size_t i = 0; i < binding.parameter.size(); ++i) {
@@ -26,13 +26,13 @@ void ObservedChannels::check_binding(const models::ParameterBinding& binding, co
         require(binding.estimated[i] >= 0 && binding.estimated[i] < binding.estimated_count,
                 "binding: no such estimated parameter");
     }
-    require(start.size() == 0 || start.size() == binding.estimated_count,
-            fmt::format("start has {} entries, must have {} or none", start.size(), binding.estimated_count));
+    require(start.size() == 0 || start.size() == binding.estimated_count, "start has {} entries, must have {} or none",
+            start.size(), binding.estimated_count);
 }
 
 void ObservedChannels::check_clock() const {
     require(series_.sampling == Series::Sampling::section || system_.kind() != models::Kind::map,
-            fmt::format("model {} is a map and predicts no samples in time", system_.name()));
+            "model {} is a map and predicts no samples in time", system_.name());
 }
 
 std::vector<ObservedCoordinate> ObservedChannels::chosen(std::vector<std::string>& names) const {
@@ -44,20 +44,19 @@ std::vector<ObservedCoordinate> ObservedChannels::chosen(std::vector<std::string
     for (const std::string& name : names) {
         const auto found = std::find_if(series_.coordinates.begin(), series_.coordinates.end(),
                                         [&](const SeriesCoordinate& c) { return c.name == name; });
-        require(found != series_.coordinates.end(), fmt::format("the series has no coordinate {}", name));
+        require(found != series_.coordinates.end(), "the series has no coordinate {}", name);
         const Index index = system_.coordinate_index(name);
-        require(index >= 0, fmt::format("model {} has no coordinate {}", system_.name(), name));
+        require(index >= 0, "model {} has no coordinate {}", system_.name(), name);
         require(std::none_of(observed.begin(), observed.end(),
                              [&](const ObservedCoordinate& o) { return o.coordinate == index; }),
-                fmt::format("coordinate {} is observed twice", name));
+                "coordinate {} is observed twice", name);
         observed.push_back({found - series_.coordinates.begin(), index, 0, false});
     }
     return observed;
 }
 
 void ObservedChannels::check_count(std::size_t errors, std::string_view what, std::size_t observed) const {
-    require(errors == 0 || errors == observed,
-            fmt::format("{} error {} for {} observed coordinates", errors, what, observed));
+    require(errors == 0 || errors == observed, "{} error {} for {} observed coordinates", errors, what, observed);
 }
 
 void ObservedChannels::choose_segments(std::vector<std::size_t>& segments) const {
@@ -68,25 +67,24 @@ void ObservedChannels::choose_segments(std::vector<std::size_t>& segments) const
     }
     require(!segments.empty(), "the series has no segment");
     for (auto s = segments.begin(); s != segments.end(); ++s) {
-        require(*s < count, fmt::format("segment {} does not exist; the series has {}", *s, count));
-        require(std::find(segments.begin(), s, *s) == s, fmt::format("segment {} is named twice", *s));
+        require(*s < count, "segment {} does not exist; the series has {}", *s, count);
+        require(std::find(segments.begin(), s, *s) == s, "segment {} is named twice", *s);
     }
 }
 
 void ObservedChannels::check_form(const ErrorForm& form, const models::Sensor& sensor, Index coordinate) const {
     const auto index = static_cast<std::size_t>(coordinate);
     require(!is_sized(form.distribution) || !models::reads_angle(sensor, system_.coordinates(), index),
-            fmt::format("errors of {}: an angle has no size that log-normal or relative errors could refer to",
-                        system_.coordinates()[index].name));
+            "errors of {}: an angle has no size that log-normal or relative errors could refer to",
+            system_.coordinates()[index].name);
 }
 
 std::vector<std::shared_ptr<const models::System>> ObservedChannels::with_inputs(
     const std::vector<std::shared_ptr<const models::InputSignal>>& signals) const {
-    require(signals.empty() || !system_.inputs().empty(),
-            fmt::format("model {} reads no measured inputs", system_.name()));
+    require(signals.empty() || !system_.inputs().empty(), "model {} reads no measured inputs", system_.name());
     require(signals.size() == (system_.inputs().empty() ? 0 : series_.segments.size()),
-            fmt::format("model {} reads measured inputs: {} signals for {} segments", system_.name(), signals.size(),
-                        series_.segments.size()));
+            "model {} reads measured inputs: {} signals for {} segments", system_.name(), signals.size(),
+            series_.segments.size());
     std::vector<std::shared_ptr<const models::System>> systems;
     for (const auto& signal : signals)
         systems.push_back(system_.with_input(signal));
@@ -97,8 +95,8 @@ double ObservedChannels::known_sd(const Segment& segment, Index row, Index sampl
     const Eigen::MatrixXd& sds = segment.deviations;
     const bool there = sds.rows() == segment.values.rows() && sds.cols() == segment.values.cols();
     const double sd = there ? sds(row, sample) : 0.0;
-    require(sd > 0.0 && std::isfinite(sd), fmt::format("segment {}: reading {} of {} has no known sd > 0",
-                                                       segment.label, sample, series_.coordinate(row).name));
+    require(sd > 0.0 && std::isfinite(sd), "segment {}: reading {} of {} has no known sd > 0", segment.label, sample,
+            series_.coordinate(row).name);
     return sd;
 }
 

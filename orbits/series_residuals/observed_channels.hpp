@@ -4,8 +4,10 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+#include <fmt/format.h>
 #include <Eigen/Core>
 
 #include "estimator/interface/residual.hpp"
@@ -24,7 +26,10 @@ public:
     ObservedChannels(std::string_view who, const models::System& system, const Series& series)
         : who_(who), system_(system), series_(series) {}
 
-    void require(bool rule, const std::string& message) const;
+    template <class... Values>
+    void require(bool rule, fmt::format_string<Values...> message, Values&&... values) const {
+        if (!rule) refuse(fmt::format(message, std::forward<Values>(values)...));
+    }
     /// @param start  of the estimated parameters; may be empty.
     void check_binding(const models::ParameterBinding& binding, const Eigen::VectorXd& start) const;
     /// Refuses samples in time for a map.
@@ -48,6 +53,8 @@ public:
                                          const std::vector<ErrorForm>& forms) const;
 
 private:
+    [[noreturn]] void refuse(const std::string& message) const;
+
     std::string_view who_;
     const models::System& system_;
     const Series& series_;

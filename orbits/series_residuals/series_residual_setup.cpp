@@ -48,7 +48,7 @@ SeriesResidual::SeriesResidual(std::shared_ptr<const models::System> system, mod
 }
 
 void SeriesResidual::require(bool rule, const std::string& message) const {
-    channels().require(rule, message);
+    channels().require(rule, "{}", message);
 }
 
 ObservedChannels SeriesResidual::channels() const {

@@ -25,9 +25,8 @@ void choose_segments(const ObservedChannels& channels, const Series& series, std
         const Segment& segment = series.segments[s];
         channels.require(segment.values.rows() == series.dimension() && segment.values.cols() > 0 &&
                              (segment.times.size() == 0 || segment.times.size() == segment.values.cols()),
-                         fmt::format("segment {}: values and times do not fit the series", segment.label));
-        channels.require(segment.values.array().isFinite().any(),
-                         fmt::format("segment {} has no reading", segment.label));
+                         "segment {}: values and times do not fit the series", segment.label);
+        channels.require(segment.values.array().isFinite().any(), "segment {} has no reading", segment.label);
     }
 }
 
@@ -58,14 +57,13 @@ void check_forms(const ObservedChannels& channels, const models::System& system,
         const auto name = system.coordinates()[static_cast<std::size_t>(observed[i].coordinate)].name;
         channels.check_form(form, options.sensor, observed[i].coordinate);
         channels.require(!is_sized(form.distribution) || !form.known_sds,
-                         fmt::format("errors of {}: known sds go with normal, Student's t or Laplace errors", name));
-        channels.require(!std::holds_alternative<estimator::AutoregressiveErrors>(form.distribution),
-                         fmt::format("errors of {}: autoregressive errors would begin anew at every node; "
-                                     "use one initial state per segment",
-                                     name));
+                         "errors of {}: known sds go with normal, Student's t or Laplace errors", name);
         channels.require(
-            !form.known_sds || !difference,
-            fmt::format("errors of {}: readings of a difference sensor have one error, that of its angle", name));
+            !std::holds_alternative<estimator::AutoregressiveErrors>(form.distribution),
+            "errors of {}: autoregressive errors would begin anew at every node; use one initial state per segment",
+            name);
+        channels.require(!form.known_sds || !difference,
+                         "errors of {}: readings of a difference sensor have one error, that of its angle", name);
         observed[i].known_sds = form.known_sds;
     }
 }
@@ -85,20 +83,18 @@ void check_known_sds(const ObservedChannels& channels, const Series& series, con
 }  // namespace
 
 void ShootingResidual::check_matching() const {
-    const auto require = [&](bool rule, const std::string& message) {
-        ObservedChannels(shooting_messages, data_->system(), data_->series).require(rule, message);
-    };
+    const ObservedChannels channels(shooting_messages, data_->system(), data_->series);
     const Index n = data_->system().dimension();
-    require(matching_.sd.size() == 0 || matching_.sd.size() == n,
-            fmt::format("{} matching sds for {} coordinates", matching_.sd.size(), n));
+    channels.require(matching_.sd.size() == 0 || matching_.sd.size() == n, "{} matching sds for {} coordinates",
+                     matching_.sd.size(), n);
     for (const double sd : matching_.sd)
-        require(sd > 0.0 && std::isfinite(sd), fmt::format("a matching sd is {}, must be > 0", sd));
-    require(matching_.kind == Continuity::Kind::exact || matching_.estimate || matching_.sd.size() > 0,
-            "matching with an error of its own needs its sds, or to estimate them");
-    require(!matching_.estimate || matching_.kind != Continuity::Kind::exact,
-            "exact matching has no sd that could be estimated: choose normal or Student's t");
-    require(!matching_.constraints || matching_.kind == Continuity::Kind::exact,
-            "only exact matching can be done by constraints");
+        channels.require(sd > 0.0 && std::isfinite(sd), "a matching sd is {}, must be > 0", sd);
+    channels.require(matching_.kind == Continuity::Kind::exact || matching_.estimate || matching_.sd.size() > 0,
+                     "matching with an error of its own needs its sds, or to estimate them");
+    channels.require(!matching_.estimate || matching_.kind != Continuity::Kind::exact,
+                     "exact matching has no sd that could be estimated: choose normal or Student's t");
+    channels.require(!matching_.constraints || matching_.kind == Continuity::Kind::exact,
+                     "only exact matching can be done by constraints");
 }
 
 std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<const models::System> system,
@@ -110,9 +106,8 @@ std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<c
     channels.check_clock();
     channels.require(
         series.sampling != Series::Sampling::section || system->kind() != models::Kind::autonomous || series.timed(),
-        fmt::format("crossings of the autonomous model {} need their times", system->name()));
-    channels.require(options.interval >= 0,
-                     fmt::format("interval is {}, must be > 0, or 0 to be chosen", options.interval));
+        "crossings of the autonomous model {} need their times", system->name());
+    channels.require(options.interval >= 0, "interval is {}, must be > 0, or 0 to be chosen", options.interval);
     choose_segments(channels, series, options.segments);
     auto data = std::make_shared<Data>();
     data->observed = choose_coordinates(channels, options);

@@ -4,20 +4,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <utility>
 
 #include <fmt/format.h>
 
 #include "estimator/interface/random_stream.hpp"
 #include "models/system/argument_check.hpp"
-#include "orbits/records/refusal.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/section_record.hpp"
 
 namespace orbid::orbits {
 namespace {
 
-void require(bool rule, const std::string& message) {
-    refuse_if(!rule, "virtual experiment: {}", message);
+template <class... Values>
+void require(bool rule, fmt::format_string<Values...> message, Values&&... values) {
+    if (!rule)
+        throw std::invalid_argument("virtual experiment: " + fmt::format(message, std::forward<Values>(values)...));
 }
 
 void validate_plan(const models::System& system, const VirtualExperimentOptions& options) {
@@ -25,28 +28,25 @@ void validate_plan(const models::System& system, const VirtualExperimentOptions&
         require(plan->sections > 0, "sections is 0, must be > 0");
         const bool autonomous = system.kind() == models::Kind::autonomous;
         require(!autonomous || plan->section,
-                fmt::format("model {} is not forced and has no sections at a phase; name a plane, or record samples",
-                            system.name()));
+                "model {} is not forced and has no sections at a phase; name a plane, or record samples",
+                system.name());
         require(autonomous || !plan->section,
-                fmt::format("model {} is not autonomous: its sections are {}, not crossings of a plane", system.name(),
-                            system.kind() == models::Kind::map ? "its iterates" : "at a phase of the forcing"));
-        require(
-            !plan->section || system.inputs().empty(),
-            fmt::format("model {} reads measured inputs, which tell the time: it has no sections by a plane; record "
-                        "samples",
-                        system.name()));
+                "model {} is not autonomous: its sections are {}, not crossings of a plane", system.name(),
+                system.kind() == models::Kind::map ? "its iterates" : "at a phase of the forcing");
+        require(!plan->section || system.inputs().empty(),
+                "model {} reads measured inputs, which tell the time: it has no sections by a plane; record samples",
+                system.name());
         require(plan->longest_return >= 0.0 && std::isfinite(plan->longest_return),
-                fmt::format("longest return time is {} s, must be > 0, or 0 to have it found", plan->longest_return));
+                "longest return time is {} s, must be > 0, or 0 to have it found", plan->longest_return);
         // 1 s stands for a time that is found later.
         if (plan->section)
             models::check_section(system, *plan->section, plan->longest_return > 0.0 ? plan->longest_return : 1.0);
     } else {
         const auto& samples = std::get<SamplePlan>(options.plan);
         require(samples.count > 0, "count of samples is 0, must be > 0");
-        require(samples.step > 0.0 && std::isfinite(samples.step),
-                fmt::format("sampling step is {} s, must be > 0", samples.step));
-        require(system.kind() != models::Kind::map,
-                fmt::format("model {} is a map and has no samples in time; record sections", system.name()));
+        require(samples.step > 0.0 && std::isfinite(samples.step), "sampling step is {} s, must be > 0", samples.step);
+        require(system.kind() != models::Kind::map, "model {} is a map and has no samples in time; record sections",
+                system.name());
     }
 }
 
@@ -57,28 +57,27 @@ void validate(const models::System& system, const VirtualExperimentOptions& opti
     require(std::isfinite(options.phase), "phase must be a finite number");
     require(options.initial.cols() == 0 || (options.initial.rows() == n &&
                                             options.initial.cols() == static_cast<Eigen::Index>(options.trajectories)),
-            fmt::format("initial states have shape ({}, {}), must be ({}, {}): one per trajectory",
-                        options.initial.rows(), options.initial.cols(), n, options.trajectories));
+            "initial states have shape ({}, {}), must be ({}, {}): one per trajectory", options.initial.rows(),
+            options.initial.cols(), n, options.trajectories);
     require(options.initial.allFinite(), "initial states must be finite numbers");
-    require(options.noise.size() == 0 || options.noise.size() == n,
-            fmt::format("noise has {} entries, must have {} or none", options.noise.size(), n));
+    require(options.noise.size() == 0 || options.noise.size() == n, "noise has {} entries, must have {} or none",
+            options.noise.size(), n);
     require(options.noise_correlation.size() == 0 || options.noise_correlation.size() == n,
-            fmt::format("correlation of the noise has {} entries, must have {} or none",
-                        options.noise_correlation.size(), n));
+            "correlation of the noise has {} entries, must have {} or none", options.noise_correlation.size(), n);
     require(options.random_range.size() == 0 || options.random_range.size() == n,
-            fmt::format("random range has {} entries, must have {} or none", options.random_range.size(), n));
+            "random range has {} entries, must have {} or none", options.random_range.size(), n);
     for (Eigen::Index i = 0; i < n; ++i) {
         const models::Coordinate& coordinate = system.coordinates()[static_cast<std::size_t>(i)];
         if (options.noise.size() > 0)
-            require(options.noise[i] >= 0.0 && std::isfinite(options.noise[i]),
-                    fmt::format("noise of {} is {}, must be >= 0", coordinate.name, options.noise[i]));
+            require(options.noise[i] >= 0.0 && std::isfinite(options.noise[i]), "noise of {} is {}, must be >= 0",
+                    coordinate.name, options.noise[i]);
         if (options.noise_correlation.size() > 0)
             require(std::abs(options.noise_correlation[i]) < 1.0,
-                    fmt::format("correlation of the noise of {} is {}, must lie between -1 and 1", coordinate.name,
-                                options.noise_correlation[i]));
+                    "correlation of the noise of {} is {}, must lie between -1 and 1", coordinate.name,
+                    options.noise_correlation[i]);
         if (options.random_range.size() > 0 && !coordinate.angle)
             require(options.random_range[i] > 0.0 && std::isfinite(options.random_range[i]),
-                    fmt::format("random range of {} is {}, must be > 0", coordinate.name, options.random_range[i]));
+                    "random range of {} is {}, must be > 0", coordinate.name, options.random_range[i]);
     }
     if (options.sensor.type == models::Sensor::Type::angle_difference) {
         require(
@@ -86,8 +85,8 @@ void validate(const models::System& system, const VirtualExperimentOptions& opti
             "sensor: angle and rate must be coordinates of the model");
         const auto rate = static_cast<Eigen::Index>(options.sensor.rate);
         require(options.noise.size() == 0 || options.noise[rate] == 0.0,
-                fmt::format("noise of {} must be 0: its error follows from the angle readings it is the difference of",
-                            system.coordinates()[options.sensor.rate].name));
+                "noise of {} must be 0: its error follows from the angle readings it is the difference of",
+                system.coordinates()[options.sensor.rate].name);
         require(options.noise_correlation.size() == 0 || options.noise_correlation.isZero(0.0),
                 "noise of a difference sensor, which reads an angle twice, cannot be correlated");
     }
