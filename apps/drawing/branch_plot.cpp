@@ -6,8 +6,11 @@
 #include <set>
 #include <string_view>
 
-#include "apps/drawing/figure.hpp"
+#include <fmt/format.h>
+
+#include "apps/drawing/chart_picture.hpp"
 #include "apps/results/followed_branch.hpp"
+#include "models/definition/parameter.hpp"
 
 namespace orbid::apps {
 
@@ -20,19 +23,13 @@ using periodic::BranchPoint;
 struct Mark {
     Bifurcation bifurcation;
     std::string_view name;
-    std::size_t shape;  ///< of series_marker
+    int style;
 };
 
-constexpr std::array<Mark, 4> marks{{{Bifurcation::period_doubling, "period doubling", 0},
-                                     {Bifurcation::fold, "fold", 1},
-                                     {Bifurcation::branch_point, "branch point (symmetry breaking)", 3},
-                                     {Bifurcation::neimark_sacker, "Neimark-Sacker", 2}}};
-constexpr std::string_view dashes = "2.2 1.6";
-
-/// Open shapes, so that the lines below stay visible.
-PlotMarker open_mark(const Mark& mark, double radius) {
-    return {"#1d2430", series_marker(mark.shape, radius).outline};
-}
+constexpr std::array<Mark, 4> marks{{{Bifurcation::period_doubling, "period doubling", 1},
+                                     {Bifurcation::fold, "fold", 2},
+                                     {Bifurcation::branch_point, "branch point (symmetry breaking)", 4},
+                                     {Bifurcation::neimark_sacker, "Neimark-Sacker", 3}}};
 
 /// What is drawn upwards: one value per point of the section, or T alone.
 struct Values {
@@ -52,114 +49,96 @@ bool stable_after(const std::vector<BranchPoint>& points, std::size_t k) {
 }
 
 /// The curve that point j of the orbits draws, in stable and unstable pieces.
-void draw_curve(Panel& panel, const Branch& branch, const Values& values, Eigen::Index j, std::string_view colour) {
+void add_curve(const Branch& branch, const Values& values, Eigen::Index j, bool angle, ChartLayer& stable,
+               ChartLayer& unstable) {
     const auto& points = branch.points;
     for (std::size_t k = 0; k + 1 < points.size();) {
-        const bool stable = stable_after(points, k);
+        const bool is_stable = stable_after(points, k);
         std::size_t end = k + 1;
-        while (end + 1 < points.size() && stable_after(points, end) == stable)
+        while (end + 1 < points.size() && stable_after(points, end) == is_stable)
             ++end;
-        std::vector<double> x;
-        std::vector<double> y;
-        for (std::size_t i = k; i <= end; ++i) {
-            x.push_back(points[i].parameter);
-            y.push_back(values.at(points[i], j));
-        }
-        panel.curve(x, y, {colour, stable ? 1.0 : 0.7, stable ? std::string_view() : dashes});
+        ChartLayer& line = is_stable ? stable : unstable;
+        for (std::size_t i = k; i <= end; ++i)
+            line.follow(points[i].parameter, values.at(points[i], j), angle);
+        line.lift();
         k = end;
     }
 }
 
-void draw_branches(Panel& panel, const std::vector<Branch>& branches, const Values& values,
-                   const std::set<int>& periods) {
-    // Long periods first, so that the few lines of short ones stay visible on top.
-    for (auto period = periods.rbegin(); period != periods.rend(); ++period) {
-        for (const Branch& branch : branches) {
-            if (branch_period(branch) != *period) continue;
-            Eigen::Index curves = 0;
-            for (const BranchPoint& point : branch.points)
-                curves = std::max(curves, values.count(point));
-            for (Eigen::Index j = 0; j < curves; ++j)
-                draw_curve(panel, branch, values, j, plot_marker(*period).colour);
-        }
+/// All branches of one period: first the unstable orbits, then the stable ones.
+void add_lines(const std::vector<Branch>& branches, int period, const Values& values, bool angle, ChartView& view) {
+    ChartLayer stable{"line", fmt::format("period {}", period), std::min(period, 8), ""};
+    ChartLayer unstable{"line", "unstable", stable.style, ""};
+    unstable.dash = true;
+    for (const Branch& branch : branches) {
+        if (branch_period(branch) != period) continue;
+        Eigen::Index curves = 0;
+        for (const BranchPoint& point : branch.points)
+            curves = std::max(curves, values.count(point));
+        for (Eigen::Index j = 0; j < curves; ++j)
+            add_curve(branch, values, j, angle, stable, unstable);
     }
+    if (!unstable.x.empty()) view.layers.push_back(std::move(unstable));
+    view.layers.push_back(std::move(stable));
 }
 
-void draw_bifurcations(Panel& panel, const std::vector<const BranchPoint*>& located, const Values& values,
-                       double radius) {
+void add_marks(const std::vector<const BranchPoint*>& located, const Values& values, bool angle, ChartView& view) {
     for (const Mark& mark : marks) {
-        std::vector<double> x;
-        std::vector<double> y;
+        // Open shapes, so that the lines below stay visible.
+        ChartLayer layer{"points", std::string(mark.name), mark.style, "ink"};
+        layer.open = true;
         for (const BranchPoint* point : located) {
             if (point->bifurcation != mark.bifurcation) continue;
             for (Eigen::Index j = 0; j < values.count(*point); ++j) {
-                x.push_back(point->parameter);
-                y.push_back(values.at(*point, j));
+                const double value = values.at(*point, j);
+                layer.add(point->parameter, angle ? models::wrapped(value) : value);
+                layer.labels.push_back(fmt::format("{}, period {}", mark.name, point->orbit.period));
             }
         }
-        panel.markers(x, y, open_mark(mark, radius), Panel::Filling::open);
+        if (!layer.x.empty()) view.layers.push_back(std::move(layer));
     }
-}
-
-std::vector<LegendEntry> legend_of(const std::set<int>& periods, const std::vector<const BranchPoint*>& located,
-                                   double radius) {
-    std::vector<LegendEntry> legend;
-    for (const int period : periods) {
-        // Periods from 8 on share one colour.
-        const bool several = period >= 8 && period != *periods.rbegin();
-        legend.push_back({fmt::format("period {}{}", period, several ? " …" : ""),
-                          LegendEntry::Kind::line,
-                          {},
-                          {plot_marker(period).colour, 1.4}});
-        if (several) break;
-    }
-    legend.push_back({"unstable", LegendEntry::Kind::line, {}, {"#39424f", 0.8, dashes}});
-    for (const Mark& mark : marks) {
-        if (std::any_of(located.begin(), located.end(),
-                        [&](const auto* p) { return p->bifurcation == mark.bifurcation; }))
-            legend.push_back({std::string(mark.name), LegendEntry::Kind::marker, open_mark(mark, radius), {}, true});
-    }
-    return legend;
 }
 
 }  // namespace
 
-std::string branches_svg(const std::vector<Branch>& branches, const BranchPicture& picture, const PlotStyle& style) {
+Chart branch_chart(const std::vector<Branch>& branches, const BranchPicture& picture) {
     const Values values{picture.shown};
-    PlotRange x_range, y_range;
     std::set<int> periods;
     std::size_t orbits = 0;
     for (const Branch& branch : branches) {
         periods.insert(branch_period(branch));
         orbits += branch.points.size();
-        for (const BranchPoint& point : branch.points) {
-            x_range.include(point.parameter);
-            for (Eigen::Index j = 0; j < values.count(point); ++j)
-                y_range.include(values.at(point, j));
-        }
     }
     std::vector<const BranchPoint*> located;
     for (const BranchPlace& place : located_bifurcations(branches))
         located.push_back(&branches[place.branch].points[place.point]);
+    ChartView view;
+    // Long periods first, so that the few lines of short ones stay visible on top.
+    for (auto period = periods.rbegin(); period != periods.rend(); ++period)
+        add_lines(branches, *period, values, picture.coordinate.angle, view);
+    add_marks(located, values, picture.coordinate.angle, view);
+    ChartRange x, y;
+    for (const ChartLayer& layer : view.layers) {
+        x.include(layer.x);
+        y.include(layer.y);
+    }
     // Branches fill a small part of the circle: an angle that stays away from the cut has an axis of its own.
     constexpr double quarter = 0.5 * std::numbers::pi;
     orbits::SeriesCoordinate upwards = picture.coordinate;
-    upwards.angle = upwards.angle && !(y_range.lowest > -quarter && y_range.highest < quarter);
+    upwards.angle = upwards.angle && !(y.lowest > -quarter && y.highest < quarter);
+    view.label = display_name(upwards.name);
+    view.x = x.axis(picture.parameter);
+    view.y = y.axis(upwards);
+    view.height = 0.6;
+    Chart chart{"branch", picture.title, "Coordinate", {}};
+    chart.views.push_back(std::move(view));
+    chart.description = fmt::format("{} branch{} over {}, {} orbits, {} bifurcations located", branches.size(),
+                                    branches.size() == 1 ? "" : "es", picture.parameter.name, orbits, located.size());
+    return chart;
+}
 
-    const std::string description =
-        fmt::format("{} branch{} over {}, {} orbits, {} bifurcations located", branches.size(),
-                    branches.size() == 1 ? "" : "es", picture.parameter.name, orbits, located.size());
-    Figure figure(style);
-    figure.title(picture.heading, description);
-    const double radius = 0.26 * figure.font() * style.marks;
-    figure.legend(legend_of(periods, located, radius));
-    Panel panel(figure, figure.row(0.7 * style.height * figure.width()),
-                plot_axis(picture.parameter, x_range, figure.wanted_ticks()), plot_axis(upwards, y_range, 6));
-    panel.open();
-    draw_branches(panel, branches, values, periods);
-    draw_bifurcations(panel, located, values, radius);
-    panel.frame();
-    return figure.svg(picture.title, description);
+std::string branches_svg(const std::vector<Branch>& branches, const BranchPicture& picture, const PlotStyle& style) {
+    return chart_svg(branch_chart(branches, picture), picture.heading, style);
 }
 
 }  // namespace orbid::apps

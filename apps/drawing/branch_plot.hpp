@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/drawing/chart.hpp"
 #include "apps/drawing/plot_style.hpp"
 #include "orbits/records/series.hpp"
 #include "periodic/branches/branch.hpp"
@@ -19,11 +20,12 @@ struct BranchPicture {
     std::string title;                                     ///< for those who do not see it
 };
 
-/// Bifurcation picture (SVG 1.1): the parameter to the right, one coordinate of the points of the section (or T)
-/// upwards; stable orbits solid, unstable ones dashed, coloured by period; located doublings, folds, branch points and
-/// Neimark-Sacker bifurcations marked; legend, axes with units. The same input gives the same bytes.
-///
-/// Lines are broken where an angle leaves (-pi, pi].
+/// Branches as a chart: the parameter to the right, one coordinate of the points of the section (or T) upwards; stable
+/// orbits solid, unstable ones dashed, coloured by period; located doublings, folds, branch points and Neimark-Sacker
+/// bifurcations marked. Lines are broken where an angle leaves (-pi, pi].
+[[nodiscard]] Chart branch_chart(const std::vector<periodic::Branch>& branches, const BranchPicture& picture);
+
+/// Bifurcation picture (SVG 1.1) with legend and axes with units. The same input gives the same bytes.
 [[nodiscard]] std::string branches_svg(const std::vector<periodic::Branch>& branches, const BranchPicture& picture,
                                        const PlotStyle& style);
 

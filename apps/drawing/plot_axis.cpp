@@ -5,23 +5,11 @@
 #include <cmath>
 #include <numbers>
 #include <string_view>
-#include <utility>
 
 #include <fmt/format.h>
 
 namespace orbid::apps {
 namespace {
-
-constexpr std::array<std::pair<std::string_view, std::string_view>, 20> greek{
-    {{"alpha", "α"}, {"beta", "β"},  {"gamma", "γ"},  {"delta", "δ"}, {"epsilon", "ε"}, {"zeta", "ζ"}, {"eta", "η"},
-     {"theta", "θ"}, {"kappa", "κ"}, {"lambda", "λ"}, {"mu", "μ"},    {"phi", "φ"},     {"psi", "ψ"},  {"rho", "ρ"},
-     {"sigma", "σ"}, {"nu", "ν"},    {"xi", "ξ"},     {"chi", "χ"},   {"tau", "τ"},     {"omega", "ω"}}};
-
-std::string letter(std::string_view name) {
-    const auto* const found =
-        std::find_if(greek.begin(), greek.end(), [&](const auto& entry) { return entry.first == name; });
-    return std::string(found == greek.end() ? name : found->second);
-}
 
 /// A number on an axis, with a typographic minus.
 std::string tick_label(double value, int decimals) {
@@ -38,17 +26,6 @@ double round_step(double rough) {
     }
     return 10.0 * power;
 }
-
-}  // namespace
-
-std::string display_name(const std::string& name) {
-    constexpr std::string_view suffix = "_dot";
-    if (name.size() > suffix.size() && name.ends_with(suffix))
-        return fmt::format("d{}/dt", letter(std::string_view(name).substr(0, name.size() - suffix.size())));
-    return letter(name);
-}
-
-namespace {
 
 std::string labelled(const std::string& label, const std::string& unit) {
     return unit.empty() || unit == "1" ? label : fmt::format("{} [{}]", label, unit);
@@ -152,19 +129,24 @@ PlotAxis logarithmic_axis(const std::string& label, const std::string& unit, dou
     return axis;
 }
 
-PlotAxis plot_axis(const orbits::SeriesCoordinate& coordinate, const PlotRange& range, int wanted) {
+PlotAxis plot_axis(const ChartAxis& axis, int wanted) {
     constexpr double pi = std::numbers::pi;
-    constexpr double spare = 0.04;  // dots at the edge of the data keep clear of the frame
-    const double margin = spare * (range.highest - range.lowest);
-    PlotAxis axis = linear_axis(display_name(coordinate.name), coordinate.unit, range.lowest - margin,
-                                range.highest + margin, wanted);
-    if (!coordinate.angle) return axis;
-    return {-pi,
-            pi,
-            {{-pi, "−π"}, {-pi / 2.0, "−π/2"}, {0.0, "0"}, {pi / 2.0, "π/2"}, {pi, "π"}},
-            labelled(display_name(coordinate.name), coordinate.unit),
-            true,
-            false};
+    if (axis.log) return logarithmic_axis(axis.label, axis.unit, axis.lower, axis.upper, wanted);
+    if (!axis.circle && !axis.whole && axis.names.empty())
+        return linear_axis(axis.label, axis.unit, axis.lower, axis.upper, wanted);
+    PlotAxis out{axis.lower, axis.upper, {}, labelled(axis.label, axis.unit), false, !axis.names.empty()};
+    if (out.named) {
+        for (std::size_t k = 0; k < axis.names.size(); ++k)
+            out.ticks.push_back({static_cast<double>(k), axis.names[k], axis.notes.empty() ? "" : axis.notes[k]});
+    } else if (axis.circle) {
+        out.ticks = {{-pi, "−π"}, {-pi / 2.0, "−π/2"}, {0.0, "0"}, {pi / 2.0, "π/2"}, {pi, "π"}};
+    } else {
+        const double first = std::ceil(axis.lower);
+        const double step = std::max(1.0, std::ceil((axis.upper - first) / std::max(1, wanted)));
+        for (double value = first; value <= axis.upper; value += step)
+            out.ticks.push_back({value, tick_label(value, 0)});
+    }
+    return out;
 }
 
 }  // namespace orbid::apps

@@ -54,9 +54,4 @@ PlotMarker plot_marker(int period, double scale) {
     return {style.colour, outline(style.shape, scale * style.radius)};
 }
 
-PlotMarker series_marker(std::size_t index, double radius) {
-    const Style& style = styles[index % styles.size()];
-    return {style.colour, outline(style.shape, radius)};
-}
-
 }  // namespace orbid::apps

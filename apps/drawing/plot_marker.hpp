@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <string>
 #include <string_view>
 
@@ -15,8 +14,5 @@ struct PlotMarker {
 /// Marker of a period (>= 1), its radius times `scale`: periods from 8 on share one. Longer periods are smaller,
 /// because there are more of them.
 [[nodiscard]] PlotMarker plot_marker(int period, double scale = 1.0);
-
-/// Marker number `index` (from 0, repeating after eight) at one radius for all: series of a plot that are no periods.
-[[nodiscard]] PlotMarker series_marker(std::size_t index, double radius);
 
 }  // namespace orbid::apps

@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "apps/drawing/chart.hpp"
 #include "apps/drawing/plot_style.hpp"
 #include "orbits/records/series.hpp"
 
@@ -30,6 +31,7 @@ struct PeriodPoints {
     std::vector<double> x;
     std::vector<double> y;
     std::size_t orbits = 0;
+    std::vector<std::string> labels = {};  ///< what a live chart says of each; may be empty
 };
 
 /// What a picture of a section shows.
@@ -44,11 +46,12 @@ struct SectionPicture {
     void add_orbit(int period, const Eigen::MatrixXd& points, Eigen::Index x = 0, Eigen::Index y = 1);
 };
 
-/// Picture (SVG 1.1) of a section with its periodic points: dots shaded by the density of all points, the orbits over
-/// it, coloured and shaped by period, legend, axes with units. The same input gives the same bytes.
-///
-/// At most 60 000 dots are drawn, and no more than the frame has room for. About 8 bytes per dot, 50 per periodic
-/// point.
+/// The section as a chart: dots shaded by the density of all points, where there are any, the orbits over it, coloured
+/// and shaped by period.
+[[nodiscard]] Chart section_chart(const SectionPicture& picture);
+
+/// Picture (SVG 1.1) of a section with its periodic points, legend, axes with units. The same input gives the same
+/// bytes. About 8 bytes per dot, of which there are at most 60 000, 50 per periodic point.
 [[nodiscard]] std::string section_svg(const SectionPicture& picture, const PlotStyle& style);
 
 }  // namespace orbid::apps

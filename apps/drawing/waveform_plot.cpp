@@ -1,53 +1,41 @@
 #include "apps/drawing/waveform_plot.hpp"
 
-#include <algorithm>
-
-#include "apps/drawing/figure.hpp"
+#include "apps/drawing/chart_picture.hpp"
+#include "models/definition/parameter.hpp"
 
 namespace orbid::apps {
 
-namespace {
-
-void draw_waveform(Panel& panel, const PlottedWaveform& waveform, std::size_t index) {
-    const double font = panel.figure().font();
-    panel.curve(waveform.computed_at, waveform.computed, {series_marker(index, 1.0).colour, 0.9});
-    // Some 60 markers on a column.
-    const auto most = static_cast<std::size_t>(0.24 * panel.figure().width());
-    const std::size_t every = (waveform.measured.size() + most - 1) / most;
-    std::vector<double> x;
-    std::vector<double> y;
-    for (std::size_t k = 0; k < waveform.measured.size(); k += every) {
-        x.push_back(waveform.measured_at[k]);
-        y.push_back(waveform.measured[k]);
+Chart waveform_chart(const std::vector<WaveformPanel>& panels) {
+    Chart chart{"waveform", "Steady states", "Coordinate", {}, Chart::Arrangement::stacked};
+    chart.description = "measured (markers) and computed (lines) over one turn of the orbit";
+    for (const auto& [coordinate, waveforms] : panels) {
+        ChartView view;
+        ChartRange range;
+        for (const PlottedWaveform& waveform : waveforms) {
+            const int style = 1 + static_cast<int>(view.layers.size() / 2 % 8);
+            ChartLayer computed{"line", waveform.label, style, ""};
+            for (std::size_t k = 0; k < waveform.computed.size(); ++k)
+                computed.follow(waveform.computed_at[k], waveform.computed[k], coordinate.angle);
+            ChartLayer measured{"points", waveform.label, style, ""};
+            measured.open = true;
+            for (std::size_t k = 0; k < waveform.measured.size(); ++k)
+                measured.add(waveform.measured_at[k],
+                             coordinate.angle ? models::wrapped(waveform.measured[k]) : waveform.measured[k]);
+            range.include(computed.y);
+            range.include(measured.y);
+            view.layers.push_back(std::move(computed));
+            view.layers.push_back(std::move(measured));
+        }
+        view.label = display_name(coordinate.name);
+        view.x = {"share of the orbit", "", 0.0, 1.0};
+        view.y = range.axis(coordinate);
+        chart.views.push_back(std::move(view));
     }
-    panel.markers(x, y, series_marker(index, 0.16 * font), Panel::Filling::open);
+    return chart;
 }
 
-}  // namespace
-
 std::string waveform_svg(const std::vector<WaveformPanel>& panels, const std::string& heading, const PlotStyle& style) {
-    const std::string description = "measured (markers) and computed (lines) over one turn of the orbit";
-    Figure figure(style);
-    figure.title(heading, description);
-    std::vector<LegendEntry> legend;
-    for (const PlottedWaveform& waveform : panels.front().waveforms)
-        legend.push_back(
-            {waveform.label, LegendEntry::Kind::marker, series_marker(legend.size(), 0.2 * figure.font()), {}});
-    figure.legend(legend);
-    for (const auto& [coordinate, waveforms] : panels) {
-        PlotRange range;
-        for (const PlottedWaveform& waveform : waveforms) {
-            range.include(waveform.measured);
-            range.include(waveform.computed);
-        }
-        Panel panel(figure, figure.row(0.6 * style.height * figure.width()),
-                    linear_axis("share of the orbit", "", 0.0, 1.0), plot_axis(coordinate, range, 5));
-        panel.open();
-        for (std::size_t w = 0; w < waveforms.size(); ++w)
-            draw_waveform(panel, waveforms[w], w);
-        panel.frame();
-    }
-    return figure.svg("Steady states", description);
+    return chart_svg(waveform_chart(panels), heading, style);
 }
 
 }  // namespace orbid::apps

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/drawing/chart.hpp"
 #include "apps/drawing/plot_style.hpp"
 #include "orbits/records/series.hpp"
 
@@ -23,8 +24,10 @@ struct WaveformPanel {
     std::vector<PlottedWaveform> waveforms;
 };
 
-/// SVG of measured (markers) and computed (lines) waveforms, a frame for each coordinate. The legend is that of the
-/// first one. Of many readings every k-th is marked.
+/// Measured (markers) and computed (lines) waveforms, a frame for each coordinate.
+[[nodiscard]] Chart waveform_chart(const std::vector<WaveformPanel>& panels);
+
+/// The same as SVG.
 [[nodiscard]] std::string waveform_svg(const std::vector<WaveformPanel>& panels, const std::string& heading,
                                        const PlotStyle& style);
 

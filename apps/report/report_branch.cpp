@@ -1,15 +1,12 @@
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <numbers>
 
 #include <fmt/format.h>
 
-#include "apps/drawing/plot_axis.hpp"
 #include "apps/report/html_text.hpp"
+#include "apps/report/plots/run_charts.hpp"
 #include "apps/report/report_chapter.hpp"
 #include "apps/results/summary_table.hpp"
-#include "apps/stored_run/stored_record.hpp"
 
 namespace orbid::apps {
 
@@ -18,84 +15,6 @@ namespace {
 using namespace detail;
 
 constexpr std::size_t most_orbits = 2000;  // rows of the table of computed orbits
-
-/// "plot" of the job's continuation: a coordinate, or "time".
-std::string plotted_coordinate(const Json& job) {
-    const Json::json_pointer place("/periodic/continuation/plot");
-    return job.contains(place) && job.at(place).is_string() ? job.at(place).get<std::string>() : std::string();
-}
-
-/// One picture per coordinate of the section; curves are cut where stability changes.
-ChartView branch_view(const Json& file, std::size_t coordinate, bool angle) {
-    const Json& parameter = file.at("parameter");
-    ChartView view;
-    ChartRange x;
-    ChartRange y;
-    std::map<std::string, ChartLayer> marks;
-    const std::map<std::string, int> shapes{
-        {"period_doubling", 1}, {"fold", 2}, {"branch_point", 4}, {"neimark_sacker", 3}};
-    for (const Json& branch : file.at("branches")) {
-        const Json& points = branch.at("points");
-        std::size_t curves = 0;
-        for (const Json& point : points)
-            curves = std::max(curves, point.at("points").size());
-        for (const bool stable : {true, false}) {
-            ChartLayer line{"line", stable ? "stable" : "unstable", stable ? 2 : 1, ""};
-            line.dash = !stable;
-            for (std::size_t j = 0; j < curves; ++j) {
-                double last = std::nan("");
-                for (std::size_t k = 0; k < points.size(); ++k) {
-                    const bool here = (points[k].at("unstable").get<int>() == 0) == stable;
-                    // A change of stability ends one curve and begins the other at the same point.
-                    const bool before = k > 0 && (points[k - 1].at("unstable").get<int>() == 0) == stable;
-                    const Json& states = points[k].at("points");
-                    const double at = number_at(points[k], "parameter");
-                    const double read = states[j % states.size()].at(coordinate).get<double>();
-                    const double value = angle ? models::wrapped(read) : read;
-                    if (angle && std::abs(value - last) > std::numbers::pi) {
-                        // It came round the circle: no line across.
-                        line.x.push_back(std::nan(""));
-                        line.y.push_back(std::nan(""));
-                    }
-                    last = value;
-                    line.x.push_back(at);
-                    line.y.push_back(here || before ? value : std::nan(""));
-                    x.include(at);
-                    y.include(value);
-                }
-                line.x.push_back(std::nan(""));
-                line.y.push_back(std::nan(""));
-            }
-            view.layers.push_back(std::move(line));
-        }
-        for (const Json& point : points) {
-            const std::string kind = text_at(point, "bifurcation");
-            if (kind.empty()) continue;
-            ChartLayer& layer = marks[kind];
-            layer.kind = "points";
-            layer.open = true;
-            std::string name = kind;
-            std::replace(name.begin(), name.end(), '_', ' ');
-            layer.name = name;
-            const auto shape = shapes.find(kind);
-            layer.style = shape == shapes.end() ? 5 : shape->second;
-            for (const Json& state : point.at("points")) {
-                layer.x.push_back(number_at(point, "parameter"));
-                const double value = state.at(coordinate).get<double>();
-                layer.y.push_back(angle ? models::wrapped(value) : value);
-                layer.labels.push_back(fmt::format("{}, period {}", name, point.at("period").dump()));
-            }
-        }
-    }
-    for (auto& [kind, layer] : marks)
-        view.layers.push_back(std::move(layer));
-    const auto name = file.at("coordinates")[coordinate].get<std::string>();
-    view.label = display_name(name);
-    view.x = x.axis(display_name(text_at(parameter, "name")), text_at(parameter, "unit"));
-    view.y = y.axis(display_name(name), file.at("units")[coordinate].get<std::string>());
-    view.height = 0.6;
-    return view;
-}
 
 std::string bifurcations_table(const Json& file) {
     HtmlTable table("Bifurcations", {{"branch"},
@@ -192,16 +111,7 @@ ReportChapter branch_chapter(const ReportSource& source) {
     ReportChapter chapter{"orbits", "Orbits of the model", ""};
     if (source.run.branch && filled(*source.run.branch, "branches") != nullptr) {
         const Json& file = *source.run.branch;
-        Chart chart{"branch", "Branches of periodic orbits over the parameter", "Coordinate", {}};
-        const ModelJob model = stored_model(source.run);
-        const std::string plotted = plotted_coordinate(source.run.job);
-        for (std::size_t i = 0; i < file.at("coordinates").size(); ++i) {
-            const auto name = file.at("coordinates")[i].get<std::string>();
-            const bool angle = catalog::coordinate_of(model, name).angle;
-            // What the job plots comes first.
-            chart.views.insert(name == plotted ? chart.views.begin() : chart.views.end(), branch_view(file, i, angle));
-        }
-        std::string html = figure_html(source, chart,
+        std::string html = figure_html(branch_chart(source.run),
                                        "Periodic orbits as the parameter moves: stable ones solid, unstable ones "
                                        "dashed, bifurcations marked.");
         html += html_paragraph(text_at(file, "message"));

@@ -2,62 +2,60 @@
 
 #include <fmt/format.h>
 
+#include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/markup_text.hpp"
-#include "apps/report/html_text.hpp"
+#include "apps/report/report_chart.hpp"
+#include "apps/report/report_points.hpp"
 #include "apps/results/counted_noun.hpp"
 
 namespace orbid::apps {
 
-namespace detail {
+namespace {
 
-double number_at(const Json& object, std::string_view key) {
-    const auto found = object.find(key);
-    return found != object.end() && found->is_number() ? found->get<double>()
-                                                       : std::numeric_limits<double>::quiet_NaN();
+/// Shown half as large again; drawn at full size, the dots of a dense section would take more of the page than
+/// everything else.
+PlotStyle page_style() {
+    PlotStyle style;
+    style.width_mm = 130.0;
+    style.font_pt = 6.5;
+    return style;
 }
 
-std::string text_at(const Json& object, std::string_view key) {
-    const auto found = object.find(key);
-    return found != object.end() && found->is_string() ? found->get<std::string>() : std::string();
+/// The points of a density as shares of the axes, in script elements.
+std::string points_html(const Chart& chart, const ChartView& view, const ChartLayer& density) {
+    const auto share = [](const ChartAxis& axis, double value) {
+        return (value - axis.lower) / (axis.upper - axis.lower);
+    };
+    std::vector<std::pair<double, double>> points;
+    points.reserve(density.x.size());
+    for (std::size_t i = 0; i < density.x.size(); ++i)
+        points.emplace_back(share(view.x, density.x[i]), share(view.y, density.y[i]));
+    std::string out;
+    for (const PointBlocks::Block& block : point_blocks(points).blocks)
+        out += fmt::format("<script type=\"text/plain\" data-points=\"{}\" data-count=\"{}\">{}</script>\n",
+                           markup_text(chart.name), block.count, block.base64);
+    return out;
 }
 
-const Json* filled(const Json& object, std::string_view key) {
-    const auto found = object.find(key);
-    return found != object.end() && found->is_structured() && !found->empty() ? &*found : nullptr;
+}  // namespace
+
+std::string detail::grouped(std::size_t value) {
+    return grouped_digits(value, "\u202f");  // narrow space that does not break
 }
 
-std::string grouped(std::size_t value) {
-    std::string digits = std::to_string(value);
-    for (auto at = static_cast<std::ptrdiff_t>(digits.size()) - 3; at > 0; at -= 3)
-        digits.insert(static_cast<std::size_t>(at), "\u202f");  // narrow space that does not break
-    return digits;
-}
-
-std::string grouped_count(std::size_t count, std::string_view noun) {
+std::string detail::grouped_count(std::size_t count, std::string_view noun) {
     return apps::counted(count, noun, grouped(count));
 }
 
-}  // namespace detail
-
-std::string figure_html(const ReportSource& source, const Chart& chart, std::string_view caption,
-                        const PointBlocks* blocks) {
-    const auto still = source.still_plots.find(chart.name);
-    const bool live = !chart.views.empty();
-    if (still == source.still_plots.end() && !live) return "";
-    const bool drawn = still != source.still_plots.end();
-    // Without a still picture there is nothing to see until the script shows the figure.
-    std::string out = fmt::format("<figure id=\"plot-{}\"{}{}>\n", markup_text(chart.name),
-                                  live ? fmt::format(" data-chart=\"{}\"", markup_text(chart.name)) : "",
-                                  drawn ? "" : " class=\"live-only\" hidden");
-    if (drawn) out += fmt::format("<div class=\"still\">{}</div>\n", still->second);
-    out += fmt::format("<figcaption>{}</figcaption>\n</figure>\n", markup_text(caption));
-    if (!live) return out;
-    out += fmt::format("<script type=\"application/json\" id=\"data-{}\">{}</script>\n", markup_text(chart.name),
-                       chart_text(chart));
-    if (blocks != nullptr) {
-        for (const PointBlocks::Block& block : blocks->blocks)
-            out += fmt::format("<script type=\"text/plain\" data-points=\"{}\" data-count=\"{}\">{}</script>\n",
-                               markup_text(chart.name), block.count, block.base64);
+std::string figure_html(const Chart& chart, std::string_view caption) {
+    if (chart.views.empty()) return "";
+    std::string out = fmt::format(
+        "<figure id=\"plot-{0}\" data-chart=\"{0}\">\n<div class=\"still\">{1}</div>\n"
+        "<figcaption>{2}</figcaption>\n</figure>\n<script type=\"application/json\" id=\"data-{0}\">{3}</script>\n",
+        markup_text(chart.name), chart_svg(chart, "", page_style()), markup_text(caption), chart_text(chart));
+    for (const ChartView& view : chart.views) {
+        for (const ChartLayer& layer : view.layers)
+            if (layer.kind == "density") out += points_html(chart, view, layer);
     }
     return out;
 }

@@ -1,14 +1,11 @@
 #pragma once
 
-#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
-#include "apps/report/report_chart.hpp"
-#include "apps/report/report_points.hpp"
+#include "apps/drawing/chart.hpp"
+#include "apps/report/plots/json_member.hpp"
 #include "apps/results/result_file.hpp"
 #include "apps/stored_run/stored_run.hpp"
 
@@ -17,9 +14,7 @@ namespace orbid::apps {
 /// What the chapters of a report are written from: a stored run, and what several chapters read, read once.
 struct ReportSource {
     const StoredRun& run;
-    std::vector<ResidualRow> residuals;               ///< residuals.csv
-    std::map<std::string, std::string> still_plots;   ///< SVG by name, as plot_catalog drew it
-    std::map<std::string, std::string> descriptions;  ///< of these plots, one sentence each
+    std::vector<ResidualRow> residuals;  ///< residuals.csv
 };
 
 /// A part of the report; one without content is left out with its heading.
@@ -48,26 +43,11 @@ struct ReportChapter {
 /// The job, versions, seeds, fingerprints, times.
 [[nodiscard]] ReportChapter provenance_chapter(const ReportSource& source);
 
-/// A figure: the still picture of plot_catalog under the chart's name, the live chart's data, a caption. Nothing where
-/// there is neither.
-/// @param blocks  of a chart with a layer of kind "density".
-[[nodiscard]] std::string figure_html(const ReportSource& source, const Chart& chart, std::string_view caption,
-                                      const PointBlocks* blocks = nullptr);
+/// A figure: the chart drawn still, its data for the live one, a caption. Nothing for a chart without views.
+[[nodiscard]] std::string figure_html(const Chart& chart, std::string_view caption);
 
 namespace detail {
 
-using Json = nlohmann::ordered_json;
-
-/// A member of an object as a number: nan where it is absent, null or no number.
-[[nodiscard]] double number_at(const Json& object, std::string_view key);
-/// As text; empty where it is absent, null or no text.
-[[nodiscard]] std::string text_at(const Json& object, std::string_view key);
-/// A member that is an object or a list with something in it, else null.
-[[nodiscard]] const Json* filled(const Json& object, std::string_view key);
-/// The same of an object that may not be there.
-[[nodiscard]] inline const Json* filled(const Json* object, std::string_view key) {
-    return object == nullptr ? nullptr : filled(*object, key);
-}
 /// 1048576 -> "1 048 576", with spaces that do not break.
 [[nodiscard]] std::string grouped(std::size_t value);
 /// "1 cycle", "3 cycles".

@@ -74,8 +74,10 @@ Json layer_json(const ChartLayer& layer) {
     const auto add = [&out](const char* key, const std::vector<double>& values) {
         if (!values.empty()) out[key] = packed_numbers(values);
     };
-    add("x", layer.x);
-    add("y", layer.y);
+    if (layer.kind != "density") {
+        add("x", layer.x);
+        add("y", layer.y);
+    }
     add("lower", layer.lower);
     add("upper", layer.upper);
     if (!layer.labels.empty()) out["labels"] = layer.labels;
@@ -128,45 +130,6 @@ std::string chart_text(const Chart& chart) {
             safe += c;
     }
     return safe;
-}
-
-void name_lines(ChartView& view, std::vector<std::string> names) {
-    const double last = static_cast<double>(names.size()) - 1.0;
-    for (ChartLayer& layer : view.layers) {
-        for (double& height : layer.y)
-            height = last - height;
-    }
-    std::reverse(names.begin(), names.end());
-    view.y.names = std::move(names);
-    view.y.lower = -0.6;
-    view.y.upper = last + 0.6;
-    // One line of text per name, however few.
-    view.height = std::min(0.8, 0.16 + 0.05 * (last + 1.0));
-}
-
-bool ChartRange::spans(double decades) const {
-    return lowest > 0.0 && std::log10(highest) - std::log10(lowest) > decades;
-}
-
-ChartAxis ChartRange::axis(std::string label, std::string unit, bool log) const {
-    constexpr double spare = 0.04;
-    ChartAxis out{std::move(label), std::move(unit)};
-    out.log = log && lowest > 0.0;
-    double lower = empty() ? 0.0 : lowest;
-    double upper = empty() ? 0.0 : highest;
-    if (out.log) {
-        const double room = std::max(spare * (std::log10(upper) - std::log10(lower)), 0.1);
-        out.lower = lower * std::pow(10.0, -room);
-        out.upper = upper * std::pow(10.0, room);
-        return out;
-    }
-    double room = spare * (upper - lower);
-    // A single value, or values that differ by rounding alone.
-    if (!(room > 1e-12 * std::max(std::abs(lower), std::abs(upper))))
-        room = lower == 0.0 && upper == 0.0 ? 0.5 : 0.05 * std::max(std::abs(lower), std::abs(upper));
-    out.lower = lower - room;
-    out.upper = upper + room;
-    return out;
 }
 
 }  // namespace orbid::apps

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "apps/report/html_text.hpp"
+#include "apps/report/plots/run_charts.hpp"
 #include "apps/report/report_chapter.hpp"
 #include "apps/results/summary_table.hpp"
 
@@ -12,100 +13,6 @@ namespace orbid::apps {
 namespace {
 
 using namespace detail;
-
-/// The objective after each accepted step, above its last value: a logarithmic course shows every step.
-Chart convergence_chart(const Json& history) {
-    Chart chart{"convergence", "Objective after each step", "Block", {}};
-    for (const std::string block : {"theta", "scales"}) {
-        ChartLayer line{"line", "", 1, ""};
-        ChartLayer points{"points", "accepted step", 1, ""};
-        ChartLayer refused{"points", "refused step", 2, ""};
-        refused.open = true;
-        double last = std::nan("");
-        for (const Json& step : history)
-            if (text_at(step, "block") == block && step.value("accepted", false)) last = number_at(step, "after");
-        // Below this the objective only rounds.
-        const double rounding = 1e-12 * std::max(1.0, std::abs(last));
-        ChartRange range;
-        double number = 0.0;
-        for (const Json& step : history) {
-            if (text_at(step, "block") != block) continue;
-            number += 1.0;
-            const bool accepted = step.value("accepted", false);
-            const double above = std::max(rounding, number_at(step, accepted ? "before" : "after") - last);
-            if (!std::isfinite(above)) continue;
-            ChartLayer& layer = accepted ? points : refused;
-            layer.x.push_back(number - 1.0);
-            layer.y.push_back(above);
-            const double damping = number_at(step, "damping");
-            layer.labels.push_back(
-                fmt::format("step {}, round {}{}{}", number, significant(number_at(step, "round"), 9),
-                            damping > 0.0 ? fmt::format(", damping {:.2g}", damping) : std::string(),
-                            text_at(step, "reason").empty() ? std::string() : ": " + text_at(step, "reason")));
-            if (accepted) {
-                line.x.push_back(number - 1.0);
-                line.y.push_back(above);
-            }
-            range.include(above);
-        }
-        if (points.x.size() < 2) continue;
-        ChartView view;
-        view.label = block == "theta" ? "parameters" : "error parameters";
-        view.x = {"step", "", -0.5, number - 0.5};
-        view.x.whole = true;
-        view.y = range.axis("objective above its last value", "", true);
-        view.height = 0.42;
-        view.layers = {std::move(line), std::move(points)};
-        if (!refused.x.empty()) view.layers.push_back(std::move(refused));
-        chart.views.push_back(std::move(view));
-    }
-    return chart;
-}
-
-/// What each stage said of the parameters, against what the last one says, in its standard deviations.
-Chart stage_chart(const Json& stages) {
-    Chart chart{"stages", "Parameters after each stage, relative to the last", "Parameter", {}};
-    const Json* last = filled(stages.back(), "parameters");
-    if (stages.size() < 2 || last == nullptr) return chart;
-    for (const auto& [name, final_entry] : last->items()) {
-        ChartView view;
-        std::vector<std::string> names;
-        ChartLayer values{"points", "estimate", 2, ""};
-        ChartLayer intervals{"intervals", "95 % interval", 2, ""};
-        ChartRange range;
-        for (const Json& stage : stages) {
-            const auto height = static_cast<double>(names.size());
-            names.push_back(text_at(stage, "stage"));
-            const Json* entry = filled(filled(stage, "parameters"), name);
-            if (entry == nullptr) continue;
-            values.x.push_back(number_at(*entry, "value"));
-            values.y.push_back(height);
-            values.labels.push_back(text_at(stage, "stage"));
-            range.include(values.x.back());
-            const Json* ends = filled(*entry, "interval95");
-            if (ends == nullptr || !(*ends)[0].is_number() || !(*ends)[1].is_number()) continue;
-            intervals.lower.push_back((*ends)[0].get<double>());
-            intervals.upper.push_back((*ends)[1].get<double>());
-            intervals.y.push_back(height);
-            range.include(intervals.lower.back());
-            range.include(intervals.upper.back());
-        }
-        if (values.x.size() < 2) continue;
-        view.label = name;
-        view.x = range.axis(name, text_at(final_entry, "unit"));
-        const double reference = number_at(final_entry, "reference");
-        if (std::isfinite(reference)) {
-            ChartLayer rule{"rule", "reference", 1, "ink"};
-            rule.at_x = reference;
-            view.layers.push_back(std::move(rule));
-        }
-        view.layers.push_back(std::move(intervals));
-        view.layers.push_back(std::move(values));
-        name_lines(view, std::move(names));
-        chart.views.push_back(std::move(view));
-    }
-    return chart;
-}
 
 std::string stages_table(const Json& stages) {
     std::vector<HtmlTable::Column> columns{{"stage", false}, {"status", false}, {"iterations"}, {"objective"}};
@@ -218,25 +125,22 @@ ReportChapter course_chapter(const ReportSource& source) {
     if (const Json* stages = filled(result, "stages"))
         chapter.html +=
             html_headed(3, "Stages",
-                        figure_html(source, stage_chart(*stages),
+                        figure_html(stage_chart(source.run),
                                     "What each stage said of a parameter, with its 95 % interval. Intervals "
                                     "of later stages should lie within those of earlier ones.") +
                             stages_table(*stages));
-    if (const Json* history = filled(result, "history"))
-        chapter.html += html_headed(
-            3, "Convergence",
-            figure_html(source, convergence_chart(*history),
-                        "The objective before each step, above the value it ended at. A steep fall at the end is the "
-                        "convergence of Gauss and Newton."));
+    chapter.html += html_headed(
+        3, "Convergence",
+        figure_html(convergence_chart(source.run),
+                    "The objective before each step, above the value it ended at. A steep fall at the end is the "
+                    "convergence of Gauss and Newton."));
     if (const Json* matching = filled(result, "matching"))
         chapter.html += html_headed(3, "Matching", matching_html(*matching));
-    if (const Json* criticism = filled(result, "criticism")) {
-        Chart evidence{"evidence", "", "", {}};
+    if (const Json* criticism = filled(result, "criticism"))
         chapter.html +=
             html_headed(3, "Other models",
-                        figure_html(source, evidence, "What the data say of each model against the job's.") +
+                        figure_html(evidence_chart(source.run), "What the data say of each model against the job's.") +
                             criticism_html(*criticism));
-    }
     return chapter;
 }
 

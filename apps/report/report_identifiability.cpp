@@ -5,6 +5,7 @@
 
 #include "apps/drawing/markup_text.hpp"
 #include "apps/report/html_text.hpp"
+#include "apps/report/plots/run_charts.hpp"
 #include "apps/report/report_chapter.hpp"
 #include "apps/results/summary_table.hpp"
 
@@ -78,28 +79,6 @@ std::string correlations(const Json& result) {
            (names->size() <= readable ? correlation_table(*names, *matrix) : strongest_table(*names, *matrix));
 }
 
-Chart singular_value_chart(const Json& values) {
-    Chart chart{"singular_values", "Singular values of the scaled sensitivities", "", {}};
-    ChartLayer points{"points", "", 2, ""};
-    ChartRange range;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-        if (!values[i].is_number() || !(values[i].get<double>() > 0.0)) continue;
-        points.x.push_back(static_cast<double>(i + 1));
-        points.y.push_back(values[i].get<double>());
-        points.labels.push_back(fmt::format("direction {}", i + 1));
-        range.include(points.y.back());
-    }
-    if (points.x.size() < 2) return chart;
-    ChartView view;
-    view.x = {"direction", "", 0.4, static_cast<double>(values.size()) + 0.6};
-    view.x.whole = true;
-    view.y = range.axis("singular value", "", true);
-    view.height = 0.4;
-    view.layers = {std::move(points)};
-    chart.views.push_back(std::move(view));
-    return chart;
-}
-
 std::string null_directions(const Json& directions) {
     std::string out = "<ul>\n";
     for (const Json& direction : directions) {
@@ -132,13 +111,12 @@ ReportChapter identifiability_chapter(const ReportSource& source) {
     if (const Json* directions = filled(*identifiability, "null_directions"))
         chapter.html += html_headed(3, "Not determined", null_directions(*directions));
     chapter.html += html_headed(3, "Correlations", correlations(result));
-    if (const Json* values = filled(*identifiability, "singular_values"))
-        chapter.html += html_headed(
-            3, "Stiff and sloppy directions",
-            figure_html(source, singular_value_chart(*values),
-                        "How strongly the residuals answer to relative changes of the parameters, by direction. "
-                        "Those far to the lower right are sloppy: the data say little about them; a value of zero is a "
-                        "direction that they do not determine at all."));
+    chapter.html += html_headed(
+        3, "Stiff and sloppy directions",
+        figure_html(singular_value_chart(source.run),
+                    "How strongly the residuals answer to relative changes of the parameters, by direction. "
+                    "Those far to the lower right are sloppy: the data say little about them; a value of zero is a "
+                    "direction that they do not determine at all."));
     return chapter;
 }
 

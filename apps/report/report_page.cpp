@@ -6,31 +6,12 @@
 
 #include "apps/drawing/markup_text.hpp"
 #include "apps/report/html_text.hpp"
-#include "apps/report/plots/plot_catalog.hpp"
 #include "apps/report/report_assets.hpp"
 #include "apps/report/report_chapter.hpp"
-#include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
 
 namespace {
-
-/// Every plot the catalogue has for the run. It is shown half as large again; drawn at full size, the dots of a dense
-/// section would take more of the page than everything else. One that cannot be drawn (its record has
-/// gone) is left out: its chapter says so.
-void draw_still_plots(ReportSource& source) {
-    PlotStyle style;
-    style.width_mm = 130.0;
-    style.font_pt = 6.5;
-    for (const AvailablePlot& plot : available_plots(source.run)) {
-        try {
-            source.still_plots[plot.name] = plot_svg(source.run, plot.name, style);
-            source.descriptions[plot.name] = plot.description;
-        } catch (const orbits::DataError&) {
-            continue;
-        }
-    }
-}
 
 std::string subtitle(const StoredRun& run) {
     std::string out;
@@ -54,8 +35,7 @@ std::string inside_script(std::string script) {
 }  // namespace
 
 std::string report_html(const StoredRun& run) {
-    ReportSource source{run, stored_residuals(run), {}, {}};
-    draw_still_plots(source);
+    const ReportSource source{run, stored_residuals(run)};
     const std::array chapters{parameter_chapter(source),       section_chapter(source),   residual_chapter(source),
                               identifiability_chapter(source), posterior_chapter(source), course_chapter(source),
                               branch_chapter(source),          provenance_chapter(source)};

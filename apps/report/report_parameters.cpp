@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "apps/report/html_text.hpp"
+#include "apps/report/plots/run_charts.hpp"
 #include "apps/report/report_chapter.hpp"
 #include "apps/results/summary_table.hpp"
 
@@ -64,45 +65,6 @@ std::string estimated_table(const std::string& caption, const Json& list) {
                    {bound.empty() ? "" : "at " + bound, 0.0, "caution"}});
     }
     return table.html();
-}
-
-/// Where references are known: value and interval against them, in standard deviations, so that all fit on one axis.
-Chart deviation_chart(const Json& result) {
-    Chart chart{"parameters", "Estimates against known values, in standard deviations", "", {}};
-    ChartLayer intervals{"intervals", "95 % interval", 2, ""};
-    ChartLayer values{"points", "estimate", 2, ""};
-    ChartView view;
-    std::vector<std::string> names;
-    ChartRange range;
-    for (const char* list : {"parameters", "derived"}) {
-        const Json* entries = filled(result, list);
-        if (entries == nullptr) continue;
-        for (const auto& [name, entry] : entries->items()) {
-            const double sd = number_at(entry, "sd");
-            const double reference = number_at(entry, "reference");
-            const Json* ends = filled(entry, "interval95");
-            if (!std::isfinite(in_sds(entry)) || ends == nullptr || !(*ends)[0].is_number()) continue;
-            const auto height = static_cast<double>(names.size());
-            names.push_back(name);
-            intervals.lower.push_back(((*ends)[0].get<double>() - reference) / sd);
-            intervals.upper.push_back(((*ends)[1].get<double>() - reference) / sd);
-            intervals.y.push_back(height);
-            values.x.push_back(in_sds(entry));
-            values.y.push_back(height);
-            values.labels.push_back(fmt::format("{} = {}", name, with_digits_of(number_at(entry, "value"), sd)));
-        }
-    }
-    if (names.empty()) return chart;
-    range.include(intervals.lower);
-    range.include(intervals.upper);
-    range.include(0.0);
-    view.x = range.axis("(estimate − reference) / sd", "");
-    ChartLayer reference{"rule", "reference", 1, "ink"};
-    reference.at_x = 0.0;
-    view.layers = {reference, intervals, values};
-    name_lines(view, std::move(names));
-    chart.views.push_back(std::move(view));
-    return chart;
 }
 
 std::string errors_table(const Json& errors) {
@@ -199,7 +161,7 @@ ReportChapter parameter_chapter(const ReportSource& source) {
     const Json& result = *source.run.result;
     if (const Json* list = filled(result, "parameters")) chapter.html += estimated_table("Parameters", *list);
     if (const Json* list = filled(result, "derived")) chapter.html += estimated_table("Derived quantities", *list);
-    chapter.html += figure_html(source, deviation_chart(result),
+    chapter.html += figure_html(parameter_chart(source.run),
                                 "Estimates with their 95 % intervals, seen from the reference values. Intervals should "
                                 "reach the line at 0 in 19 of 20 cases.");
     if (const Json* list = filled(result, "errors")) chapter.html += html_headed(3, "Errors", errors_table(*list));

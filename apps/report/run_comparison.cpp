@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
-#include "apps/report/cycle_pairing.hpp"
-#include "apps/report/plots/catalog_plots.hpp"
+#include "apps/report/plots/cycle_pairing.hpp"
+#include "apps/report/plots/json_member.hpp"
 #include "apps/results/strategy_results.hpp"
 #include "apps/results/summary_table.hpp"
 
@@ -19,7 +19,7 @@ namespace {
 
 using Json = StoredRun::Json;
 using Align = SummaryTable::Align;
-using catalog::number;
+using detail::number_at;
 
 const Json& empty_object() {
     static const Json empty = Json::object();
@@ -46,8 +46,8 @@ std::string model_name(const StoredRun& run) {
 }
 
 std::string with_sd(const Json& entry) {
-    const double sd = number(entry, "sd");
-    std::string words = with_digits_of(number(entry, "value"), sd);
+    const double sd = number_at(entry, "sd");
+    std::string words = with_digits_of(number_at(entry, "value"), sd);
     return std::isfinite(sd) && sd > 0.0 ? words + " ± " + significant(sd, 2) : words;
 }
 
@@ -63,8 +63,8 @@ std::string head_table(const StoredRun& first, const StoredRun& second) {
     const Json& b = second.result ? *second.result : empty_object();
     add("status", text_at(a, "/status"), text_at(b, "/status"));
     add("points", text_at(a, "/data/points"), text_at(b, "/data/points"));
-    add("degrees of freedom", significant(number(a, "degrees_of_freedom"), 6),
-        significant(number(b, "degrees_of_freedom"), 6));
+    add("degrees of freedom", significant(number_at(a, "degrees_of_freedom"), 6),
+        significant(number_at(b, "degrees_of_freedom"), 6));
     return table.text();
 }
 
@@ -88,8 +88,8 @@ Difference quantities_table(const StoredRun& first, const StoredRun& second) {
             if (!theirs.contains(quantity)) continue;
             const Json& other = theirs[quantity];
             ++out.common;
-            const double difference = number(other, "value") - number(entry, "value");
-            const double sd = std::hypot(number(entry, "sd"), number(other, "sd"));
+            const double difference = number_at(other, "value") - number_at(entry, "value");
+            const double sd = std::hypot(number_at(entry, "sd"), number_at(other, "sd"));
             const double sds = sd > 0.0 ? difference / sd : std::numeric_limits<double>::quiet_NaN();
             if (std::isfinite(sds)) out.largest = std::max(out.largest, std::abs(sds));
             const std::string unit = entry.value("unit", std::string());
@@ -116,8 +116,8 @@ std::string scales_table(const StoredRun& first, const StoredRun& second) {
     const Json& theirs = block(second, "errors");
     for (const auto& [group, entry] : block(first, "errors").items()) {
         if (!theirs.contains(group)) continue;
-        const double a = number(entry, "sd");
-        const double b = number(theirs[group], "sd");
+        const double a = number_at(entry, "sd");
+        const double b = number_at(theirs[group], "sd");
         const std::string unit = entry.value("unit", std::string());
         table.add({group, significant(a, 4), significant(b, 4), significant(b / a, 3), unit == "1" ? "" : unit});
     }
@@ -175,7 +175,7 @@ bool same_residuals(const StoredRun& first, const StoredRun& second) {
 
 std::string evidence_words(const StoredRun& first, const StoredRun& second) {
     if (!first.result || !second.result || !same_residuals(first, second)) return {};
-    const double objective = number(*second.result, "objective") - number(*first.result, "objective");
+    const double objective = number_at(*second.result, "objective") - number_at(*first.result, "objective");
     std::string out;
     if (std::isfinite(objective))
         out += fmt::format("  objective of the second less that of the first: {}\n", significant(objective, 5));

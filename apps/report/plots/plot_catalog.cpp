@@ -1,61 +1,151 @@
 #include "apps/report/plots/plot_catalog.hpp"
 
+#include <algorithm>
 #include <array>
-#include <cmath>
-#include <limits>
+#include <filesystem>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "apps/documents/json_reader.hpp"
-#include "apps/drawing/plot_axis.hpp"
-#include "apps/report/plots/catalog_plots.hpp"
+#include "apps/drawing/chart_picture.hpp"
+#include "apps/report/plots/record_charts.hpp"
+#include "apps/report/plots/run_charts.hpp"
+#include "apps/stored_run/stored_record.hpp"
+#include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
 
 namespace {
+
+using namespace detail;
+
+const Json* estimate_block(const StoredRun& run, const char* block) {
+    return run.result ? filled(*run.result, block) : nullptr;
+}
+
+bool has_section(const StoredRun& run) {
+    const auto experiments = run.experiments();
+    if (run.cycles && run.cycles->at("coordinates").size() < 2) return false;
+    // Samples show a section only where the job says which.
+    const bool cut = run.job.contains("orbits") && !run.job["orbits"].contains("file");
+    for (const Json* experiment : experiments) {
+        if (const Json* simulate = filled(*experiment, "simulate")) {
+            const std::string name =
+                experiments.size() == 1 ? std::string("series") : "series_" + text_at(*experiment, "name");
+            if ((simulate->contains("sections") || cut) && (std::filesystem::exists(run.folder / (name + ".h5")) ||
+                                                            std::filesystem::exists(run.folder / (name + ".csv"))))
+                return true;
+        } else if (experiment->contains("file") && (text_at(*experiment, "kind") == "section" || cut)) {
+            if (std::filesystem::exists(run.folder / text_at(*experiment, "file"))) return true;
+        }
+    }
+    return false;
+}
+
+bool has_cycles(const StoredRun& run) {
+    const Json* list = run.cycles ? &*run.cycles : run.orbits ? &*run.orbits : nullptr;
+    return filled(list, "cycles") != nullptr && list->at("coordinates").size() >= 2;
+}
+
+bool has_branch(const StoredRun& run) {
+    return run.branch && filled(*run.branch, "branches") != nullptr;
+}
+
+bool has_marginals(const StoredRun& run) {
+    const Json* list = estimate_block(run, "marginals");
+    return list != nullptr && list->is_object() && std::any_of(list->begin(), list->end(), [](const Json& one) {
+               return one.is_object() && one.value("known", false) && filled(one, "points") != nullptr;
+           });
+}
+
+bool has_posterior(const StoredRun& run) {
+    return run.result && std::filesystem::exists(run.folder / "posterior.csv");
+}
+
+bool has_residuals(const StoredRun& run) {
+    std::error_code missing;
+    // A header alone has fewer bytes.
+    constexpr std::uintmax_t header = 90;
+    const auto bytes = std::filesystem::file_size(run.folder / "residuals.csv", missing);
+    return !missing && bytes > header;
+}
+
+bool has_prediction(const StoredRun& run) {
+    // A job of cycles alone has no series to show.
+    const Json* list = run.job.contains("estimate") ? filled(run.job["estimate"], "residuals") : nullptr;
+    return has_residuals(run) && list != nullptr &&
+           std::any_of(list->begin(), list->end(), [](const Json& one) { return text_at(one, "type") != "cycles"; });
+}
+
+bool has_waveform(const StoredRun& run) {
+    return has_residuals(run) && estimate_block(run, "steady_states") != nullptr;
+}
+
+/// What result.json or a list of cycles holds is looked at itself.
+template <Chart (*make)(const StoredRun&)>
+bool has_views(const StoredRun& run) {
+    return !make(run).views.empty();
+}
+
+template <Chart (*make)(const std::vector<RecordGroup>&)>
+Chart of_records(const StoredRun& run) {
+    const auto rows = catalog::rows_of(run);
+    return make(record_groups(run, rows));
+}
+
+template <Chart (*make)(const StoredRun&, const std::optional<StoredDraws>&)>
+Chart of_draws(const StoredRun& run) {
+    return make(run, stored_draws(run));
+}
+
+Chart waveform_of(const StoredRun& run) {
+    return waveform_chart(run, catalog::rows_of(run));
+}
 
 struct Entry {
     std::string_view name;
     std::string_view title;
     std::string_view description;
     bool (*available)(const StoredRun&);
-    std::string (*draw)(const StoredRun&, const PlotStyle&);
+    Chart (*chart)(const StoredRun&);
 };
 
 constexpr std::array entries{
     Entry{"section", "Section", "The points of the section, darker where they are dense, with its periodic points.",
-          catalog::has_section, catalog::section},
+          has_section, section_chart},
     Entry{"cycles", "Periodic points", "The periodic points by period: measured ones, or those of the model.",
-          catalog::has_cycles, catalog::cycles},
+          has_cycles, cycle_chart},
     Entry{"multipliers", "Multipliers", "The largest multiplier of each periodic orbit, measured and of the model.",
-          catalog::has_multipliers, catalog::multipliers},
+          has_views<multiplier_chart>, multiplier_chart},
     Entry{"branch", "Branches", "Periodic orbits over a parameter, stable ones solid, with their bifurcations.",
-          catalog::has_branch, catalog::branch},
+          has_branch, branch_chart},
     Entry{"parameters", "Parameters", "Estimates with their 95 % intervals, as deviations from the known values.",
-          catalog::has_parameters, catalog::parameters},
-    Entry{"convergence", "Convergence", "By how much each step lowered the objective; the way from stage to stage.",
-          catalog::has_convergence, catalog::convergence},
+          has_views<parameter_chart>, parameter_chart},
+    Entry{"convergence", "Convergence",
+          "The objective above its last value, step by step; the way from stage to stage.",
+          has_views<convergence_chart>, convergence_chart},
     Entry{"correlation", "Correlation", "Correlations of the estimates: near +-1 the data tell a combination only.",
-          catalog::has_correlation, catalog::correlation},
+          has_views<correlation_chart>, correlation_chart},
     Entry{"singular_values", "Singular values", "How well each direction of the parameters is determined.",
-          catalog::has_singular_values, catalog::singular_values},
+          has_views<singular_value_chart>, singular_value_chart},
     Entry{"profiles", "Profiles", "Likelihood along each parameter, the others at their best; dashed: normal.",
-          catalog::has_profiles, catalog::profiles},
+          has_views<profile_chart>, profile_chart},
     Entry{"marginals", "Marginal densities", "Posterior density of each parameter beside the normal approximation.",
-          catalog::has_marginals, catalog::marginals},
-    Entry{"posterior", "Posterior", "Draws from the posterior, the parameters in pairs.", catalog::has_posterior,
-          catalog::posterior},
-    Entry{"residuals", "Residuals", "Residuals over their sd, record by record; 95 % should lie in the band.",
-          catalog::has_residuals, catalog::residuals},
+          has_marginals, of_draws<marginal_chart>},
+    Entry{"posterior", "Posterior", "Draws from the posterior, the parameters in pairs.", has_posterior,
+          of_draws<posterior_chart>},
+    Entry{"residuals", "Residuals",
+          "Residuals over their sd, record by record; 95 % should lie within the dashed lines.", has_residuals,
+          of_records<residual_chart>},
     Entry{"normal_quantiles", "Normal quantiles", "Distribution of the residuals: normal ones follow the line.",
-          catalog::has_residuals, catalog::normal_quantiles},
+          has_residuals, of_records<quantile_chart>},
     Entry{"prediction", "Predicted against measured", "The records over time, and what the estimate makes of them.",
-          catalog::has_prediction, catalog::prediction},
+          has_prediction, of_records<prediction_chart>},
     Entry{"waveform", "Steady states", "Measured steady states and computed ones over one turn of the orbit.",
-          catalog::has_waveform, catalog::waveform},
-    Entry{"evidence", "Evidence", "Logarithms of the Bayes factors against the other models.", catalog::has_evidence,
-          catalog::evidence}};
+          has_waveform, waveform_of},
+    Entry{"evidence", "Evidence", "Logarithms of the Bayes factors against the other models.",
+          has_views<evidence_chart>, evidence_chart}};
 
 }  // namespace
 
@@ -75,35 +165,20 @@ std::vector<std::string> plot_names() {
 }
 
 std::string plot_svg(const StoredRun& run, std::string_view name, const PlotStyle& style) {
-    std::vector<std::string> names;
-    for (const Entry& entry : entries) {
-        if (!entry.available(run)) {
-            if (entry.name == name)
-                throw std::invalid_argument(fmt::format("{}: no data for the plot \"{}\"", run.folder.string(), name));
-            continue;
-        }
-        if (entry.name == name) return entry.draw(run, style);
-        names.emplace_back(entry.name);
+    const auto* const entry =
+        std::find_if(entries.begin(), entries.end(), [&](const Entry& one) { return one.name == name; });
+    if (entry == entries.end()) {
+        std::vector<std::string> names;
+        for (const AvailablePlot& plot : available_plots(run))
+            names.push_back(plot.name);
+        throw std::invalid_argument(fmt::format("there is no plot \"{}\"{}", name, suggestion(name, names)));
     }
-    throw std::invalid_argument(fmt::format("there is no plot \"{}\"{}", name, suggestion(std::string(name), names)));
+    if (!entry->available(run))
+        throw std::invalid_argument(fmt::format("{}: no data for the plot \"{}\"", run.folder.string(), name));
+    const Chart chart = entry->chart(run);
+    if (chart.views.empty())
+        throw orbits::DataError(fmt::format("{}: holds nothing to plot as \"{}\"", run.folder.string(), name));
+    return chart_svg(chart, run.title(), style);
 }
-
-namespace catalog {
-
-double number(const StoredRun::Json& object, const char* key) {
-    const auto found = object.find(key);
-    return found != object.end() && found->is_number() ? found->get<double>()
-                                                       : std::numeric_limits<double>::quiet_NaN();
-}
-
-std::string quantity_name(const std::string& name) {
-    constexpr std::string_view over = "_over_";
-    const auto at = name.find(over);
-    if (at != std::string::npos && at > 0 && at + over.size() < name.size())
-        return display_name(name.substr(0, at)) + "/" + display_name(name.substr(at + over.size()));
-    return display_name(name);
-}
-
-}  // namespace catalog
 
 }  // namespace orbid::apps

@@ -1,5 +1,6 @@
 // One chart: axes, zoom and cursor are uPlot's; what lies over them is drawn by layers.js and density.js.
 import uPlot from "uplot";
+import { axis_config, page_colour } from "./axes.js";
 import { Density } from "./density.js";
 import { draw_layer } from "./layers.js";
 import { legend_of } from "./legend.js";
@@ -8,23 +9,14 @@ import { Reader } from "./reader.js";
 import { load_blocks } from "./section_points.js";
 import { Window } from "./window.js";
 
-const font = '13px system-ui, "Helvetica Neue", Arial, "DejaVu Sans", sans-serif';
-
-/** A colour of the page by its name, as it is now (light or dark). */
-const page_colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-
 /** "#a0b1c2" as three numbers. */
 const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
 
 function unpacked(layer) {
   const layer_now = { ...layer };
-  for (const key of ["x", "y", "lower", "upper"]) {
-    if (layer[key] !== undefined) layer_now[key] = numbers_of(layer[key]);
-  }
+  for (const key of ["x", "y", "lower", "upper"]) layer_now[key] = numbers_of(layer[key]);
   return layer_now;
 }
-
-const title_of = (axis) => (axis.unit ? `${axis.label} [${axis.unit}]` : axis.label);
 
 export class Chart {
   /**
@@ -121,46 +113,6 @@ export class Chart {
     return { width, height: Math.round(Math.min(560, Math.max(260, width * (this.view.height ?? 0.56)))) };
   }
 
-  #axis(axis, scale, side) {
-    const ink = page_colour("soft");
-    const grid = { stroke: page_colour("grid"), width: 1 };
-    const config = { scale, side, stroke: ink, grid, ticks: { ...grid, size: 5 }, font, labelFont: font };
-    if (axis.label) Object.assign(config, { label: title_of(axis), labelSize: 22, labelGap: 2 });
-    if (axis.whole) config.incrs = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 10000];
-    if (axis.names) {
-      config.splits = () => axis.names.map((_, i) => i);
-      config.values = (_, splits) => splits.map((i) => axis.names[i] ?? "");
-    } else if (axis.circle) {
-      config.splits = (_, __, from, to) => circle_ticks(from, to);
-      config.values = (_, splits) => splits.map(pi_text);
-    } else if (axis.log) {
-      // Lines and numbers at powers of ten, and between them while few are in view.
-      const few = Math.log10(axis.upper / axis.lower) < 1.5;
-      const shown = (value) => value !== null && (few || is_power(value));
-      const filter = (_, splits) => splits.map((value) => (shown(value) ? value : null));
-      config.grid = { ...grid, filter };
-      config.ticks = { ...config.ticks, filter };
-      config.values = (_, splits) => splits.map((value) => (shown(value) ? number_text(value) : ""));
-      config.filter = filter;
-    } else {
-      config.values = (_, splits) => {
-        const most = Math.max(...splits.map(Math.abs));
-        const plain = most < 1e5 && most >= 1e-3;
-        return splits.map((value) => (plain || value === 0 ? minus(String(Number(value.toPrecision(10)))) : shortened(value)));
-      };
-    }
-    if (side === 2) config.size = 32;
-    else {
-      // As wide as the longest label.
-      config.size = (u, values) => {
-        u.ctx.font = font;
-        const widest = Math.max(20, ...(values ?? []).map((text) => u.ctx.measureText(text ?? "").width));
-        return Math.ceil(widest) + 14;
-      };
-    }
-    return config;
-  }
-
   #build() {
     this.plot?.destroy();
     const { x, y } = this.view;
@@ -175,7 +127,7 @@ export class Chart {
         padding: [8, 12, 0, 0],
         legend: { show: false },
         scales: { x: scale(x, now.x), y: scale(y, now.y) },
-        axes: [this.#axis(x, "x", 2), this.#axis(y, "y", 3)],
+        axes: [axis_config(x, "x", 2), axis_config(y, "y", 3)],
         // What is shown is drawn by our layers; uPlot wants at least one series.
         series: [null, { facets: [{ scale: "x", auto: false }, { scale: "y", auto: false }], paths: () => null, points: { show: false } }],
         cursor: {
@@ -289,38 +241,4 @@ export class Chart {
       (before && this.reader.marked && before.x === this.reader.marked.x && before.y === this.reader.marked.y);
     if (!same) this.#soon();
   }
-}
-
-/** Multiples of a part of pi, at least four in view. */
-function circle_ticks(from, to) {
-  let step = Math.PI / 2;
-  while ((to - from) / step < 4) step /= 2;
-  const first = Math.ceil(from / step - 1e-9);
-  const last = Math.floor(to / step + 1e-9);
-  return Array.from({ length: last - first + 1 }, (_, i) => (first + i) * step);
-}
-
-/** 3 pi / 4 as "3\u03c0/4". */
-function pi_text(angle) {
-  for (const parts of [1, 2, 4, 8, 16, 32, 64, 128, 256]) {
-    const count = Math.round((angle * parts) / Math.PI);
-    if (Math.abs((angle * parts) / Math.PI - count) > 1e-6) continue;
-    if (count === 0) return "0";
-    return `${count < 0 ? "\u2212" : ""}${Math.abs(count) === 1 ? "" : Math.abs(count)}\u03c0${parts === 1 ? "" : `/${parts}`}`;
-  }
-  return minus(String(Number(angle.toPrecision(4))));
-}
-
-const minus = (text) => text.replace("-", "\u2212");
-
-/** 1.2e-7 and the like, short. */
-function shortened(value) {
-  return minus(value.toExponential(2).replace(/\.?0+e/, "e").replace("e+", "e").replace("e-", "e\u2212"));
-}
-
-const is_power = (value) => Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-6;
-
-/** 1000 as "1000", 1e9 as "1e9". */
-function number_text(value) {
-  return value >= 1e-3 && value <= 1e4 ? String(Number(value.toPrecision(6))) : shortened(value);
 }

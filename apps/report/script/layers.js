@@ -5,51 +5,39 @@ const shapes = ["circle", "square", "triangle", "diamond", "down", "circle", "sq
 /** Half sizes of these markers [px]. */
 const radii = [5.6, 5.0, 4.6, 4.0, 3.8, 3.0, 2.6, 2.8];
 
-export const shape_of = (style) => shapes[(style - 1) % 8];
 export const radius_of = (style) => radii[(style - 1) % 8];
 
-/** The outline of a marker around (x, y), added to a path. */
-export function trace_marker(path, shape, x, y, r) {
-  switch (shape) {
+/** The outline of a marker around (x, y), as SVG path data. */
+export function marker_outline(style, x, y, r) {
+  switch (shapes[(style - 1) % 8]) {
     case "square":
-      path.rect(x - 0.88 * r, y - 0.88 * r, 1.76 * r, 1.76 * r);
-      return;
+      return `M${x - 0.88 * r} ${y - 0.88 * r}h${1.76 * r}v${1.76 * r}h${-1.76 * r}z`;
     case "triangle":
-    case "down": {
-      const up = shape === "triangle" ? 1 : -1;
-      path.moveTo(x, y - 1.2 * r * up);
-      path.lineTo(x + 1.1 * r, y + 0.7 * r * up);
-      path.lineTo(x - 1.1 * r, y + 0.7 * r * up);
-      path.closePath();
-      return;
-    }
+      return `M${x} ${y - 1.2 * r}l${1.1 * r} ${1.9 * r}h${-2.2 * r}z`;
+    case "down":
+      return `M${x} ${y + 1.2 * r}l${1.1 * r} ${-1.9 * r}h${-2.2 * r}z`;
     case "diamond":
-      path.moveTo(x, y - 1.2 * r);
-      path.lineTo(x + 1.2 * r, y);
-      path.lineTo(x, y + 1.2 * r);
-      path.lineTo(x - 1.2 * r, y);
-      path.closePath();
-      return;
+      return `M${x} ${y - 1.2 * r}l${1.2 * r} ${1.2 * r}l${-1.2 * r} ${1.2 * r}l${-1.2 * r} ${-1.2 * r}z`;
     default:
-      path.moveTo(x + r, y);
-      path.arc(x, y, r, 0, 2 * Math.PI);
+      return `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0z`;
   }
 }
 
 function draw_points(context, layer, frame) {
-  const shape = shape_of(layer.style);
   // Dense clouds of unlabelled points get dots that let each other be seen, less dense ones small marks without edge.
   const dots = !layer.labels && layer.x.length > 3000;
   const small = !layer.labels && layer.x.length > 120;
   const r = (dots ? 1.5 : small ? 0.7 * radius_of(layer.style) : radius_of(layer.style)) * frame.scale;
   const path = new Path2D();
+  const outlines = [];
   for (let i = 0; i < layer.x.length; ++i) {
     const x = frame.x(layer.x[i]);
     const y = frame.y(layer.y[i]);
     if (!(x > frame.left - 9 && x < frame.right + 9 && y > frame.top - 9 && y < frame.bottom + 9)) continue;
     if (dots) path.rect(x - r, y - r, 2 * r, 2 * r);
-    else trace_marker(path, shape, x, y, r);
+    else outlines.push(marker_outline(layer.style, x, y, r));
   }
+  path.addPath(new Path2D(outlines.join("")));
   context.globalAlpha = dots ? 0.45 : small ? 0.7 : 1;
   if (layer.open) {
     context.lineWidth = 1.6 * frame.scale;
@@ -163,11 +151,16 @@ function draw_bars(context, layer, frame) {
   context.stroke(path);
 }
 
-/** Intervals along x at heights y, with feet. */
+/** Intervals along x at heights y, with feet; or upright ones at x. */
 function draw_intervals(context, layer, frame) {
   const path = new Path2D();
   const foot = 5 * frame.scale;
-  for (let i = 0; i < layer.y.length; ++i) {
+  for (let i = 0; i < layer.lower.length; ++i) {
+    if (layer.x.length > 0) {
+      path.moveTo(frame.x(layer.x[i]), frame.y(layer.lower[i]));
+      path.lineTo(frame.x(layer.x[i]), frame.y(layer.upper[i]));
+      continue;
+    }
     const y = frame.y(layer.y[i]);
     const ends = [frame.x(layer.lower[i]), frame.x(layer.upper[i])];
     path.moveTo(ends[0], y);
@@ -177,7 +170,7 @@ function draw_intervals(context, layer, frame) {
       path.lineTo(x, y + foot);
     }
   }
-  context.lineWidth = 2 * frame.scale;
+  context.lineWidth = (layer.x.length > 0 ? 1.2 : 2) * frame.scale;
   context.strokeStyle = layer.colour;
   context.stroke(path);
 }

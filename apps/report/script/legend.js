@@ -1,23 +1,7 @@
 // What the layers of a chart are called; each name switches its layers off and on.
-import { radius_of, shape_of } from "./layers.js";
+import { marker_outline, radius_of } from "./layers.js";
 
 const svg = "http://www.w3.org/2000/svg";
-
-/** Outlines of the markers of layers.js around (9, 7). */
-function marker_path(shape, r) {
-  switch (shape) {
-    case "square":
-      return `M${9 - 0.88 * r} ${7 - 0.88 * r}h${1.76 * r}v${1.76 * r}h${-1.76 * r}z`;
-    case "triangle":
-      return `M9 ${7 - 1.2 * r}l${1.1 * r} ${1.9 * r}h${-2.2 * r}z`;
-    case "down":
-      return `M9 ${7 + 1.2 * r}l${1.1 * r} ${-1.9 * r}h${-2.2 * r}z`;
-    case "diamond":
-      return `M9 ${7 - 1.2 * r}l${1.2 * r} ${1.2 * r}l${-1.2 * r} ${1.2 * r}l${-1.2 * r} ${-1.2 * r}z`;
-    default:
-      return `M${9 - r} 7a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0z`;
-  }
-}
 
 function key_of(layer) {
   const picture = document.createElementNS(svg, "svg");
@@ -26,7 +10,7 @@ function key_of(layer) {
   }
   const path = document.createElementNS(svg, "path");
   if (layer.kind === "points") {
-    path.setAttribute("d", marker_path(shape_of(layer.style), radius_of(layer.style)));
+    path.setAttribute("d", marker_outline(layer.style, 9, 7, radius_of(layer.style)));
     if (layer.open) {
       path.setAttribute("fill", "none");
       path.setAttribute("stroke", layer.colour);

@@ -28,7 +28,4 @@ const near = new IntersectionObserver((entries) => {
   }
   if (idle) setTimeout(make_next, 0);
 }, { rootMargin: "400px" });
-for (const figure of document.querySelectorAll("figure[data-chart]")) {
-  figure.hidden = false; // one that has no still picture
-  near.observe(figure);
-}
+for (const figure of document.querySelectorAll("figure[data-chart]")) near.observe(figure);

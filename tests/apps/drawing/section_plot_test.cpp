@@ -134,7 +134,7 @@ TEST_CASE("angles show the whole circle", "[apps]") {
 
 TEST_CASE("ticks are round numbers", "[apps]") {
     const auto axis = [](double lowest, double highest) {
-        return apps::plot_axis({"v", "m/s", false}, {lowest, highest}, 7);
+        return apps::plot_axis(apps::ChartRange{lowest, highest}.axis("v", "m/s"), 7);
     };
     const auto labels = [&](double lowest, double highest) {
         std::string out;

@@ -4,7 +4,8 @@
 #include <regex>
 #include <stdexcept>
 
-#include "apps/drawing/figure.hpp"
+#include "apps/drawing/chart_picture.hpp"
+#include "apps/drawing/panel.hpp"
 #include "orbits/records/data_error.hpp"
 #include "tests/apps/stored_run/stored_folder.hpp"
 #include "tests/catch.hpp"
@@ -83,10 +84,10 @@ TEST_CASE("numbers of axes on paper stay short", "[apps][plot]") {
 TEST_CASE("logarithmic axes have powers of ten, or 1, 2 and 5 where they span little", "[apps][plot]") {
     const PlotAxis decades = logarithmic_axis("s", "", 1e-3, 1e2);
     CHECK(labels(decades) == std::vector<std::string>{"10⁻³", "10⁻²", "10⁻¹", "10⁰", "10¹", "10²"});
-    CHECK_THAT(decades.position(1e-3, 10.0, 20.0), orbid::tests::WithinAbs(10.0, 1e-12));
+    CHECK_THAT(decades.at(1e-3, 10.0, 20.0), orbid::tests::WithinAbs(10.0, 1e-12));
     // ln(10^1.5 / 10^-3) / ln(10^5) = 0.9 of the way.
-    CHECK_THAT(decades.position(std::pow(10.0, 1.5), 10.0, 20.0), orbid::tests::WithinAbs(19.0, 1e-12));
-    CHECK_FALSE(std::isfinite(decades.position(-1.0, 10.0, 20.0)));
+    CHECK_THAT(decades.at(std::pow(10.0, 1.5), 10.0, 20.0), orbid::tests::WithinAbs(19.0, 1e-12));
+    CHECK_FALSE(std::isfinite(decades.at(-1.0, 10.0, 20.0)));
     CHECK(labels(logarithmic_axis("s", "", 3.0, 30.0)) == std::vector<std::string>{"5", "10", "20"});
     CHECK(logarithmic_axis("s", "", 0.0, 0.0).upper > logarithmic_axis("s", "", 0.0, 0.0).lower);
     CHECK(superscript(-12) == "⁻¹²");
@@ -148,6 +149,44 @@ TEST_CASE("what plots show is what the files hold", "[apps][plot]") {
     CHECK_THAT(plot_svg(run, "convergence"), ContainsSubstring("2 steps of the minimisation, 1 of them refused"));
     CHECK_THAT(plot_svg(run, "multipliers"),
                ContainsSubstring("largest multipliers of 2 periodic orbits, from 1.92 to 3.01"));
+}
+
+TEST_CASE("a chart is drawn as it arranges its views", "[apps][plot]") {
+    Chart chart{"name", "title"};
+    for (int k = 0; k < 6; ++k) {
+        ChartView view;
+        view.label = "view " + std::to_string(k);
+        view.x = {"x", "s", 0.0, 1.0};
+        view.y = {"y", "", -1.0, 1.0};
+        view.layers = {level_rule(0.0, "zero", "soft", true),
+                       {"line", "line", 1, "", {0.0, 1.0}, {-1.0, 1.0}},
+                       {"points", "points", 2, "", {0.5, 0.7}, {0.0, std::nan("")}}};
+        chart.views.push_back(view);
+    }
+    const auto svg = [&](Chart::Arrangement arrangement) {
+        chart.arrangement = arrangement;
+        return chart_svg(chart, "", PlotStyle{});
+    };
+    // The first view alone has no tag; one legend for all.
+    const std::string first = svg(Chart::Arrangement::first);
+    CHECK(well_formed(first));
+    CHECK(count(first, "view") == 0 + count(first, "viewBox"));
+    for (const char* name : {">zero<", ">line<", ">points<"})
+        CHECK(count(first, name) == 1);
+    // Frames below each other share the label of the axis that they have in common.
+    const std::string stacked = svg(Chart::Arrangement::stacked);
+    CHECK(well_formed(stacked));
+    CHECK(count(stacked, ">x [s]<") == 1);
+    CHECK(count(stacked, ">view 5<") == 1);
+    CHECK(count(stacked, ">line<") == 1);
+    const std::string tiles = svg(Chart::Arrangement::tiles);
+    CHECK(well_formed(tiles));
+    CHECK(count(tiles, ">x [s]<") == 6);
+    // Three rows of a triangle: labels below the last one, and left of two.
+    const std::string pairs = svg(Chart::Arrangement::pairs);
+    CHECK(well_formed(pairs));
+    CHECK(count(pairs, ">x [s]<") == 3);
+    CHECK(count(pairs, ">y<") == 2);
 }
 
 TEST_CASE("a figure cuts off at frames and breaks lines where nothing is known", "[apps][plot]") {

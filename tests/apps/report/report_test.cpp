@@ -201,8 +201,6 @@ TEST_CASE("axes hold their data with room, also where these are one value or non
     CHECK(range.axis("x", "").lower < 3.0);
     CHECK(range.axis("x", "").upper > 3.0);
     range.include(3e5);
-    CHECK(range.spans(4.9));
-    CHECK_FALSE(range.spans(5.1));
     CHECK(range.axis("x", "", true).log);
     range.include(0.0);
     CHECK_FALSE(range.axis("x", "", true).log);

@@ -1,5 +1,7 @@
 #include "apps/results/branch_file.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "apps/drawing/branch_plot.hpp"
@@ -151,11 +153,17 @@ TEST_CASE("a bifurcation picture shows stable and unstable pieces, marks and uni
                              ContainsSubstring("dφ/dt [rad/s]") && ContainsSubstring("period 4") &&
                              ContainsSubstring(">fold<") &&
                              ContainsSubstring("3 branches over omega, 14 orbits, 4 bifurcations located"));
-    // Unstable: one piece of the first branch, two of the second, four of the third; and the legend's line.
-    CHECK(count(velocity, "stroke-dasharray") == 1 + 2 + 4 + 1);
+    // Unstable orbits of three periods, and the legend's line.
+    CHECK(count(velocity, "stroke-dasharray") == 3 + 1);
+    // Unstable: one piece of the first branch, two of the second, four of the third, each with its end.
+    std::ptrdiff_t pieces = 0;
+    for (const apps::ChartLayer& layer : apps::branch_chart(branches, picture).views.front().layers)
+        if (layer.name == "unstable")
+            pieces += std::count_if(layer.x.begin(), layer.x.end(), [](double x) { return std::isnan(x); });
+    CHECK(pieces == 1 + 2 + 4);
     // One circle per point of the doubling orbits, of periods 1, 2 and 4, one square; each once more in the legend.
-    CHECK(count(velocity, "m-4.09 0a4.09 4.09 0 1 0") == 1 + 2 + 4 + 1);
-    CHECK(count(velocity, "m-3.60 -3.60h7.21v7.21") == 1 + 1);
+    CHECK(count(velocity, "m-4.54 0a4.54 4.54 0 1 0") == 1 + 2 + 4 + 1);
+    CHECK(count(velocity, "m-3.49 -3.49h6.99v6.99") == 1 + 1);
     // The same input gives the same bytes.
     CHECK(velocity == apps::branches_svg(branches, picture, apps::run_picture_style));
 }

@@ -2,10 +2,21 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 #include "apps/stored_run/stored_run.hpp"
 
 namespace orbid::apps {
+
+/// Members of two lists, and how far they are apart.
+struct Pairing {
+    double distance;
+    std::size_t first;
+    std::size_t second;
+};
+
+/// One to one, nearest first: a member that has a partner takes no other. Of pairs equally near the first one counts.
+[[nodiscard]] std::vector<Pairing> nearest_pairs(std::vector<Pairing> candidates);
 
 /// The cycles that two lists have in common, by period.
 struct MatchedCycles {

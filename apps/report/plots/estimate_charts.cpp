@@ -1,0 +1,230 @@
+#include <array>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "apps/report/plots/run_charts.hpp"
+#include "apps/results/summary_table.hpp"
+
+/// Charts of the estimates themselves: their values, what the data determine, what speaks for other models.
+namespace orbid::apps {
+
+namespace {
+
+using namespace detail;
+
+/// A member of a list of two numbers, as of an interval.
+double end_of(const Json& entry, std::size_t end) {
+    const Json* ends = filled(entry, "interval95");
+    return ends != nullptr && ends->size() == 2 && (*ends)[end].is_number() ? (*ends)[end].get<double>() : std::nan("");
+}
+
+/// Parameters and derived quantities by name.
+std::vector<std::pair<std::string, const Json*>> estimated_quantities(const Json& result) {
+    std::vector<std::pair<std::string, const Json*>> list;
+    for (const char* block : {"parameters", "derived"}) {
+        const Json* entries = filled(result, block);
+        if (entries == nullptr) continue;
+        for (const auto& [name, entry] : entries->items())
+            list.emplace_back(name, &entry);
+    }
+    return list;
+}
+
+std::string value_words(const Json& entry) {
+    const double value = number_at(entry, "value");
+    const double sd = number_at(entry, "sd");
+    const std::string unit = text_at(entry, "unit");
+    std::string words = with_digits_of(value, sd);
+    // Two digits of the sd, without a power of ten where the value has none either.
+    if (std::isfinite(sd) && sd >= 1.0 && sd < 1e6) {
+        const double step = std::pow(10.0, std::max(0.0, std::floor(std::log10(sd)) - 1.0));
+        words += fmt::format(" ± {:.{}f}", std::round(sd / step) * step, sd < 10.0 ? 1 : 0);
+    } else if (std::isfinite(sd) && sd > 0.0) {
+        words += " ± " + significant(sd, 2);
+    }
+    return unit.empty() || unit == "1" ? words : words + " " + unit;
+}
+
+/// The squares and names of a matrix of correlations.
+ChartView matrix_view(const std::vector<std::string>& names, const Json& matrix, std::string& description) {
+    ChartView view;
+    ChartLayer cells{"cells", "", 1, ""};
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        for (std::size_t j = 0; j < names.size(); ++j) {
+            const Json& cell = matrix.at(i).at(j);
+            const double value = cell.is_number() ? cell.get<double>() : std::nan("");
+            cells.add(static_cast<double>(j), static_cast<double>(i));
+            cells.shade.push_back(value);
+            cells.labels.push_back(!std::isfinite(value) ? "–"
+                                   : i == j              ? "1"
+                                            : fmt::format("{}{:.2f}", value < 0.0 ? "−" : "", std::abs(value)));
+            if (j < i)
+                description +=
+                    fmt::format("{}{}, {}: {:.3f}", description.empty() ? "" : "; ", names[i], names[j], value);
+        }
+    }
+    view.layers = {std::move(cells)};
+    name_lines(view, names);
+    view.x.names = names;
+    for (ChartAxis* axis : {&view.x, &view.y}) {
+        axis->lower = -0.5;
+        axis->upper = static_cast<double>(names.size()) - 0.5;
+    }
+    return view;
+}
+
+}  // namespace
+
+Chart parameter_chart(const StoredRun& run) {
+    Chart chart{"parameters", "Estimates against known values, in standard deviations"};
+    if (!run.result) return chart;
+    const auto list = estimated_quantities(*run.result);
+    const auto any = [&list](const auto& value) {
+        return std::any_of(list.begin(), list.end(),
+                           [&](const auto& one) { return std::isfinite(value(*one.second)); });
+    };
+    if (!any([](const Json& entry) { return end_of(entry, 0); })) return chart;
+    const bool known = any([](const Json& entry) { return number_at(entry, "reference"); });
+    ChartLayer intervals{"intervals", "95 % interval", 2, ""};
+    ChartLayer values{"points", "estimate", 2, ""};
+    ChartView view;
+    std::vector<std::string> names;
+    for (const auto& [name, entry] : list) {
+        const double value = number_at(*entry, "value");
+        const double sd = number_at(*entry, "sd");
+        // In sds from the known value; without any known value, the interval in percent of the estimate.
+        const double origin = known ? number_at(*entry, "reference") : value;
+        const double unit = known ? sd : 0.01 * std::abs(value);
+        if (!std::isfinite(origin) || !(unit > 0.0)) continue;
+        const auto height = static_cast<double>(names.size());
+        names.push_back(display_name(name));
+        view.y.notes.push_back(value_words(*entry));
+        intervals.lower.push_back((end_of(*entry, 0) - origin) / unit);
+        intervals.upper.push_back((end_of(*entry, 1) - origin) / unit);
+        intervals.y.push_back(height);
+        values.add((value - origin) / unit, height);
+        values.labels.push_back(fmt::format("{} = {}", name, with_digits_of(value, sd)));
+        chart.description +=
+            fmt::format("{}{} = {}", chart.description.empty() ? "" : "; ", names.back(), view.y.notes.back());
+    }
+    if (names.empty()) return chart;
+    ChartRange range;
+    range.include(intervals.lower);
+    range.include(intervals.upper);
+    range.include(values.x);
+    range.include(0.0);
+    view.x =
+        known ? range.axis("(estimate − reference) / sd", "") : range.axis("95 % interval around the estimate", "%");
+    view.layers = {upright_rule(0.0, known ? "reference" : "", "ink"), std::move(intervals), std::move(values)};
+    name_lines(view, std::move(names));
+    if (known) {
+        ChartLayer band{"band", "± 2 sd", 1, "soft", {-2.0, 2.0}};
+        band.lower.assign(2, view.y.lower);
+        band.upper.assign(2, view.y.upper);
+        view.layers.insert(view.layers.begin(), std::move(band));
+    }
+    chart.views.push_back(std::move(view));
+    return chart;
+}
+
+Chart correlation_chart(const StoredRun& run) {
+    Chart chart{"correlation", "Correlations of the estimates"};
+    const Json* correlation = run.result ? filled(*run.result, "correlation") : nullptr;
+    const Json* list = filled(correlation, "names");
+    const Json* matrix = filled(correlation, "matrix");
+    if (list == nullptr || matrix == nullptr || list->size() < 2 || matrix->size() != list->size()) return chart;
+    std::vector<std::string> names;
+    for (const Json& name : *list)
+        names.push_back(display_name(name.get<std::string>()));
+    chart.views.push_back(matrix_view(names, *matrix, chart.description));
+    return chart;
+}
+
+Chart singular_value_chart(const StoredRun& run) {
+    Chart chart{"singular_values", "Singular values of the scaled sensitivities"};
+    const Json* block = run.result ? filled(*run.result, "identifiability") : nullptr;
+    const Json* list = filled(block, "singular_values");
+    if (list == nullptr) return chart;
+    const Json& values = *list;
+    ChartLayer points{"points", "", 2, ""};
+    ChartRange range;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        if (!values[i].is_number() || !(values[i].get<double>() > 0.0)) continue;
+        points.add(static_cast<double>(i + 1), values[i].get<double>());
+        points.labels.push_back(fmt::format("direction {}", i + 1));
+        range.include(points.y.back());
+    }
+    if (points.x.size() < 2) return chart;
+    ChartView view;
+    view.x = {"direction", "", 0.4, static_cast<double>(values.size()) + 0.6};
+    view.x.whole = true;
+    view.y = range.axis("singular value", "", true);
+    view.height = 0.4;
+    view.layers = {std::move(points)};
+    chart.views.push_back(std::move(view));
+    chart.description = fmt::format("singular values from {:.3g} to {:.3g}", range.highest, range.lowest);
+    const Json* directions = filled(block, "null_directions");
+    for (std::size_t k = 0; directions != nullptr && k < directions->size(); ++k) {
+        std::string words;
+        for (const auto& [name, component] : (*directions)[k].items())
+            words += fmt::format("{} {} {:+.2g}", words.empty() ? "not determined:" : ",", display_name(name),
+                                 component.get<double>());
+        chart.description += "; " + words;
+        chart.remarks.push_back(std::move(words));
+    }
+    return chart;
+}
+
+Chart evidence_chart(const StoredRun& run) {
+    Chart chart{"evidence", "Logarithms of the Bayes factors against other models"};
+    const Json* criticism = run.result ? filled(*run.result, "criticism") : nullptr;
+    const Json* alternatives = filled(criticism, "alternatives");
+    if (alternatives == nullptr) return chart;
+    ChartView view;
+    std::vector<std::string> names;
+    ChartRange range;
+    range.include(-6.0);
+    range.include(6.0);
+    // In favour of the job's model, and of the other one.
+    std::array sides{ChartLayer{"intervals", "for the job's model", 2, ""},
+                     ChartLayer{"intervals", "for the other one", 4, ""}};
+    ChartLayer points{"points", "", 7, "ink"};
+    for (const Json& one : *alternatives) {
+        const Json* factor = filled(one, "ln_bayes_factor");
+        const double value = factor == nullptr ? std::nan("") : number_at(*factor, "value");
+        if (!std::isfinite(value)) continue;
+        const auto height = static_cast<double>(names.size());
+        const std::string model = text_at(one, "model");
+        const std::string words = fmt::format("ln B = {}, {}", significant(value, 4), text_at(one, "verdict"));
+        names.push_back(model);
+        ChartLayer& side = sides[value >= 0.0 ? 0 : 1];
+        side.lower.push_back(std::min(0.0, value));
+        side.upper.push_back(std::max(0.0, value));
+        side.y.push_back(height);
+        points.add(value, height);
+        points.labels.push_back(words);
+        range.include(value);
+        chart.description += fmt::format("{}{}: {}", chart.description.empty() ? "" : "; ", model, words);
+    }
+    if (names.empty()) return chart;
+    view.x = range.axis("ln Bayes factor of the model against it", "");
+    view.layers = {upright_rule(0.0, "", "ink")};
+    for (ChartLayer& side : sides)
+        if (!side.y.empty()) view.layers.push_back(std::move(side));
+    view.layers.push_back(std::move(points));
+    name_lines(view, std::move(names));
+    // Within 1 the data hardly tell them apart, beyond 5 very strongly (Kass and Raftery 1995).
+    for (const double reach : {1.0, 5.0}) {
+        ChartLayer band{"band", "", 1, "soft", {-reach, reach}};
+        band.lower.assign(2, view.y.lower);
+        band.upper.assign(2, view.y.upper);
+        view.layers.insert(view.layers.begin(), std::move(band));
+    }
+    chart.views.push_back(std::move(view));
+    return chart;
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include <nlohmann/json.hpp>
+
+namespace orbid::apps::detail {
+
+using Json = nlohmann::ordered_json;
+
+/// A member of an object as a number: nan where it is absent, null or no number.
+[[nodiscard]] double number_at(const Json& object, std::string_view key);
+/// As text; empty where it is absent, null or no text.
+[[nodiscard]] std::string text_at(const Json& object, std::string_view key);
+/// A member that is an object or a list with something in it, else null.
+[[nodiscard]] const Json* filled(const Json& object, std::string_view key);
+/// The same of an object that may not be there.
+[[nodiscard]] inline const Json* filled(const Json* object, std::string_view key) {
+    return object == nullptr ? nullptr : filled(*object, key);
+}
+
+}  // namespace orbid::apps::detail

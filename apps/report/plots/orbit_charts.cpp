@@ -1,0 +1,221 @@
+#include <cmath>
+#include <map>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "apps/drawing/branch_plot.hpp"
+#include "apps/drawing/section_plot.hpp"
+#include "apps/report/plots/cycle_pairing.hpp"
+#include "apps/report/plots/run_charts.hpp"
+#include "apps/results/branch_file.hpp"
+#include "apps/stored_run/stored_record.hpp"
+#include "apps/stored_run/stored_section.hpp"
+
+/// Charts of sections, their periodic points, and branches of these.
+namespace orbid::apps {
+
+namespace {
+
+using namespace detail;
+
+bool is_left_out(const Json& cycle) {
+    return cycle.contains("status") && cycle["status"] != "converged";
+}
+
+/// Points of cycles by period, in the first two coordinates.
+std::map<int, PeriodPoints> points_by_period(const Json& cycles) {
+    std::map<int, PeriodPoints> periods;
+    for (std::size_t number = 0; number < cycles.size(); ++number) {
+        const Json& cycle = cycles[number];
+        if (is_left_out(cycle)) continue;
+        PeriodPoints& out = periods[cycle.at("period").get<int>()];
+        ++out.orbits;
+        const Json& points = cycle.at("points");
+        for (std::size_t j = 0; j < points.size(); ++j) {
+            out.x.push_back(points[j].at(0).get<double>());
+            out.y.push_back(points[j].at(1).get<double>());
+            out.labels.push_back(fmt::format("cycle {}, point {} of {}, largest |multiplier| {:.4g}", number, j + 1,
+                                             points.size(), largest_multiplier(cycle)));
+        }
+    }
+    return periods;
+}
+
+/// Sum of the squared distances between the points of two orbits of one period, point by point.
+double squared_distance(const Json& cycle, const Json& orbit) {
+    double distance = 0.0;
+    for (std::size_t j = 0; j < cycle.at("points").size(); ++j) {
+        for (std::size_t i = 0; i < cycle["points"][j].size(); ++i) {
+            const double step = cycle["points"][j][i].get<double>() - orbit.at("points").at(j).at(i).get<double>();
+            distance += step * step;
+        }
+    }
+    return distance;
+}
+
+/// The largest multiplier of a cycle, measured and of the model; nan where one is not known.
+struct Growth {
+    std::size_t number;
+    double measured;
+    double sd;  ///< of its logarithm
+    double computed;
+
+    [[nodiscard]] double size() const { return std::isfinite(measured) ? measured : computed; }
+};
+
+/// By period and size. Measured cycles meet the computed orbits that they became: nearest pairs first, so that cycles
+/// which took no part in the estimate are left over.
+std::map<int, std::vector<Growth>> growths(const StoredRun& run) {
+    const Json* cycles = run.cycles ? filled(*run.cycles, "cycles") : nullptr;
+    const Json* orbits = filled(run.orbits_of_estimate(), "cycles");
+    static const Json none = Json::array();
+    const Json& measured = cycles == nullptr ? none : *cycles;
+    const Json& computed = orbits == nullptr ? none : *orbits;
+    std::map<int, std::vector<Growth>> periods;
+    const auto add = [&periods](const Json& cycle, const Growth& growth) {
+        if (growth.size() > 0.0) periods[cycle.at("period").get<int>()].push_back(growth);
+    };
+    std::vector<Pairing> pairs;
+    for (std::size_t o = 0; o < computed.size(); ++o) {
+        if (is_left_out(computed[o])) continue;
+        for (std::size_t c = 0; c < measured.size(); ++c)
+            if (measured[c].at("period") == computed[o].at("period"))
+                pairs.push_back({squared_distance(measured[c], computed[o]), c, o});
+        if (measured.empty()) add(computed[o], {o, std::nan(""), std::nan(""), largest_multiplier(computed[o])});
+    }
+    std::vector<double> of_model(measured.size(), std::nan(""));
+    for (const Pairing& pair : nearest_pairs(std::move(pairs)))
+        of_model[pair.first] = largest_multiplier(computed[pair.second]);
+    for (std::size_t c = 0; c < measured.size(); ++c)
+        add(measured[c], {c, largest_multiplier(measured[c]), largest_multiplier_sd(measured[c]), of_model[c]});
+    for (auto& [period, list] : periods)
+        std::stable_sort(list.begin(), list.end(),
+                         [](const Growth& a, const Growth& b) { return a.size() < b.size(); });
+    return periods;
+}
+
+}  // namespace
+
+double largest_multiplier(const Json& cycle) {
+    const Json* list = filled(cycle, "multipliers");
+    if (list == nullptr) return std::nan("");
+    const Json& first = list->front();
+    if (!first.is_array() || first.size() != 2 || !first[0].is_number() || !first[1].is_number()) return std::nan("");
+    return std::hypot(first[0].get<double>(), first[1].get<double>());
+}
+
+double largest_multiplier_sd(const Json& cycle) {
+    const Json* variances = filled(cycle, "ln_multiplier_covariance");
+    return variances != nullptr && (*variances)[0][0].is_number() ? std::sqrt((*variances)[0][0].get<double>())
+                                                                  : std::nan("");
+}
+
+Chart section_chart(const StoredRun& run) {
+    auto points = section_points(run);
+    if (!points) return {"section"};
+    SectionPicture picture{
+        std::move(*points), {}, "", "The section of the record and its periodic points by period", ""};
+    const Json* cycles = run.cycles ? filled(*run.cycles, "cycles") : nullptr;
+    if (cycles != nullptr && run.cycles->at("coordinates").size() >= 2) picture.periods = points_by_period(*cycles);
+    return section_chart(picture);
+}
+
+Chart cycle_chart(const StoredRun& run) {
+    const Json* list = run.cycles ? &*run.cycles : run.orbits ? &*run.orbits : nullptr;
+    const Json* cycles = filled(list, "cycles");
+    if (cycles == nullptr || list->at("coordinates").size() < 2) return {"cycles"};
+    const ModelJob model = stored_model(run);
+    SectionPicture picture;
+    for (std::size_t i = 0; i < 2; ++i)
+        picture.section.coordinates[i] = catalog::coordinate_of(model, list->at("coordinates")[i].get<std::string>());
+    picture.periods = points_by_period(*cycles);
+    picture.title = "Periodic points by period";
+    picture.description = fmt::format("points of {} periodic orbits, by period", cycles->size());
+    Chart chart = section_chart(picture);
+    chart.name = "cycles";
+    return chart;
+}
+
+Chart multiplier_chart(const StoredRun& run) {
+    const auto periods = growths(run);
+    Chart chart{"multipliers", "Largest multiplier of each cycle by period"};
+    if (periods.empty()) return chart;
+    ChartView view;
+    ChartRange range;
+    std::size_t count = 0;
+    ChartLayer errors{"intervals", "± 2 sd", 1, "soft"};
+    ChartLayer model{"points", "of the model", 1, "ink"};
+    model.open = true;
+    for (const auto& [period, list] : periods) {
+        ChartLayer layer{"points", fmt::format("period {}", period), std::clamp(period, 1, 8), ""};
+        for (std::size_t k = 0; k < list.size(); ++k) {
+            const Growth& growth = list[k];
+            // Within 0.8 of the way to the next period.
+            const double at = period + 0.8 * ((static_cast<double>(k) + 0.5) / static_cast<double>(list.size()) - 0.5);
+            range.include(growth.measured);
+            range.include(growth.computed);
+            if (growth.sd > 0.0) {
+                errors.x.push_back(at);
+                errors.lower.push_back(growth.measured * std::exp(-2.0 * growth.sd));
+                errors.upper.push_back(growth.measured * std::exp(2.0 * growth.sd));
+            }
+            if (growth.computed > 0.0) {
+                model.add(at, growth.computed);
+                model.labels.push_back(fmt::format("cycle {} of the model", growth.number));
+            }
+            if (!std::isfinite(growth.measured)) continue;
+            layer.add(at, growth.measured);
+            layer.labels.push_back(fmt::format("cycle {}", growth.number));
+        }
+        count += list.size();
+        if (!layer.x.empty()) view.layers.push_back(std::move(layer));
+    }
+    if (!errors.x.empty()) view.layers.insert(view.layers.begin(), std::move(errors));
+    if (!model.x.empty()) view.layers.push_back(std::move(model));
+    if (range.lowest < 1.0) view.layers.insert(view.layers.begin(), level_rule(1.0, "", "soft", true));
+    view.x = {"period, cycles by size", "", periods.begin()->first - 0.6, periods.rbegin()->first + 0.6};
+    view.x.whole = true;
+    view.y = range.axis("largest |multiplier|", "", true);
+    view.height = 0.45;
+    chart.views.push_back(std::move(view));
+    chart.description = fmt::format("largest multipliers of {} periodic orbits, from {:.3g} to {:.3g}", count,
+                                    range.lowest, range.highest);
+    return chart;
+}
+
+Chart branch_chart(const StoredRun& run) {
+    Chart chart{"branch", "Branches of periodic orbits over the parameter", "Coordinate"};
+    if (!run.branch || filled(*run.branch, "branches") == nullptr) return chart;
+    const Json& file = *run.branch;
+    const auto stored = stored_branches(file.dump());
+    if (!stored) return chart;
+    BranchPicture picture;
+    picture.parameter = {text_at(file.at("parameter"), "name"), text_at(file.at("parameter"), "unit"), false};
+    const auto add_view = [&] {
+        Chart one = branch_chart(stored->followed.branches, picture);
+        chart.views.push_back(std::move(one.views.front()));
+        chart.description = one.description;
+    };
+    const ModelJob model = stored_model(run);
+    const Json& coordinates = file.at("coordinates");
+    const auto add_coordinate = [&](std::size_t i) {
+        picture.shown = static_cast<Eigen::Index>(i);
+        picture.coordinate = catalog::coordinate_of(model, coordinates[i].get<std::string>());
+        add_view();
+    };
+    // What the job plots comes first: a coordinate, or else the time.
+    const Json::json_pointer place("/periodic/continuation/plot");
+    const Json plotted = run.job.contains(place) ? run.job.at(place) : Json();
+    const auto first =
+        static_cast<std::size_t>(std::find(coordinates.begin(), coordinates.end(), plotted) - coordinates.begin());
+    if (first < coordinates.size())
+        add_coordinate(first);
+    else
+        add_view();
+    for (std::size_t i = 0; i < coordinates.size(); ++i)
+        if (i != first) add_coordinate(i);
+    return chart;
+}
+
+}  // namespace orbid::apps
