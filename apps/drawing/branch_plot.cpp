@@ -78,8 +78,8 @@ void add_lines(const std::vector<Branch>& branches, int period, const Values& va
         for (Eigen::Index j = 0; j < curves; ++j)
             add_curve(branch, values, j, angle, stable, unstable);
     }
-    if (!unstable.x.empty()) view.layers.push_back(std::move(unstable));
-    view.layers.push_back(std::move(stable));
+    view.add(std::move(unstable));
+    view.add(std::move(stable));
 }
 
 void add_marks(const std::vector<const BranchPoint*>& located, const Values& values, bool angle, ChartView& view) {
@@ -95,7 +95,7 @@ void add_marks(const std::vector<const BranchPoint*>& located, const Values& val
                 layer.labels.push_back(fmt::format("{}, period {}", mark.name, point->orbit.period));
             }
         }
-        if (!layer.x.empty()) view.layers.push_back(std::move(layer));
+        view.add(std::move(layer));
     }
 }
 

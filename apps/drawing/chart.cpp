@@ -72,6 +72,11 @@ ChartLayer level_rule(double at_y, std::string name, std::string ink, bool dash)
     return layer;
 }
 
+void append_words(std::string& list, const std::string& words, std::string_view between) {
+    if (!list.empty()) list += between;
+    list += words;
+}
+
 void name_lines(ChartView& view, std::vector<std::string> names) {
     const double last = static_cast<double>(names.size()) - 1.0;
     for (ChartLayer& layer : view.layers) {

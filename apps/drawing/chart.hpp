@@ -7,6 +7,8 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "orbits/records/series.hpp"
@@ -69,6 +71,11 @@ struct ChartView {
     ChartAxis y;
     std::vector<ChartLayer> layers;
     double height = 0.56;  ///< over the width
+
+    /// Adds a layer, unless it has neither points nor intervals.
+    void add(ChartLayer layer) {
+        if (!layer.x.empty() || !layer.lower.empty()) layers.push_back(std::move(layer));
+    }
 };
 
 /// A picture as data: chart_svg() draws it still, the script of a report draws it live.
@@ -82,7 +89,15 @@ struct Chart {
     enum class Arrangement { first, stacked, tiles, pairs } arrangement = Arrangement::first;
     std::string description = {};           ///< what is shown, in figures
     std::vector<std::string> remarks = {};  ///< below the still picture
+
+    /// Adds a view, unless it has no layers.
+    void add(ChartView view) {
+        if (!view.layers.empty()) views.push_back(std::move(view));
+    }
 };
+
+/// Goes on with a list in words. @param between  what parts the words from those before.
+void append_words(std::string& list, const std::string& words, std::string_view between = "; ");
 
 /// Names the lines of a chart from the top: turns `names` and the heights of all layers over, and sets the axis.
 void name_lines(ChartView& view, std::vector<std::string> names);

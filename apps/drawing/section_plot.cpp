@@ -60,15 +60,14 @@ void SectionPicture::add_orbit(int period, const Eigen::MatrixXd& points, Eigen:
 Chart section_chart(const SectionPicture& picture) {
     const auto& [first, second] = picture.section.coordinates;
     ChartView view;
-    ChartLayer cloud{"density", "section", 1, "cloud", picture.section.x, picture.section.y};
-    if (!cloud.x.empty()) view.layers.push_back(std::move(cloud));
+    view.add({"density", "section", 1, "cloud", picture.section.x, picture.section.y});
     // Long periods first, so that the few short ones stay visible on top.
     for (auto entry = picture.periods.rbegin(); entry != picture.periods.rend(); ++entry) {
         const auto& [period, points] = *entry;
         ChartLayer layer{"points", fmt::format("period {}", period), std::clamp(period, 1, 8), "", points.x, points.y};
         layer.labels = points.labels;
         layer.orbits = points.orbits;
-        view.layers.push_back(std::move(layer));
+        view.add(std::move(layer));
     }
     ChartRange x, y;
     for (ChartLayer& layer : view.layers) {

@@ -11,8 +11,9 @@ Chart waveform_chart(const std::vector<WaveformPanel>& panels) {
     for (const auto& [coordinate, waveforms] : panels) {
         ChartView view;
         ChartRange range;
+        int style = 0;
         for (const PlottedWaveform& waveform : waveforms) {
-            const int style = 1 + static_cast<int>(view.layers.size() / 2 % 8);
+            style = style % 8 + 1;
             ChartLayer computed{"line", waveform.label, style, ""};
             for (std::size_t k = 0; k < waveform.computed.size(); ++k)
                 computed.follow(waveform.computed_at[k], waveform.computed[k], coordinate.angle);
@@ -23,13 +24,13 @@ Chart waveform_chart(const std::vector<WaveformPanel>& panels) {
                              coordinate.angle ? models::wrapped(waveform.measured[k]) : waveform.measured[k]);
             range.include(computed.y);
             range.include(measured.y);
-            view.layers.push_back(std::move(computed));
-            view.layers.push_back(std::move(measured));
+            view.add(std::move(computed));
+            view.add(std::move(measured));
         }
         view.label = display_name(coordinate.name);
         view.x = {"share of the orbit", "", 0.0, 1.0};
         view.y = range.axis(coordinate);
-        chart.views.push_back(std::move(view));
+        chart.add(std::move(view));
     }
     return chart;
 }

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "apps/drawing/markup_text.hpp"
+#include "apps/results/summary_table.hpp"
 
 namespace orbid::apps {
 
@@ -70,6 +71,14 @@ std::string HtmlTable::html() const {
     out += "</tbody></table></div>\n";
     if (!explanations.empty()) out += fmt::format("<dl class=\"key\">{}</dl>\n", explanations);
     return out;
+}
+
+HtmlTable::Cell number_cell(double value, int digits, std::string mark) {
+    return {significant(value, digits), value, std::move(mark)};
+}
+
+HtmlTable::Cell estimate_cell(double value, double sd) {
+    return {with_digits_of(value, sd), value};
 }
 
 std::string html_paragraph(std::string_view text) {

@@ -42,6 +42,12 @@ private:
     std::vector<std::vector<Cell>> rows_;
 };
 
+/// A number with `digits` significant digits, which its column sorts by.
+[[nodiscard]] HtmlTable::Cell number_cell(double value, int digits, std::string mark = {});
+
+/// A value with as many digits as its sd supports.
+[[nodiscard]] HtmlTable::Cell estimate_cell(double value, double sd);
+
 /// A paragraph of plain text; nothing for an empty one.
 [[nodiscard]] std::string html_paragraph(std::string_view text);
 

@@ -35,9 +35,9 @@ std::string bifurcations_table(const Json& file) {
             table.add({std::to_string(number),
                        kind,
                        {fmt::format("{:.12g}", at), at},
-                       {significant(error, 2), error},
+                       number_cell(error, 2),
                        point.at("period").dump(),
-                       {significant(time, 7), time}});
+                       number_cell(time, 7)});
         }
         ++number;
     }
@@ -56,10 +56,8 @@ std::string cascades_table(const Json& cascades) {
             const double ratio = k >= 2 && k - 2 < ratios.size() && ratios[k - 2].is_number()
                                      ? ratios[k - 2].get<double>()
                                      : std::nan("");
-            table.add({std::to_string(number),
-                       std::to_string(k + 1),
-                       fmt::format("{:.12g}", values[k].get<double>()),
-                       {significant(ratio, 5), ratio}});
+            table.add({std::to_string(number), std::to_string(k + 1), fmt::format("{:.12g}", values[k].get<double>()),
+                       number_cell(ratio, 5)});
         }
         ++number;
     }
@@ -90,13 +88,8 @@ std::string orbits_table(const Json& list) {
         }
         const double time = number_at(orbit, "time");
         const double residual = number_at(orbit, "residual");
-        table.add({std::to_string(i),
-                   orbit.at("period").dump(),
-                   text_at(orbit, "status"),
-                   {significant(largest, 4), largest},
-                   {significant(time, 7), time},
-                   {significant(residual, 2), residual},
-                   point});
+        table.add({std::to_string(i), orbit.at("period").dump(), text_at(orbit, "status"), number_cell(largest, 4),
+                   number_cell(time, 7), number_cell(residual, 2), point});
     }
     std::string out = table.html();
     if (list.size() > most_orbits)

@@ -27,9 +27,8 @@ std::string stages_table(const Json& stages) {
     for (const Json& stage : stages) {
         const double objective = number_at(stage, "objective");
         std::vector<HtmlTable::Cell> cells{text_at(stage, "stage") + (stage.value("chosen", false) ? " (chosen)" : ""),
-                                           text_at(stage, "status"),
-                                           significant(number_at(stage, "iterations"), 9),
-                                           {significant(objective, 8), objective}};
+                                           text_at(stage, "status"), significant(number_at(stage, "iterations"), 9),
+                                           number_cell(objective, 8)};
         const Json* own = filled(stage, "parameters");
         if (parameters != nullptr) {
             for (const auto& [name, entry] : parameters->items()) {
@@ -59,17 +58,10 @@ std::string matching_html(const Json& list) {
     for (const Json& matching : list) {
         if (const Json* coordinates = filled(matching, "coordinates")) {
             for (const auto& [name, entry] : coordinates->items()) {
-                const auto cell = [&values = entry](const char* key) {
-                    return HtmlTable::Cell(significant(number_at(values, key), 3), number_at(values, key));
-                };
                 const double large = number_at(matching, "large_defects");
-                table.add({text_at(matching, "experiment"),
-                           name,
-                           significant(number_at(matching, "intervals"), 9),
-                           cell("sd"),
-                           cell("rms"),
-                           text_at(entry, "unit"),
-                           {significant(large, 9), large, large > 0.0 ? "caution" : ""}});
+                table.add({text_at(matching, "experiment"), name, significant(number_at(matching, "intervals"), 9),
+                           number_cell(number_at(entry, "sd"), 3), number_cell(number_at(entry, "rms"), 3),
+                           text_at(entry, "unit"), number_cell(large, 9, large > 0.0 ? "caution" : "")});
             }
         }
         if (const Json* warnings = filled(matching, "warnings")) {

@@ -26,10 +26,6 @@ double in_sds(const Json& entry) {
                     : std::numeric_limits<double>::quiet_NaN();
 }
 
-HtmlTable::Cell number_cell(double value, int digits) {
-    return {significant(value, digits), value};
-}
-
 std::string estimated_table(const std::string& caption, const Json& list) {
     HtmlTable table(caption, {{"name", false},
                               {"value"},
@@ -50,7 +46,7 @@ std::string estimated_table(const std::string& caption, const Json& list) {
         const double share = number_at(entry, "data_share");
         const std::string bound = text_at(entry, "at_bound");
         table.add({name,
-                   {with_digits_of(value, sd), value},
+                   estimate_cell(value, sd),
                    {std::isfinite(sd) ? significant(sd, 2) : "undefined", sd},
                    text_at(entry, "unit"),
                    parameter_interval_text(entry, sd),
@@ -113,12 +109,8 @@ std::string states_table(const std::string& caption, const Json& states, const c
     for (const Json& state : states) {
         const auto add = [&](const std::string& name, const Json& value) {
             const double sd = number_at(value, "sd");
-            table.add({text_at(state, "experiment"),
-                       text_at(state, "segment"),
-                       name,
-                       {with_digits_of(number_at(value, "value"), sd), number_at(value, "value")},
-                       number_cell(sd, 2),
-                       text_at(value, "unit"),
+            table.add({text_at(state, "experiment"), text_at(state, "segment"), name,
+                       estimate_cell(number_at(value, "value"), sd), number_cell(sd, 2), text_at(value, "unit"),
                        value.value("estimated", true) ? "" : "held"});
         };
         if (const Json* phase = filled(state, "phase")) add("phase", *phase);

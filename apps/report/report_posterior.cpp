@@ -39,12 +39,8 @@ std::string profile_table(const Json& profiles) {
                                                 {"method", false},
                                                 {"remark", false}});
     for (const auto& [name, profile] : profiles.items())
-        table.add({name,
-                   {significant(number_at(profile, "value"), 6), number_at(profile, "value")},
-                   text_at(profile, "unit"),
-                   posterior_interval_text(profile),
-                   text_at(profile, "method"),
-                   text_at(profile, "message")});
+        table.add({name, number_cell(number_at(profile, "value"), 6), text_at(profile, "unit"),
+                   posterior_interval_text(profile), text_at(profile, "method"), text_at(profile, "message")});
     return table.html();
 }
 
@@ -58,13 +54,9 @@ std::string marginal_table(const Json& marginals) {
                                                                    {"remark", false}});
     for (const auto& [name, entry] : marginals.items()) {
         const double sd = number_at(entry, "sd");
-        table.add({name,
-                   {with_digits_of(number_at(entry, "mean"), sd), number_at(entry, "mean")},
-                   {significant(sd, 3), sd},
-                   {with_digits_of(number_at(entry, "median"), sd), number_at(entry, "median")},
-                   posterior_interval_text(entry),
-                   text_at(entry, "unit"),
-                   text_at(entry, "message")});
+        table.add({name, estimate_cell(number_at(entry, "mean"), sd), number_cell(sd, 3),
+                   estimate_cell(number_at(entry, "median"), sd), posterior_interval_text(entry),
+                   text_at(entry, "unit"), text_at(entry, "message")});
     }
     return table.html();
 }
@@ -88,12 +80,12 @@ std::string sample_table(const Json& posterior) {
             const double bulk = number_at(entry, "bulk_size");
             const double tail = number_at(entry, "tail_size");
             table.add({name,
-                       {with_digits_of(number_at(entry, "mean"), sd), number_at(entry, "mean")},
-                       {significant(sd, 3), sd},
-                       {with_digits_of(number_at(entry, "median"), sd), number_at(entry, "median")},
+                       estimate_cell(number_at(entry, "mean"), sd),
+                       number_cell(sd, 3),
+                       estimate_cell(number_at(entry, "median"), sd),
                        posterior_interval_text(entry),
                        text_at(entry, "unit"),
-                       {significant(rhat, 5), rhat, rhat < 1.01 ? "" : "caution"},
+                       number_cell(rhat, 5, rhat < 1.01 ? "" : "caution"),
                        {std::isfinite(bulk) ? fmt::format("{:.0f}", bulk) : "", bulk},
                        {std::isfinite(tail) ? fmt::format("{:.0f}", tail) : "", tail}});
         }
@@ -114,8 +106,7 @@ std::string starts_table(const Json& result) {
     for (const Json& optimum : *optima) {
         const Json* starts = filled(optimum, "starts");
         const double objective = number_at(optimum, "objective");
-        std::vector<HtmlTable::Cell> cells{std::to_string(number++),
-                                           {significant(objective, 9), objective},
+        std::vector<HtmlTable::Cell> cells{std::to_string(number++), number_cell(objective, 9),
                                            std::to_string(starts != nullptr ? starts->size() : 0)};
         if (optimum.contains("starts") && optimum["starts"].is_number()) cells[2] = optimum["starts"].dump();
         if (const Json* parameters = filled(optimum, "parameters")) {

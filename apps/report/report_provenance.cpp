@@ -60,13 +60,12 @@ std::string times_table(const Json& timing) {
     if (const Json* stages = filled(timing, "stages")) {
         for (const Json& stage : *stages) {
             const double seconds = number_at(stage, "seconds");
-            table.add({text_at(stage, "stage"),
-                       {significant(seconds, 3), seconds},
+            table.add({text_at(stage, "stage"), number_cell(seconds, 3),
                        stage.value("reused", false) ? "taken from an earlier run" : ""});
         }
     }
     const double all = number_at(timing, "seconds");
-    table.add({"all", {significant(all, 3), all}, ""});
+    table.add({"all", number_cell(all, 3), ""});
     return table.html();
 }
 

@@ -27,11 +27,9 @@ std::string prediction_table(const Json& predictions) {
                                    value.is_number() ? significant(value.get<double>(), 4) : "undefined");
         }
         const double normalised = number_at(entry, "normalised_rms");
-        table.add({text_at(entry, "experiment"),
-                   text_at(entry, "segment"),
-                   entry.value("fitted", false) ? "fitted" : "predicted",
-                   rms,
-                   {significant(normalised, 3), normalised, normalised > 2.0 ? "caution" : ""}});
+        table.add({text_at(entry, "experiment"), text_at(entry, "segment"),
+                   entry.value("fitted", false) ? "fitted" : "predicted", rms,
+                   number_cell(normalised, 3, normalised > 2.0 ? "caution" : "")});
     }
     return table.html();
 }
@@ -43,7 +41,7 @@ double p_of(const Json& group, const char* test) {
 
 HtmlTable::Cell p_cell(double p) {
     // Not evidence against the model for itself: of a hundred tests one falls below.
-    return {significant(p, 2), p, p < 0.01 ? "caution" : ""};
+    return number_cell(p, 2, p < 0.01 ? "caution" : "");
 }
 
 std::string diagnostics_table(const Json& diagnostics) {
@@ -65,7 +63,7 @@ std::string diagnostics_table(const Json& diagnostics) {
         if (std::isnan(normal) && normality != nullptr) normal = p_of(*normality, "anderson_darling");
         const Json* outliers = filled(entry, "outliers");
         const auto cell = [&values = entry](const char* key, int digits) {
-            return HtmlTable::Cell(significant(number_at(values, key), digits), number_at(values, key));
+            return number_cell(number_at(values, key), digits);
         };
         table.add({group, cell("count", 7), cell("mean", 2), cell("sd", 4), cell("skewness", 2), cell("kurtosis", 3),
                    p_cell(normal), cell("lag1", 2), p_cell(p_of(entry, "ljung_box")), p_cell(p_of(entry, "runs")),

@@ -115,21 +115,12 @@ std::string cycles_table(const Json& cycles, const std::vector<ResidualRow>& row
             for (const Json& remark : *quality)
                 remarks += (remarks.empty() ? "" : ", ") + (remark.is_string() ? remark.get<std::string>() : "");
         }
-        table.add({std::to_string(number),
-                   std::to_string(cycle.at("period").get<int>()),
-                   text_at(cycle, "code"),
-                   rotation_text(cycle),
-                   {significant(largest, 4), largest},
-                   multipliers_text(cycle),
-                   {significant(sd, 2), sd},
-                   {significant(worst, 2), worst},
-                   {significant(time, 6), time},
-                   {significant(recurrences, 6), recurrences},
-                   {significant(mirror, 9), mirror},
-                   fit == fits.end()
-                       ? HtmlTable::Cell("")
-                       : HtmlTable::Cell(significant(fit->second, 3), fit->second, fit->second > 3.0 ? "caution" : ""),
-                   remarks});
+        table.add(
+            {std::to_string(number), std::to_string(cycle.at("period").get<int>()), text_at(cycle, "code"),
+             rotation_text(cycle), number_cell(largest, 4), multipliers_text(cycle), number_cell(sd, 2),
+             number_cell(worst, 2), number_cell(time, 6), number_cell(recurrences, 6), number_cell(mirror, 9),
+             fit == fits.end() ? HtmlTable::Cell("") : number_cell(fit->second, 3, fit->second > 3.0 ? "caution" : ""),
+             remarks});
         ++number;
     }
     return table.html();

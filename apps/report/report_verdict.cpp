@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -23,29 +24,9 @@ struct Remark {
 
 using Remarks = std::vector<Remark>;
 
-std::string_view word(Remark::Weight weight) {
-    switch (weight) {
-        case Remark::Weight::good:
-            return "Good";
-        case Remark::Weight::caution:
-            return "Caution";
-        case Remark::Weight::bad:
-            break;
-    }
-    return "Not usable";
-}
-
-std::string_view look(Remark::Weight weight) {
-    switch (weight) {
-        case Remark::Weight::good:
-            return "good";
-        case Remark::Weight::caution:
-            return "caution";
-        case Remark::Weight::bad:
-            break;
-    }
-    return "bad";
-}
+/// How weights are called, and how they look: by Remark::Weight.
+constexpr std::array<std::string_view, 3> weight_words{"Good", "Caution", "Not usable"};
+constexpr std::array<std::string_view, 3> weight_looks{"good", "caution", "bad"};
 
 /// "l, k2 and k3"
 std::string listed(const std::vector<std::string>& names) {
@@ -267,9 +248,11 @@ std::string verdict_html(const ReportSource& source) {
     out += html_paragraph(what_was_done(source.run));
     if (!remarks.empty()) {
         out += "<ul>\n";
-        for (const Remark& remark : remarks)
-            out += fmt::format("<li class=\"{}\"><strong>{}</strong> <span>{}</span></li>\n", look(remark.weight),
-                               word(remark.weight), markup_text(remark.text));
+        for (const Remark& remark : remarks) {
+            const auto weight = static_cast<std::size_t>(remark.weight);
+            out += fmt::format("<li class=\"{}\"><strong>{}</strong> <span>{}</span></li>\n", weight_looks[weight],
+                               weight_words[weight], markup_text(remark.text));
+        }
         out += "</ul>\n";
     }
     return out + "</section>\n";

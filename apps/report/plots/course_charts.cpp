@@ -55,7 +55,7 @@ ChartView steps_view(const Json& history, const std::string& block) {
     view.y = range.axis("objective above its last value", "", true);
     view.height = 0.42;
     view.layers = {std::move(line), std::move(points)};
-    if (!refused.x.empty()) view.layers.push_back(std::move(refused));
+    view.add(std::move(refused));
     return view;
 }
 
@@ -88,11 +88,11 @@ ChartView distances_view(const Json& parameters, const Json& stages) {
         view.layers.push_back(std::move(line));
         view.layers.push_back(std::move(points));
     }
-    if (range.empty()) view.layers.clear();
+    if (range.empty()) return {};
     range.include(1.0);
     view.y = range.axis("|deviation from the result| / sd", "", true);
     view.height = 0.42;
-    if (!view.layers.empty()) view.layers.insert(view.layers.begin(), level_rule(1.0, "", "soft", true));
+    view.layers.push_back(level_rule(1.0, "", "soft", true));
     return view;
 }
 
@@ -124,8 +124,8 @@ ChartView stages_view(const Json& stages, const std::string& name, const Json& f
     view.x = range.axis(display_name(name), text_at(final_entry, "unit"));
     const double reference = number_at(final_entry, "reference");
     if (std::isfinite(reference)) view.layers.push_back(upright_rule(reference, "reference", "ink"));
-    view.layers.push_back(std::move(intervals));
-    view.layers.push_back(std::move(values));
+    view.add(std::move(intervals));
+    view.add(std::move(values));
     name_lines(view, std::move(names));
     return view;
 }
@@ -136,17 +136,12 @@ Chart convergence_chart(const StoredRun& run) {
     Chart chart{"convergence", "Objective after each step", "Block", {}, Chart::Arrangement::stacked};
     const Json* history = run.result ? filled(*run.result, "history") : nullptr;
     if (history == nullptr) return chart;
-    for (const std::string block : {"theta", "scales"}) {
-        ChartView view = steps_view(*history, block);
-        if (!view.layers.empty()) chart.views.push_back(std::move(view));
-    }
+    for (const char* block : {"theta", "scales"})
+        chart.add(steps_view(*history, block));
     if (chart.views.empty()) return chart;
     const Json* stages = filled(*run.result, "stages");
     const Json* parameters = filled(*run.result, "parameters");
-    if (stages != nullptr && parameters != nullptr) {
-        ChartView view = distances_view(*parameters, *stages);
-        if (!view.layers.empty()) chart.views.push_back(std::move(view));
-    }
+    if (stages != nullptr && parameters != nullptr) chart.add(distances_view(*parameters, *stages));
     const auto refused = std::count_if(history->begin(), history->end(),
                                        [](const Json& step) { return !step.value("accepted", false); });
     chart.description = fmt::format("{} steps of the minimisation, {} of them refused", history->size(), refused);
@@ -160,10 +155,8 @@ Chart stage_chart(const StoredRun& run) {
     if (stages == nullptr || stages->size() < 2) return chart;
     const Json* last = filled(stages->back(), "parameters");
     if (last == nullptr) return chart;
-    for (const auto& [name, entry] : last->items()) {
-        ChartView view = stages_view(*stages, name, entry);
-        if (!view.layers.empty()) chart.views.push_back(std::move(view));
-    }
+    for (const auto& [name, entry] : last->items())
+        chart.add(stages_view(*stages, name, entry));
     chart.description = fmt::format("{} parameters after each of {} stages", chart.views.size(), stages->size());
     return chart;
 }

@@ -48,6 +48,14 @@ std::string value_words(const Json& entry) {
     return unit.empty() || unit == "1" ? words : words + " " + unit;
 }
 
+/// From -reach to reach over the whole height, behind all other layers.
+void add_band(ChartView& view, double reach, std::string name) {
+    ChartLayer band{"band", std::move(name), 1, "soft", {-reach, reach}};
+    band.lower.assign(2, view.y.lower);
+    band.upper.assign(2, view.y.upper);
+    view.layers.insert(view.layers.begin(), std::move(band));
+}
+
 /// The squares and names of a matrix of correlations.
 ChartView matrix_view(const std::vector<std::string>& names, const Json& matrix, std::string& description) {
     ChartView view;
@@ -61,9 +69,7 @@ ChartView matrix_view(const std::vector<std::string>& names, const Json& matrix,
             cells.labels.push_back(!std::isfinite(value) ? "–"
                                    : i == j              ? "1"
                                             : fmt::format("{}{:.2f}", value < 0.0 ? "−" : "", std::abs(value)));
-            if (j < i)
-                description +=
-                    fmt::format("{}{}, {}: {:.3f}", description.empty() ? "" : "; ", names[i], names[j], value);
+            if (j < i) append_words(description, fmt::format("{}, {}: {:.3f}", names[i], names[j], value));
         }
     }
     view.layers = {std::move(cells)};
@@ -107,8 +113,7 @@ Chart parameter_chart(const StoredRun& run) {
         intervals.y.push_back(height);
         values.add((value - origin) / unit, height);
         values.labels.push_back(fmt::format("{} = {}", name, with_digits_of(value, sd)));
-        chart.description +=
-            fmt::format("{}{} = {}", chart.description.empty() ? "" : "; ", names.back(), view.y.notes.back());
+        append_words(chart.description, names.back() + " = " + view.y.notes.back());
     }
     if (names.empty()) return chart;
     ChartRange range;
@@ -120,13 +125,8 @@ Chart parameter_chart(const StoredRun& run) {
         known ? range.axis("(estimate − reference) / sd", "") : range.axis("95 % interval around the estimate", "%");
     view.layers = {upright_rule(0.0, known ? "reference" : "", "ink"), std::move(intervals), std::move(values)};
     name_lines(view, std::move(names));
-    if (known) {
-        ChartLayer band{"band", "± 2 sd", 1, "soft", {-2.0, 2.0}};
-        band.lower.assign(2, view.y.lower);
-        band.upper.assign(2, view.y.upper);
-        view.layers.insert(view.layers.begin(), std::move(band));
-    }
-    chart.views.push_back(std::move(view));
+    if (known) add_band(view, 2.0, "± 2 sd");
+    chart.add(std::move(view));
     return chart;
 }
 
@@ -170,10 +170,9 @@ Chart singular_value_chart(const StoredRun& run) {
     for (std::size_t k = 0; directions != nullptr && k < directions->size(); ++k) {
         std::string words;
         for (const auto& [name, component] : (*directions)[k].items())
-            words += fmt::format("{} {} {:+.2g}", words.empty() ? "not determined:" : ",", display_name(name),
-                                 component.get<double>());
-        chart.description += "; " + words;
-        chart.remarks.push_back(std::move(words));
+            append_words(words, fmt::format("{} {:+.2g}", display_name(name), component.get<double>()), ", ");
+        chart.remarks.push_back("not determined: " + words);
+        append_words(chart.description, chart.remarks.back());
     }
     return chart;
 }
@@ -207,23 +206,18 @@ Chart evidence_chart(const StoredRun& run) {
         points.add(value, height);
         points.labels.push_back(words);
         range.include(value);
-        chart.description += fmt::format("{}{}: {}", chart.description.empty() ? "" : "; ", model, words);
+        append_words(chart.description, model + ": " + words);
     }
     if (names.empty()) return chart;
     view.x = range.axis("ln Bayes factor of the model against it", "");
     view.layers = {upright_rule(0.0, "", "ink")};
-    for (ChartLayer& side : sides)
-        if (!side.y.empty()) view.layers.push_back(std::move(side));
-    view.layers.push_back(std::move(points));
+    for (ChartLayer* layer : {&sides[0], &sides[1], &points})
+        view.add(std::move(*layer));
     name_lines(view, std::move(names));
     // Within 1 the data hardly tell them apart, beyond 5 very strongly (Kass and Raftery 1995).
-    for (const double reach : {1.0, 5.0}) {
-        ChartLayer band{"band", "", 1, "soft", {-reach, reach}};
-        band.lower.assign(2, view.y.lower);
-        band.upper.assign(2, view.y.upper);
-        view.layers.insert(view.layers.begin(), std::move(band));
-    }
-    chart.views.push_back(std::move(view));
+    add_band(view, 1.0, "");
+    add_band(view, 5.0, "");
+    chart.add(std::move(view));
     return chart;
 }
 

@@ -169,16 +169,16 @@ Chart multiplier_chart(const StoredRun& run) {
             layer.labels.push_back(fmt::format("cycle {}", growth.number));
         }
         count += list.size();
-        if (!layer.x.empty()) view.layers.push_back(std::move(layer));
+        view.add(std::move(layer));
     }
-    if (!errors.x.empty()) view.layers.insert(view.layers.begin(), std::move(errors));
-    if (!model.x.empty()) view.layers.push_back(std::move(model));
-    if (range.lowest < 1.0) view.layers.insert(view.layers.begin(), level_rule(1.0, "", "soft", true));
+    view.add(std::move(errors));
+    view.add(std::move(model));
+    if (range.lowest < 1.0) view.layers.push_back(level_rule(1.0, "", "soft", true));
     view.x = {"period, cycles by size", "", periods.begin()->first - 0.6, periods.rbegin()->first + 0.6};
     view.x.whole = true;
     view.y = range.axis("largest |multiplier|", "", true);
     view.height = 0.45;
-    chart.views.push_back(std::move(view));
+    chart.add(std::move(view));
     chart.description = fmt::format("largest multipliers of {} periodic orbits, from {:.3g} to {:.3g}", count,
                                     range.lowest, range.highest);
     return chart;

@@ -213,11 +213,11 @@ Chart profile_chart(const StoredRun& run) {
     for (const auto& [name, profile] : profiles->items()) {
         if (!profile.is_object()) continue;
         ChartView view = profile_view(*run.result, name, profile);
-        if (view.layers.empty()) continue;
-        chart.views.push_back(std::move(view));
-        if (const Json* ends = filled(profile, "interval95"))
-            chart.description += fmt::format("{}{}: 95 % from {} to {}", chart.description.empty() ? "" : "; ", name,
-                                             (*ends)[0].dump(), (*ends)[1].dump());
+        const Json* ends = filled(profile, "interval95");
+        if (!view.layers.empty() && ends != nullptr)
+            append_words(chart.description,
+                         fmt::format("{}: 95 % from {} to {}", name, (*ends)[0].dump(), (*ends)[1].dump()));
+        chart.add(std::move(view));
     }
     return chart;
 }
@@ -235,10 +235,8 @@ Chart marginal_chart(const StoredRun& run, const std::optional<StoredDraws>& dra
         for (const std::string& name : draws->names)
             if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
     }
-    for (const std::string& name : names) {
-        ChartView view = marginal_view(*run.result, name, filled(marginals, name), column_of(draws, name));
-        if (!view.layers.empty()) chart.views.push_back(std::move(view));
-    }
+    for (const std::string& name : names)
+        chart.add(marginal_view(*run.result, name, filled(marginals, name), column_of(draws, name)));
     chart.description = fmt::format("densities of {} quantities", chart.views.size());
     return chart;
 }

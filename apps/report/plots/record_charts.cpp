@@ -235,10 +235,8 @@ std::vector<RecordGroup> record_groups(const StoredRun& run, const std::vector<R
 
 Chart residual_chart(const std::vector<RecordGroup>& groups) {
     Chart chart{"residuals", "Residuals in standard deviations", "Coordinate", {}, Chart::Arrangement::stacked};
-    for (const RecordGroup& group : groups) {
-        ChartView view = residual_view(group);
-        if (!view.layers.empty() && chart.views.size() < most_views) chart.views.push_back(std::move(view));
-    }
+    for (const RecordGroup& group : groups)
+        if (chart.views.size() < most_views) chart.add(residual_view(group));
     chart.description = counts_beyond(groups);
     return chart;
 }
@@ -249,10 +247,8 @@ Chart quantile_chart(const std::vector<RecordGroup>& groups) {
                 "Coordinate",
                 {},
                 Chart::Arrangement::tiles};
-    for (const RecordGroup& group : groups) {
-        ChartView view = quantile_view(group);
-        if (!view.layers.empty() && chart.views.size() < most_views) chart.views.push_back(std::move(view));
-    }
+    for (const RecordGroup& group : groups)
+        if (chart.views.size() < most_views) chart.add(quantile_view(group));
     chart.description = "residuals over their sd against quantiles of the normal distribution";
     return chart;
 }
