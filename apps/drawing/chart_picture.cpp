@@ -21,24 +21,29 @@ Views shown_views(const Chart& chart) {
     return Views(chart.views).first(std::min(most, chart.views.size()));
 }
 
-/// The axis with as many ticks as there is room for.
-PlotAxis axis_within(const ChartAxis& axis, double room, double each) {
-    return plot_axis(axis, std::clamp(static_cast<int>(room / each), 2, 10));
+/// Axes with as many ticks as there is room for; labels that would touch are left out anyway.
+PlotAxis axis_across(const ChartAxis& axis, double width, double font) {
+    return plot_axis(axis, std::clamp(static_cast<int>(width / (5.5 * font)), 3, 10));
 }
 
-double widest_of(const std::vector<std::string>& words, const Figure& figure, double size = 1.0) {
+PlotAxis axis_upwards(const ChartAxis& axis, double height, double font) {
+    return plot_axis(axis, std::clamp(static_cast<int>((height / font - 3.0) / 1.8), 5, 10));
+}
+
+double widest_of(const std::vector<std::string>& words, const Figure& figure) {
     double widest = 0.0;
     for (const std::string& word : words)
-        widest = std::max(widest, figure.width_of(word, size));
+        widest = std::max(widest, figure.width_of(word));
     return widest;
 }
 
 /// Height of a frame with its labels: names have lines of their own, others a share of the width.
 double frame_height(const ChartView& view, const Figure& figure, double share, double least) {
     const double font = figure.font();
-    if (view.y.names.empty()) return std::max(share * view.height * figure.width(), least * font);
+    const double turned = widest_of(view.x.names, figure);  // names below may stand upright
+    if (view.y.names.empty()) return std::max(share * view.height * figure.width(), least * font) + turned;
     const double line = view.y.notes.empty() ? 2.0 : 2.8;
-    return font * (line * (static_cast<double>(view.y.names.size()) + 0.2) + 3.5) + widest_of(view.x.names, figure);
+    return font * (line * (static_cast<double>(view.y.names.size()) + 0.2) + 3.5) + turned;
 }
 
 void draw_stacked(Figure& figure, Views views, const PlotStyle& style) {
@@ -50,8 +55,8 @@ void draw_stacked(Figure& figure, Views views, const PlotStyle& style) {
     double room = 0.0;
     for (const ChartView& view : views) {
         heights.push_back(frame_height(view, figure, (several ? 0.65 : 1.1) * style.height, several ? 9.0 : 12.0));
-        across.push_back(axis_within(view.x, figure.width(), 7.0 * font));
-        upwards.push_back(axis_within(view.y, heights.back() - 3.0 * font, 2.4 * font));
+        across.push_back(axis_across(view.x, figure.width(), font));
+        upwards.push_back(axis_upwards(view.y, heights.back(), font));
         room = std::max(room, room_for(figure, upwards.back()));
     }
     for (std::size_t k = 0; k < views.size(); ++k) {
@@ -81,8 +86,8 @@ void draw_tiles(Figure& figure, Views views, const PlotStyle& style) {
     for (std::size_t k = 0; k < views.size(); ++k) {
         if (k % columns == 0) row = figure.row(height);
         const double left = width * static_cast<double>(k % columns);
-        Panel panel(figure, {left, row.top, left + width, row.bottom}, axis_within(views[k].x, width, 7.0 * font),
-                    axis_within(views[k].y, height - 3.0 * font, 2.4 * font));
+        Panel panel(figure, {left, row.top, left + width, row.bottom}, axis_across(views[k].x, width, font),
+                    axis_upwards(views[k].y, height, font));
         draw_layers(panel, views[k].layers, style);
         if (tagged) panel.tag(views[k].label);
     }

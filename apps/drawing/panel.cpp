@@ -21,7 +21,7 @@ double widest_tick(const Figure& figure, const PlotAxis& axis) {
 
 /// Size of a label that is to fit into `room` [pt], as small as can be read at the least.
 double fitting(const Figure& figure, std::string_view label, double room, double size) {
-    return std::clamp(room / figure.width_of(label), 0.6, 1.0) * size;
+    return std::clamp(room / figure.width_of(label, size), size < 1.0 ? 0.4 : 0.6, 1.0) * size;
 }
 
 }  // namespace
@@ -68,8 +68,9 @@ void Panel::label_x(const Options& options, bool turned, double below) {
         taken = at + half;
     }
     if (options.x_labels && !x_axis_.label.empty())
-        figure_.text(0.5 * (box_.left + box_.right), box_.bottom + below + font, x_axis_.label,
-                     {"middle", fitting(figure_, x_axis_.label, box_.width() + font, size)});
+        figure_.text(
+            0.5 * (box_.left + box_.right), box_.bottom + below + font, x_axis_.label,
+            {"middle", fitting(figure_, x_axis_.label, box_.width() + (options.tight ? -0.5 : 1.0) * font, size)});
 }
 
 void Panel::label_y(const Options& options, const PageBox& part) {
@@ -87,8 +88,10 @@ void Panel::label_y(const Options& options, const PageBox& part) {
         free = at - size * font;
     }
     if (options.y_labels && !y_axis_.label.empty())
-        figure_.text(part.left + 1.05 * font, 0.5 * (box_.top + box_.bottom), y_axis_.label,
-                     {"middle", fitting(figure_, y_axis_.label, box_.height() + font, size), ink_colour, false});
+        figure_.text(
+            part.left + 1.05 * font, 0.5 * (box_.top + box_.bottom), y_axis_.label,
+            {"middle", fitting(figure_, y_axis_.label, box_.height() + (options.tight ? -0.5 : 1.0) * font, size),
+             ink_colour, false});
 }
 
 void Panel::open() {

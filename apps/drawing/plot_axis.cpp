@@ -142,7 +142,8 @@ PlotAxis plot_axis(const ChartAxis& axis, int wanted) {
         out.ticks = {{-pi, "−π"}, {-pi / 2.0, "−π/2"}, {0.0, "0"}, {pi / 2.0, "π/2"}, {pi, "π"}};
     } else {
         const double first = std::ceil(axis.lower);
-        const double step = std::max(1.0, std::ceil((axis.upper - first) / std::max(1, wanted)));
+        // Their labels are short.
+        const double step = std::max(1.0, std::ceil(0.5 * (axis.upper - first) / std::max(1, wanted)));
         for (double value = first; value <= axis.upper; value += step)
             out.ticks.push_back({value, tick_label(value, 0)});
     }

@@ -14,10 +14,10 @@ namespace {
 using namespace detail;
 
 std::string parameter_interval_text(const Json& entry, double sd) {
-    const Json* ends = filled(entry, "interval95");
-    if (ends == nullptr || ends->size() != 2 || !(*ends)[0].is_number() || !(*ends)[1].is_number()) return "undefined";
-    return fmt::format("[{}, {}]", with_digits_of((*ends)[0].get<double>(), sd),
-                       with_digits_of((*ends)[1].get<double>(), sd));
+    const double lower = interval_end(entry, 0);
+    const double upper = interval_end(entry, 1);
+    if (!std::isfinite(lower) || !std::isfinite(upper)) return "undefined";
+    return fmt::format("[{}, {}]", with_digits_of(lower, sd), with_digits_of(upper, sd));
 }
 
 double in_sds(const Json& entry) {

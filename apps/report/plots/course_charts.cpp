@@ -52,7 +52,7 @@ ChartView steps_view(const Json& history, const std::string& block) {
     view.label = block == "theta" ? "parameters" : "error parameters";
     view.x = {"step", "", -0.5, number - 0.5};
     view.x.whole = true;
-    view.y = range.axis("objective above its last value", "", true);
+    view.y = range.axis("objective − last", "", true);
     view.height = 0.42;
     view.layers = {std::move(line), std::move(points)};
     view.add(std::move(refused));
@@ -90,7 +90,7 @@ ChartView distances_view(const Json& parameters, const Json& stages) {
     }
     if (range.empty()) return {};
     range.include(1.0);
-    view.y = range.axis("|deviation from the result| / sd", "", true);
+    view.y = range.axis("|deviation| / sd", "", true);
     view.height = 0.42;
     view.layers.push_back(level_rule(1.0, "", "soft", true));
     return view;
@@ -110,16 +110,13 @@ ChartView stages_view(const Json& stages, const std::string& name, const Json& f
         if (entry == nullptr) continue;
         values.add(number_at(*entry, "value"), height);
         values.labels.push_back(text_at(stage, "stage"));
-        range.include(values.x.back());
-        const Json* ends = filled(*entry, "interval95");
-        if (ends == nullptr || !(*ends)[0].is_number() || !(*ends)[1].is_number()) continue;
-        intervals.lower.push_back((*ends)[0].get<double>());
-        intervals.upper.push_back((*ends)[1].get<double>());
+        intervals.lower.push_back(interval_end(*entry, 0));
+        intervals.upper.push_back(interval_end(*entry, 1));
         intervals.y.push_back(height);
-        range.include(intervals.lower.back());
-        range.include(intervals.upper.back());
     }
     if (values.x.size() < 2) return view;
+    for (const auto* list : {&values.x, &intervals.lower, &intervals.upper})
+        range.include(*list);
     view.label = name;
     view.x = range.axis(display_name(name), text_at(final_entry, "unit"));
     const double reference = number_at(final_entry, "reference");

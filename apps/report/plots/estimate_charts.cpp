@@ -15,12 +15,6 @@ namespace {
 
 using namespace detail;
 
-/// A member of a list of two numbers, as of an interval.
-double end_of(const Json& entry, std::size_t end) {
-    const Json* ends = filled(entry, "interval95");
-    return ends != nullptr && ends->size() == 2 && (*ends)[end].is_number() ? (*ends)[end].get<double>() : std::nan("");
-}
-
 /// Parameters and derived quantities by name.
 std::vector<std::pair<std::string, const Json*>> estimated_quantities(const Json& result) {
     std::vector<std::pair<std::string, const Json*>> list;
@@ -92,7 +86,7 @@ Chart parameter_chart(const StoredRun& run) {
         return std::any_of(list.begin(), list.end(),
                            [&](const auto& one) { return std::isfinite(value(*one.second)); });
     };
-    if (!any([](const Json& entry) { return end_of(entry, 0); })) return chart;
+    if (!any([](const Json& entry) { return interval_end(entry, 0); })) return chart;
     const bool known = any([](const Json& entry) { return number_at(entry, "reference"); });
     ChartLayer intervals{"intervals", "95 % interval", 2, ""};
     ChartLayer values{"points", "estimate", 2, ""};
@@ -108,8 +102,8 @@ Chart parameter_chart(const StoredRun& run) {
         const auto height = static_cast<double>(names.size());
         names.push_back(display_name(name));
         view.y.notes.push_back(value_words(*entry));
-        intervals.lower.push_back((end_of(*entry, 0) - origin) / unit);
-        intervals.upper.push_back((end_of(*entry, 1) - origin) / unit);
+        intervals.lower.push_back((interval_end(*entry, 0) - origin) / unit);
+        intervals.upper.push_back((interval_end(*entry, 1) - origin) / unit);
         intervals.y.push_back(height);
         values.add((value - origin) / unit, height);
         values.labels.push_back(fmt::format("{} = {}", name, with_digits_of(value, sd)));
@@ -121,8 +115,7 @@ Chart parameter_chart(const StoredRun& run) {
     range.include(intervals.upper);
     range.include(values.x);
     range.include(0.0);
-    view.x =
-        known ? range.axis("(estimate − reference) / sd", "") : range.axis("95 % interval around the estimate", "%");
+    view.x = known ? range.axis("(estimate − reference) / sd", "") : range.axis("around the estimate", "%");
     view.layers = {upright_rule(0.0, known ? "reference" : "", "ink"), std::move(intervals), std::move(values)};
     name_lines(view, std::move(names));
     if (known) add_band(view, 2.0, "± 2 sd");
@@ -209,7 +202,7 @@ Chart evidence_chart(const StoredRun& run) {
         append_words(chart.description, model + ": " + words);
     }
     if (names.empty()) return chart;
-    view.x = range.axis("ln Bayes factor of the model against it", "");
+    view.x = range.axis("ln Bayes factor", "");
     view.layers = {upright_rule(0.0, "", "ink")};
     for (ChartLayer* layer : {&sides[0], &sides[1], &points})
         view.add(std::move(*layer));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 
@@ -19,5 +20,8 @@ using Json = nlohmann::ordered_json;
 [[nodiscard]] inline const Json* filled(const Json* object, std::string_view key) {
     return object == nullptr ? nullptr : filled(*object, key);
 }
+
+/// An end of "interval95", 0 or 1; nan where it is not known.
+[[nodiscard]] double interval_end(const Json& entry, std::size_t end);
 
 }  // namespace orbid::apps::detail
