@@ -62,12 +62,6 @@ Eigen::MatrixXd LocalMap::jacobian_at(const Eigen::VectorXd& d) const {
     return result;
 }
 
-LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbourhood, int order) {
-    PolynomialFit workspace;
-    return fit_local_map(points, neighbourhood, order, static_cast<std::size_t>(neighbourhood.offsets.rows()),
-                         std::make_shared<const Monomials>(neighbourhood.centre.size(), order), workspace);
-}
-
 LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbourhood, int order, std::size_t k,
                        const std::shared_ptr<const Monomials>& monomials, PolynomialFit& workspace) {
     const auto rows = static_cast<std::size_t>(neighbourhood.offsets.rows());

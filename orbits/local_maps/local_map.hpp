@@ -56,14 +56,13 @@ struct LocalMap {
     [[nodiscard]] Eigen::MatrixXd jacobian_at(const Eigen::VectorXd& d) const;
 };
 
-/// Weighted least squares fit with intercept, weights (1 - (d / radius)^2)^2 on the squared residuals.
+/// Weighted least squares fit to the nearest k neighbours with intercept, weights (1 - (d / radius)^2)^2 on the squared
+/// residuals.
 ///
 /// In units of the radius. Exact for polynomial maps of the order.
 /// @param order  1 to 6.
+/// @param monomials, workspace  tables of this order at least, and memory, kept between fits.
 /// @return usable = false with fewer neighbours than coefficients + 2, or rank lost to rounding.
-[[nodiscard]] LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbourhood, int order);
-
-/// The same for the nearest k neighbours only, with memory and tables kept between fits.
 [[nodiscard]] LocalMap fit_local_map(const SectionPoints& points, const Neighbourhood& neighbourhood, int order,
                                      std::size_t k, const std::shared_ptr<const Monomials>& monomials,
                                      PolynomialFit& workspace);

@@ -99,9 +99,6 @@ void check_shape(const Series& series, const std::optional<std::vector<double>>&
 
 }  // namespace
 
-SectionPoints::SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs)
-    : SectionPoints(series, signs, {}) {}
-
 SectionPoints::SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs,
                              Eigen::VectorXd scale) {
     check_shape(series, signs);

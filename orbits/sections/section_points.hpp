@@ -23,11 +23,11 @@ namespace orbid::orbits {
 class SectionPoints {
 public:
     /// @param signs  S = diag(signs): sections are mapped onto each other by x -> S x. Empty: no symmetry.
+    /// @param scale  units, shape (n), > 0; empty: Series::scale().
     /// @throws std::invalid_argument for a series of time samples, one without coordinates, segments of another
     ///         dimension, coordinates without spread, signs of wrong length or other than +1 and -1.
-    explicit SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs = std::nullopt);
-    /// The same in given units, shape (n), > 0.
-    SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs, Eigen::VectorXd scale);
+    explicit SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs = std::nullopt,
+                           Eigen::VectorXd scale = {});
 
     [[nodiscard]] Eigen::Index dimension() const { return scale_.size(); }
     [[nodiscard]] std::size_t size() const { return size_; }

@@ -1,6 +1,7 @@
 #include "orbits/local_maps/local_map.hpp"
 
 #include <cmath>
+#include <memory>
 #include <random>
 
 #include "tests/catch.hpp"
@@ -31,6 +32,12 @@ orbits::Neighbourhood sampled(const Map& map, const Eigen::Vector2d& centre, dou
     return result;
 }
 
+orbits::LocalMap fitted(const orbits::SectionPoints& points, const orbits::Neighbourhood& near, int order) {
+    orbits::PolynomialFit workspace;
+    return orbits::fit_local_map(points, near, order, static_cast<std::size_t>(near.offsets.rows()),
+                                 std::make_shared<const orbits::Monomials>(near.centre.size(), order), workspace);
+}
+
 const orbits::SectionPoints& plane() {
     static const orbits::SectionPoints points(tests::henon_series(100));
     return points;
@@ -53,7 +60,7 @@ TEST_CASE("quadratic fit of a quadratic map is exact", "[orbits][local_map]") {
                                0.1 - x[1] + 4.0 * x[1] * x[1]);
     };
     const Eigen::Vector2d centre(0.1, -0.05);
-    const auto fit = orbits::fit_local_map(plane(), sampled(map, centre, 0.01, 32), 2);
+    const auto fit = fitted(plane(), sampled(map, centre, 0.01, 32), 2);
     REQUIRE(fit.usable);
     // Rounding 1e-16 over radius 1e-2, its square and the design's condition of about ten; bounds are ten times that.
     CHECK((fit.value - map(centre)).cwiseAbs().maxCoeff() < 1e-15);
@@ -75,7 +82,7 @@ TEST_CASE("local fits converge with the radius in their order", "[orbits][local_
         for (const double radius : {0.08, 0.04, 0.02, 0.01}) {
             const double r = order < 3 ? radius : 4.0 * radius;
             CAPTURE(order, r);
-            const auto fit = orbits::fit_local_map(plane(), sampled(wavy, centre, r, 20 * order), order);
+            const auto fit = fitted(plane(), sampled(wavy, centre, r, 20 * order), order);
             REQUIRE(fit.usable);
             const double value = (fit.value - wavy(centre)).norm();
             const double jacobian = (fit.jacobian - wavy_jacobian(centre)).norm();
@@ -104,7 +111,7 @@ TEST_CASE("covariance of a local fit matches its errors", "[orbits][local_map]")
                 return Eigen::Vector2d(wavy(x) + noise * Eigen::Vector2d(normal(random), normal(random)));
             };
             const auto neighbourhood = sampled(noisy, centre, 0.03, 32);
-            const auto fit = orbits::fit_local_map(plane(), neighbourhood, 2);
+            const auto fit = fitted(plane(), neighbourhood, 2);
             const Eigen::MatrixXd covariance = orbits::local_map_covariance(neighbourhood, fit);
             REQUIRE(covariance.rows() == 6);
             Eigen::VectorXd error(6);
@@ -144,7 +151,7 @@ TEST_CASE("images on a circle are unwrapped and torn neighbours dropped", "[orbi
     const Eigen::VectorXd centre = Eigen::VectorXd::Constant(1, 1.0 / 6.0);
     const auto whole = orbits::gather_neighbourhood(points, grid, centre, 30);
     CHECK(whole.offsets.rows() == 30);
-    const auto fit = orbits::fit_local_map(points, whole, 2);
+    const auto fit = fitted(points, whole, 2);
     REQUIRE(fit.usable);
     CHECK_THAT(fit.jacobian(0, 0), tests::WithinAbs(3.0 + 0.1 * std::cos(turn / 6.0), 1e-4));
     const auto torn = orbits::gather_neighbourhood(points, grid, centre, 1000);
@@ -154,11 +161,11 @@ TEST_CASE("images on a circle are unwrapped and torn neighbours dropped", "[orbi
 
 TEST_CASE("a neighbourhood that cannot carry the fit is not usable", "[orbits][local_map]") {
     const Eigen::Vector2d centre(0.0, 0.0);
-    CHECK_FALSE(orbits::fit_local_map(plane(), sampled(wavy, centre, 0.01, 7), 2).usable);
-    CHECK(orbits::fit_local_map(plane(), sampled(wavy, centre, 0.01, 8), 2).usable);
+    CHECK_FALSE(fitted(plane(), sampled(wavy, centre, 0.01, 7), 2).usable);
+    CHECK(fitted(plane(), sampled(wavy, centre, 0.01, 8), 2).usable);
     auto flat = sampled(wavy, centre, 0.01, 32);
     flat.offsets.col(1) = flat.offsets.col(0);
-    CHECK_FALSE(orbits::fit_local_map(plane(), flat, 1).usable);
+    CHECK_FALSE(fitted(plane(), flat, 1).usable);
 }
 
 }  // namespace local_map_test
