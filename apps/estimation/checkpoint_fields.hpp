@@ -114,8 +114,8 @@ inline void fields(apps::Archive& archive, Profile& value) {
 }
 
 inline void fields(apps::Archive& archive, MarginalPoint& value) {
-    auto& [u, at, log_density, theta, covariance, dof] = value;
-    archive(u, at, log_density, theta, covariance, dof);
+    auto& [u, at, log_density, theta] = value;
+    archive(u, at, log_density, theta);
 }
 
 inline void fields(apps::Archive& archive, Marginal& value) {

@@ -6,10 +6,6 @@
 #include <string>
 #include <utility>
 
-#include "estimator/algebra/block_loop.hpp"
-#include "models/arithmetic/orthogonal_factor.hpp"
-#include "models/arithmetic/triangular_solve.hpp"
-
 namespace orbid::estimator {
 
 namespace {
@@ -17,8 +13,7 @@ namespace {
 /// A latent column whose part independent of the columns before it is below this fraction of it is rounding only.
 constexpr double dead_share = 1e-13;
 
-/// The same for a column of link rows: some tens of roundings. Not more, for the light rows count as well, whatever the
-/// weight of the links.
+/// The same for a column of link rows: some tens of roundings, for the light rows count whatever the links weigh.
 constexpr double dead_share_of_links = 64.0 * 2.220446049250313e-16;
 
 /// The R factor without the dead columns; a unit row in their place keeps it regular and their step zero.
@@ -140,29 +135,6 @@ void set_norms(BlockArrow& arrow, const std::vector<std::size_t>& chain, const E
     }
 }
 
-/// The nodes of a chain, damped by mu; dead states leave the problem.
-std::vector<ChainNode> chain_nodes(const BlockArrow& arrow, std::size_t index, double mu) {
-    const std::vector<std::size_t>& chain = arrow.chains[index];
-    const Eigen::VectorXd& linked = arrow.link_norms[index];
-    std::vector<ChainNode> nodes(chain.size());
-    Eigen::Index at = 0;
-    for (std::size_t i = 0; i < chain.size(); ++i) {
-        const BlockTriangle& block = arrow.blocks[chain[i]];
-        const Eigen::Index l = block.latents;
-        ChainNode& node = nodes[i];
-        node.block = chain[i];
-        node.latents = l;
-        node.own = &block.triangle;
-        if (block.link.rows() > 0) (block.next < 0 ? node.alone : node.link) = &block.link;
-        if (mu > 0.0) node.damping = std::sqrt(mu) * block.norm;
-        node.limit = (dead_share * block.triangle.leftCols(l).colwise().norm().transpose())
-                         .cwiseMax(dead_share_of_links * linked.segment(at, l));
-        if (std::find(block.dead.begin(), block.dead.end(), true) != block.dead.end()) node.dead = &block.dead;
-        at += l;
-    }
-    return nodes;
-}
-
 /// Marks the states that the factorisation found undecided.
 void mark_dead(BlockArrow& arrow, const ChainFactor& factor) {
     for (const ChainLevel& level : factor.levels) {
@@ -210,6 +182,28 @@ BlockTriangle linked_block(Eigen::MatrixXd rows, Eigen::Index latents) {
     return block;
 }
 
+ChainFactor factorise_chain(const BlockArrow& arrow, std::size_t index, bool cyclic, double mu) {
+    const std::vector<std::size_t>& chain = arrow.chains[index];
+    const Eigen::VectorXd& linked = arrow.link_norms[index];
+    std::vector<ChainNode> nodes(chain.size());
+    Eigen::Index at = 0;
+    for (std::size_t i = 0; i < chain.size(); ++i) {
+        const BlockTriangle& block = arrow.blocks[chain[i]];
+        const Eigen::Index l = block.latents;
+        ChainNode& node = nodes[i];
+        node.block = chain[i];
+        node.latents = l;
+        node.own = &block.triangle;
+        if (block.link.rows() > 0) (block.next < 0 ? node.alone : node.link) = &block.link;
+        if (mu > 0.0) node.damping = std::sqrt(mu) * block.norm;
+        node.limit = (dead_share * block.triangle.leftCols(l).colwise().norm().transpose())
+                         .cwiseMax(dead_share_of_links * linked.segment(at, l));
+        if (std::find(block.dead.begin(), block.dead.end(), true) != block.dead.end()) node.dead = &block.dead;
+        at += l;
+    }
+    return factorise_chain(nodes, cyclic, arrow.parameters);
+}
+
 BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters) {
     BlockArrow arrow;
     arrow.parameters = parameters;
@@ -224,9 +218,7 @@ BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters)
         block.dead.assign(block.dead.size(), false);
     }
     const Eigen::Index width = parameters + 1;
-    Eigen::Index alone = 0;
-    for (std::size_t b = 0; b < arrow.blocks.size(); ++b)
-        if (!arrow.linked[b]) ++alone;
+    const Eigen::Index alone = std::count(arrow.linked.begin(), arrow.linked.end(), false);
     if (arrow.blocks.size() == 1 && alone == 1) {
         arrow.pool = arrow.blocks[0].triangle.bottomRightCorner(width, width);
     } else {
@@ -242,176 +234,10 @@ BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters)
     for (std::size_t i = 0; i < arrow.chains.size(); ++i) {
         arrow.link_norms.push_back(link_norms(arrow, arrow.chains[i]));
         set_norms(arrow, arrow.chains[i], arrow.link_norms[i]);
-        arrow.undamped.push_back(
-            std::make_shared<const ChainFactor>(factorise_chain(chain_nodes(arrow, i, 0.0), cyclic[i], parameters)));
+        arrow.undamped.push_back(std::make_shared<const ChainFactor>(factorise_chain(arrow, i, cyclic[i], 0.0)));
         mark_dead(arrow, *arrow.undamped.back());
     }
     return arrow;
-}
-
-ReducedProblem condense(const BlockArrow& arrow, double mu) {
-    const Eigen::Index width = arrow.parameters + 1;
-    const auto width_of_chains = static_cast<Eigen::Index>(arrow.chains.size()) * width;
-    ReducedProblem reduced_problem;
-    reduced_problem.top.reserve(arrow.blocks.size());
-    Eigen::Index damped_rows = 0;
-    for (std::size_t b = 0; b < arrow.blocks.size() && mu > 0.0; ++b)
-        if (!arrow.linked[b]) damped_rows += arrow.blocks[b].latents;
-    Eigen::MatrixXd stacked(width + damped_rows + width_of_chains, width);
-    stacked.topRows(width) = arrow.pool;
-    Eigen::Index row = width;
-    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
-        const BlockTriangle& block = arrow.blocks[b];
-        const Eigen::Index l = block.latents;
-        if (l == 0 || arrow.linked[b]) {
-            reduced_problem.top.emplace_back(0, l + width);
-        } else if (mu > 0.0) {
-            Eigen::MatrixXd damped = Eigen::MatrixXd::Zero(2 * l, l + width);
-            damped.topRows(l) = block.triangle.topRows(l);
-            damped.bottomLeftCorner(l, l).diagonal() = std::sqrt(mu) * block.norm;
-            models::householder_in_place(damped);
-            Eigen::MatrixXd factor = std::move(damped);
-            factor.triangularView<Eigen::StrictlyLower>().setZero();
-            reduced_problem.top.push_back(factor.topRows(l));
-            stacked.middleRows(row, l) = factor.bottomRightCorner(l, width);
-            row += l;
-        } else {
-            reduced_problem.top.push_back(block.triangle.topRows(l));
-        }
-    }
-    reduced_problem.chains.reserve(arrow.chains.size());
-    for (std::size_t i = 0; i < arrow.chains.size(); ++i) {
-        if (mu > 0.0)
-            reduced_problem.chains.push_back(std::make_shared<const ChainFactor>(
-                factorise_chain(chain_nodes(arrow, i, mu), arrow.undamped[i]->cyclic, arrow.parameters)));
-        else
-            reduced_problem.chains.push_back(arrow.undamped[i]);
-        stacked.middleRows(row, width) = reduced_problem.chains.back()->rest;
-        row += width;
-    }
-    const Eigen::MatrixXd pool = row > width ? upper_triangle(stacked) : arrow.pool;
-    reduced_problem.r = pool.topLeftCorner(arrow.parameters, arrow.parameters);
-    reduced_problem.rhs = pool.topRightCorner(arrow.parameters, 1);
-    reduced_problem.rest = std::abs(pool(arrow.parameters, arrow.parameters));
-    return reduced_problem;
-}
-
-std::vector<Eigen::VectorXd> latent_steps(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
-                                          const Eigen::VectorXd& d) {
-    std::vector<Eigen::VectorXd> steps(arrow.blocks.size());
-    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
-        const Eigen::Index l = arrow.blocks[b].latents;
-        if (l == 0 || arrow.linked[b]) {
-            steps[b].resize(0);
-            continue;
-        }
-        const Eigen::MatrixXd& top = reduced_problem.top[b];
-        steps[b] = -(top.rightCols(1) + top.middleCols(l, arrow.parameters) * d);
-        models::solve_upper_in_place(top.leftCols(l), steps[b]);
-    }
-    for (const auto& chain : reduced_problem.chains)
-        solve_chain(*chain, d, steps);
-    return steps;
-}
-
-ModelChange model_change(const BlockArrow& arrow, const Eigen::VectorXd& d, const std::vector<Eigen::VectorXd>& d_z) {
-    std::vector<ModelChange> part(pieces_of(arrow.blocks.size()));
-    for_pieces(arrow.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
-        ModelChange& change = part[piece];
-        Eigen::VectorXd moved;
-        const auto add = [&](const Eigen::MatrixXd& rows, const Eigen::VectorXd& own, const Eigen::VectorXd* next) {
-            moved.setZero(rows.rows());
-            Eigen::Index column = 0;
-            const auto along = [&](const Eigen::VectorXd& x) {
-                for (Eigen::Index j = 0; j < x.size(); ++j, ++column)
-                    for (Eigen::Index k = 0; k < rows.rows(); ++k)
-                        moved[k] += rows(k, column) * x[j];
-            };
-            along(own);
-            if (next != nullptr) along(*next);
-            along(d);
-            for (Eigen::Index k = 0; k < rows.rows(); ++k) {
-                change.linear += moved[k] * rows(k, column);
-                change.quadratic += moved[k] * moved[k];
-            }
-        };
-        for (std::size_t b = begin; b < end; ++b) {
-            const BlockTriangle& block = arrow.blocks[b];
-            add(block.triangle, d_z[b], nullptr);
-            if (block.link.rows() == 0) continue;
-            add(block.link, d_z[b], block.next >= 0 ? &d_z[static_cast<std::size_t>(block.next)] : nullptr);
-        }
-    });
-    ModelChange sum;
-    for (const ModelChange& change : part) {
-        sum.linear += change.linear;
-        sum.quadratic += change.quadratic;
-    }
-    return sum;
-}
-
-double log_abs_determinant(const ReducedProblem& reduced_problem) {
-    double sum = 0.0;
-    for (const Eigen::MatrixXd& top : reduced_problem.top)
-        if (top.rows() > 0) sum += top.diagonal().array().abs().log().sum();
-    for (const auto& chain : reduced_problem.chains)
-        sum += log_abs_determinant(*chain);
-    return sum;
-}
-
-void visit_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
-                      const Eigen::MatrixXd& parameter_covariance, const CovarianceUse& node,
-                      const CovarianceUse& link) {
-    const Eigen::Index r = parameter_covariance.rows();
-    for_pieces(arrow.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t) {
-        Eigen::MatrixXd p;
-        for (std::size_t b = begin; b < end; ++b) {
-            if (arrow.linked[b]) continue;
-            const Eigen::Index l = arrow.blocks[b].latents;
-            Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(l, l);
-            models::solve_upper_in_place(reduced_problem.top[b].leftCols(l), inverse);
-            const Eigen::MatrixXd gain = -inverse * reduced_problem.top[b].middleCols(l, r);
-            p.resize(l + r, l + r);
-            const Eigen::MatrixXd across = gain * parameter_covariance;
-            const Eigen::MatrixXd own = inverse * inverse.transpose() + across * gain.transpose();
-            p.topLeftCorner(l, l) = 0.5 * (own + own.transpose());
-            p.topRightCorner(l, r) = across;
-            p.bottomLeftCorner(r, l) = across.transpose();
-            p.bottomRightCorner(r, r) = parameter_covariance;
-            for (Eigen::Index j = 0; j < l; ++j) {
-                if (!arrow.blocks[b].dead[static_cast<std::size_t>(j)]) continue;
-                p.row(j).setZero();
-                p.col(j).setZero();
-            }
-            node(b, p);
-        }
-    });
-    for (const auto& chain : reduced_problem.chains)
-        chain_covariance(*chain, parameter_covariance, node, link);
-}
-
-SelectedCovariance covariance_around(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
-                                     const Eigen::MatrixXd& parameter_covariance) {
-    SelectedCovariance result;
-    result.block.resize(arrow.blocks.size());
-    result.link.resize(arrow.blocks.size());
-    const auto into = [](std::vector<Eigen::MatrixXd>& places) {
-        return
-            [&places](std::size_t b, const Eigen::Ref<const Eigen::MatrixXd>& covariance) { places[b] = covariance; };
-    };
-    visit_covariance(arrow, reduced_problem, parameter_covariance, into(result.block), into(result.link));
-    return result;
-}
-
-Eigen::MatrixXd inverse_square(const Eigen::MatrixXd& triangle) {
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(triangle.rows(), triangle.rows());
-    models::solve_upper_in_place(triangle, inverse);
-    return inverse * inverse.transpose();
-}
-
-SelectedCovariance selected_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
-                                       const Eigen::MatrixXd& parameter_triangle) {
-    return covariance_around(arrow, reduced_problem, inverse_square(parameter_triangle));
 }
 
 }  // namespace orbid::estimator

@@ -76,6 +76,9 @@ struct ReducedProblem {
 ///         link to the same one.
 [[nodiscard]] BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters);
 
+/// Factorises one of its chains, damped by mu; dead states leave the problem.
+[[nodiscard]] ChainFactor factorise_chain(const BlockArrow& arrow, std::size_t index, bool cyclic, double mu);
+
 /// Eliminates the latent states. @param mu  damping, >= 0.
 [[nodiscard]] ReducedProblem condense(const BlockArrow& arrow, double mu);
 
@@ -94,32 +97,17 @@ struct ModelChange {
 /// Sum of ln|R_jj| over all latent states, links included: ln|H_zz| is twice that. Dead states contribute nothing.
 [[nodiscard]] double log_abs_determinant(const ReducedProblem& reduced_problem);
 
-/// The blocks of H^-1 that traces need.
-struct SelectedCovariance {
-    std::vector<Eigen::MatrixXd> block;  ///< of (z_b, y), shape (latents + r, latents + r)
-    /// Of (z_b, z_next, y) for blocks with next >= 0 and link rows, shape (latents + latents of next + r, same); else
-    /// empty. For links of moderate weight: at tight ones C P C^T is a difference of nearly equal numbers.
-    std::vector<Eigen::MatrixXd> link;
-};
-
 /// Passes every block's covariance of (z_b, y) to `node`, and that of (z_b, z_next, y) of blocks with next >= 0 and
-/// link rows to `link` (empty: not wanted). Nothing is kept. See chain_covariance() and covariance_around().
+/// link rows to `link` (empty: not wanted); see chain_covariance(). Links of moderate weight only: at tight ones
+/// C P C^T is a difference of nearly equal numbers.
+///
+/// Latent states vary around the parameters (any covariance of them, for instance a sandwich; (0, 0): held): z = G y +
+/// noise with covariance (R_zz^T R_zz)^-1. Rows and columns of dead states are zero. Linear cost; nothing is kept.
 void visit_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
                       const Eigen::MatrixXd& parameter_covariance, const CovarianceUse& node,
                       const CovarianceUse& link);
 
 /// Covariance R^-1 R^-T of the parameters from the R factor of the reduced problem with prior rows; (0, 0) of (0, 0).
 [[nodiscard]] Eigen::MatrixXd inverse_square(const Eigen::MatrixXd& triangle);
-
-/// Covariance of the latent states around the parameters' (any covariance of them, for instance a sandwich): z = G y +
-/// noise with covariance (R_zz^T R_zz)^-1. Shape (q, q), or (0, 0): parameters held, r = 0. Rows and columns of dead
-/// states are zero. Linear cost.
-[[nodiscard]] SelectedCovariance covariance_around(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
-                                                   const Eigen::MatrixXd& parameter_covariance);
-
-/// The same with the covariance R_y^-1 R_y^-T of the parameters ("restricted"). R_y is the regular R factor of the
-/// reduced problem with prior rows, shape (q, q). Shape (0, 0): parameters held ("ml").
-[[nodiscard]] SelectedCovariance selected_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
-                                                     const Eigen::MatrixXd& parameter_triangle);
 
 }  // namespace orbid::estimator

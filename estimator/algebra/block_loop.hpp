@@ -31,4 +31,13 @@ void for_pieces(std::size_t count, const Work& work) {
     oneapi::tbb::parallel_for(std::size_t{0}, pieces_of(count), run);
 }
 
+/// Calls work(b) for all blocks of [0, count), several at a time.
+template <class Work>
+void for_blocks(std::size_t count, const Work& work) {
+    for_pieces(count, [&](std::size_t begin, std::size_t end, std::size_t) {
+        for (std::size_t b = begin; b < end; ++b)
+            work(b);
+    });
+}
+
 }  // namespace orbid::estimator

@@ -1,7 +1,6 @@
 #include "estimator/algebra/chain.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "estimator/algebra/block_loop.hpp"
@@ -54,28 +53,6 @@ private:
     std::vector<double> values_;
     std::vector<double> zeros_;
     std::vector<Eigen::Index> order_;
-};
-
-/// Rows that only the parameters are left in, kept short.
-class Remainder {
-public:
-    explicit Remainder(Eigen::Index width) : rows_(12 * width, width) {}
-    void add(const Eigen::Ref<const Eigen::MatrixXd>& rows) {
-        if (count_ + rows.rows() > rows_.rows()) {
-            const Eigen::MatrixXd short_rows = triangle();
-            if (short_rows.rows() + rows.rows() > rows_.rows())
-                rows_.resize(2 * (short_rows.rows() + rows.rows()), short_rows.cols());
-            rows_.topRows(short_rows.rows()) = short_rows;
-            count_ = short_rows.rows();
-        }
-        rows_.middleRows(count_, rows.rows()) = rows;
-        count_ += rows.rows();
-    }
-    [[nodiscard]] Eigen::MatrixXd triangle() const { return upper_triangle(rows_.topRows(count_)); }
-
-private:
-    Eigen::MatrixXd rows_;
-    Eigen::Index count_ = 0;
 };
 
 /// Columns of dead states carry nothing.
@@ -141,7 +118,7 @@ void keep(const Rows& a, const Eigen::Index* order, Elimination& step, ChainLeve
 
 /// One node between its neighbours; `made` is the place for the rows that this leaves between them.
 void eliminate_between(const Reduction& work, Elimination& step, const Edge& before, const Edge& after,
-                       ChainLevel& level, Edge& made, double* place, MatrixPool& space, Remainder& rest) {
+                       ChainLevel& level, Edge& made, double* place, MatrixPool& space, ShortRows& rest) {
     const ChainNode& own = work.nodes[static_cast<std::size_t>(step.node)];
     const Eigen::Index l = own.latents;
     const Eigen::Index l_left = work.nodes[static_cast<std::size_t>(step.left)].latents;
@@ -164,7 +141,7 @@ void eliminate_between(const Reduction& work, Elimination& step, const Edge& bef
 }
 
 /// The one or two nodes that are left.
-void eliminate_last(const Reduction& work, ChainLevel& level, MatrixPool& space, Remainder& rest) {
+void eliminate_last(const Reduction& work, ChainLevel& level, MatrixPool& space, ShortRows& rest) {
     const std::size_t first = work.left[0];
     const std::size_t second = work.left.back();
     const bool pair = work.left.size() == 2;
@@ -203,11 +180,10 @@ void eliminate_last(const Reduction& work, ChainLevel& level, MatrixPool& space,
     if (a.rows() > step.rank) rest.add(a.bottomRightCorner(a.rows() - step.rank, work.width));
 }
 
-/// Every second node that has a neighbour on both sides.
-ChainLevel reduce(Reduction& work, bool cyclic, Remainder& rest) {
+/// Lays out the elimination of every second node between its neighbours.
+/// @return where the rows that each leaves begin in the next pool
+std::vector<std::size_t> lay_out(Reduction& work, std::size_t count, ChainLevel& level) {
     const std::size_t size = work.left.size();
-    const std::size_t count = cyclic ? size / 2 : (size - 1) / 2;
-    ChainLevel level;
     level.steps.resize(count);
     std::vector<std::size_t> place(count);
     std::size_t values = 0;
@@ -231,18 +207,12 @@ ChainLevel reduce(Reduction& work, bool cyclic, Remainder& rest) {
     level.values.resize(values);
     level.order.resize(order);
     work.next_pool.resize(pool);
-    std::vector<Edge> edges(count);
-    std::vector<Eigen::MatrixXd> rests(pieces_of(count));
-    for_pieces(count, [&](std::size_t begin, std::size_t end, std::size_t piece) {
-        MatrixPool space;
-        Remainder own(work.width);
-        for (std::size_t k = begin; k < end; ++k)
-            eliminate_between(work, level.steps[k], work.edge[2 * k], work.edge[2 * k + 1], level, edges[k],
-                              work.next_pool.data() + place[k], space, own);
-        rests[piece] = own.triangle();
-    });
-    for (const Eigen::MatrixXd& rows : rests)
-        rest.add(rows);
+    return place;
+}
+
+/// The nodes that stay after `count` eliminations, with the edges made and those that no elimination touched.
+void carry_over(Reduction& work, std::size_t count, bool cyclic, std::vector<Edge> edges) {
+    const std::size_t size = work.left.size();
     std::vector<std::size_t> left;
     left.reserve(size / 2 + 2);
     for (std::size_t i = 0; i < size; i += 2) {
@@ -254,21 +224,40 @@ ChainLevel reduce(Reduction& work, bool cyclic, Remainder& rest) {
     // What such a link holds moves along with the pool.
     for (std::size_t e = 2 * count; e < work.edge.size(); ++e) {
         edges.push_back(work.edge[e]);
-        if (edges.back().from == nullptr) {
-            // At most one edge stays, so that the pool is not moved under a reference twice.
-            const auto cells = static_cast<std::size_t>(edges.back().rows * edges.back().columns);
-            const std::size_t at = work.next_pool.size();
-            const double* old = work.next_pool.data();
-            work.next_pool.resize(at + cells);
-            std::copy_n(edges.back().values, cells, work.next_pool.begin() + static_cast<std::ptrdiff_t>(at));
-            for (std::size_t k = 0; k + 1 < edges.size(); ++k)
-                if (edges[k].from == nullptr) edges[k].values = work.next_pool.data() + (edges[k].values - old);
-            edges.back().values = work.next_pool.data() + at;
-        }
+        if (edges.back().from != nullptr) continue;
+        // At most one edge stays, so that the pool is not moved under a reference twice.
+        const auto cells = static_cast<std::size_t>(edges.back().rows * edges.back().columns);
+        const std::size_t at = work.next_pool.size();
+        const double* old = work.next_pool.data();
+        work.next_pool.resize(at + cells);
+        std::copy_n(edges.back().values, cells, work.next_pool.begin() + static_cast<std::ptrdiff_t>(at));
+        for (std::size_t k = 0; k + 1 < edges.size(); ++k)
+            if (edges[k].from == nullptr) edges[k].values = work.next_pool.data() + (edges[k].values - old);
+        edges.back().values = work.next_pool.data() + at;
     }
     work.left = std::move(left);
     work.edge = std::move(edges);
     std::swap(work.pool, work.next_pool);
+}
+
+/// Every second node that has a neighbour on both sides.
+ChainLevel reduce(Reduction& work, bool cyclic, ShortRows& rest) {
+    const std::size_t count = cyclic ? work.left.size() / 2 : (work.left.size() - 1) / 2;
+    ChainLevel level;
+    const std::vector<std::size_t> place = lay_out(work, count, level);
+    std::vector<Edge> edges(count);
+    std::vector<Eigen::MatrixXd> rests(pieces_of(count));
+    for_pieces(count, [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        MatrixPool space;
+        ShortRows own(work.width);
+        for (std::size_t k = begin; k < end; ++k)
+            eliminate_between(work, level.steps[k], work.edge[2 * k], work.edge[2 * k + 1], level, edges[k],
+                              work.next_pool.data() + place[k], space, own);
+        rests[piece] = own.triangle();
+    });
+    for (const Eigen::MatrixXd& rows : rests)
+        rest.add(rows);
+    carry_over(work, count, cyclic, std::move(edges));
     return level;
 }
 
@@ -297,7 +286,7 @@ ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Ei
         }
         work.edge.push_back(edge);
     }
-    Remainder rest(work.width);
+    ShortRows rest(work.width);
     while (work.left.size() > 2)
         chain.levels.push_back(reduce(work, cyclic, rest));
     MatrixPool space;
@@ -305,67 +294,6 @@ ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Ei
     eliminate_last(work, chain.levels.back(), space, rest);
     chain.rest = rest.triangle();
     return chain;
-}
-
-void solve_chain(const ChainFactor& chain, const Eigen::VectorXd& d, std::vector<Eigen::VectorXd>& z) {
-    const Eigen::Index q = d.size();
-    for (auto level = chain.levels.rbegin(); level != chain.levels.rend(); ++level) {
-        for_pieces(level->steps.size(), [&](std::size_t begin, std::size_t end, std::size_t) {
-            std::vector<double> right;
-            for (std::size_t s = begin; s < end; ++s) {
-                const Elimination& step = level->steps[s];
-                const Eigen::Map<const Eigen::MatrixXd> rows = level->rows(step);
-                const Eigen::Index rank = step.rank;
-                right.assign(rows.col(rows.cols() - 1).data(), rows.col(rows.cols() - 1).data() + rank);
-                const auto add = [&](Eigen::Index column, double x) {
-                    const double* values = rows.col(column).data();
-                    for (Eigen::Index k = 0; k < rank; ++k)
-                        right[static_cast<std::size_t>(k)] += values[k] * x;
-                };
-                for (Eigen::Index j = 0; j < q; ++j)
-                    add(rows.cols() - 1 - q + j, d[j]);
-                Eigen::Index column = rank;
-                for (const std::ptrdiff_t neighbour : {step.left, step.right}) {
-                    if (neighbour < 0) continue;
-                    const Eigen::VectorXd& known = z[chain.block[static_cast<std::size_t>(neighbour)]];
-                    for (Eigen::Index j = 0; j < known.size(); ++j)
-                        add(column + j, known[j]);
-                    column += known.size();
-                }
-                for (Eigen::Index k = rank; k-- > 0;) {
-                    double sum = right[static_cast<std::size_t>(k)];
-                    for (Eigen::Index j = k + 1; j < rank; ++j)
-                        sum -= rows(k, j) * right[static_cast<std::size_t>(j)];
-                    right[static_cast<std::size_t>(k)] = sum / rows(k, k);
-                }
-                const auto node = static_cast<std::size_t>(step.node);
-                const Eigen::Index l = chain.latents[node];
-                Eigen::VectorXd& own = z[chain.block[node]];
-                own.setZero(l);
-                Eigen::VectorXd* other = nullptr;
-                if (step.partner >= 0) {
-                    const auto partner = static_cast<std::size_t>(step.partner);
-                    other = &z[chain.block[partner]];
-                    other->setZero(chain.latents[partner]);
-                }
-                for (Eigen::Index k = 0; k < rank; ++k) {
-                    const Eigen::Index j = level->order[step.first + static_cast<std::size_t>(k)];
-                    (j < l ? own[j] : (*other)[j - l]) = -right[static_cast<std::size_t>(k)];
-                }
-            }
-        });
-    }
-}
-
-double log_abs_determinant(const ChainFactor& chain) {
-    double sum = 0.0;
-    for (const ChainLevel& level : chain.levels)
-        for (const Elimination& step : level.steps) {
-            const double* diagonal = level.values.data() + step.place;
-            for (Eigen::Index k = 0; k < step.rank; ++k)
-                sum += std::log(std::abs(diagonal[k * (step.rank + 1)]));
-        }
-    return sum;
 }
 
 }  // namespace orbid::estimator

@@ -81,6 +81,26 @@ Eigen::MatrixXd upper_triangle(const Eigen::Ref<const Eigen::MatrixXd>& a) {
     return upper_triangle(stacked);
 }
 
+void add_diagonal(Eigen::MatrixXd& triangle, const Eigen::VectorXd& diagonal) {
+    const Eigen::Index q = diagonal.size();
+    Eigen::RowVectorXd row(q + 1);
+    for (Eigen::Index i = 0; i < q; ++i) {
+        row.setZero();
+        row[i] = diagonal[i];
+        for (Eigen::Index k = i; k < q; ++k) {
+            const double length = std::hypot(triangle(k, k), row[k]);
+            if (!(length > 0.0)) continue;
+            const double c = triangle(k, k) / length;
+            const double s = row[k] / length;
+            for (Eigen::Index j = k; j <= q; ++j) {
+                const double above = triangle(k, j);
+                triangle(k, j) = c * above + s * row[j];
+                row[j] = c * row[j] - s * above;
+            }
+        }
+    }
+}
+
 namespace {
 
 /// Two sums side by side: each waits for its own last addition only.

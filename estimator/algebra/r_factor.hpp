@@ -13,6 +13,32 @@ namespace orbid::estimator {
 /// of Householder QR factorization for weighted least squares problems" (1998) (row sorting).
 [[nodiscard]] Eigen::MatrixXd upper_triangle(const Eigen::Ref<const Eigen::MatrixXd>& a);
 
+/// A stack of rows that is kept short by its R factor.
+class ShortRows {
+public:
+    explicit ShortRows(Eigen::Index width) : rows_(12 * width, width) {}
+    void add(const Eigen::Ref<const Eigen::MatrixXd>& rows) {
+        if (count_ + rows.rows() > rows_.rows()) {
+            const Eigen::MatrixXd short_rows = triangle();
+            if (short_rows.rows() + rows.rows() > rows_.rows())
+                rows_.resize(2 * (short_rows.rows() + rows.rows()), short_rows.cols());
+            rows_.topRows(short_rows.rows()) = short_rows;
+            count_ = short_rows.rows();
+        }
+        rows_.middleRows(count_, rows.rows()) = rows;
+        count_ += rows.rows();
+    }
+    [[nodiscard]] Eigen::MatrixXd triangle() const { return upper_triangle(rows_.topRows(count_)); }
+
+private:
+    Eigen::MatrixXd rows_;
+    Eigen::Index count_ = 0;
+};
+
+/// Replaces an upper triangle [R | rhs], shape (columns, columns + 1), by the R factor of itself on top of
+/// [diag(diagonal) | 0], by rotations.
+void add_diagonal(Eigen::MatrixXd& triangle, const Eigen::VectorXd& diagonal);
+
 /// Householder elimination of the columns [first, first + count) from the rows [top, a.rows()), in place; all columns
 /// from `first` on are transformed. Rows top ... top + rank - 1 then hold the pivots in pivot order (the columns keep
 /// their places: R(k, order[k]) is the k-th diagonal), and those columns are zero below.

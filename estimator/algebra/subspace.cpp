@@ -1,7 +1,5 @@
 #include "estimator/algebra/subspace.hpp"
 
-#include <cmath>
-
 #include "models/arithmetic/singular_values.hpp"
 
 namespace orbid::estimator {

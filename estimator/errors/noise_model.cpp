@@ -14,12 +14,6 @@ namespace orbid::estimator {
 
 namespace {
 
-using detail::decorrelated;
-using detail::lift;
-using detail::ln_cosh;
-using detail::real_part;
-using detail::uncoupled;
-
 constexpr double ln_two_pi = 1.8378770664093454836;
 
 /// A density that is not log-concave has its second derivative replaced by this fraction of the weight g / e where it
@@ -36,8 +30,8 @@ constexpr double mirror_share = 0.5;
 
 template <class T>
 T step_share(const T& share, double least, Curvature curvature) {
-    if (curvature == Curvature::guarded) return real_part(share) > mirror_share ? share : T(1.0);
-    return real_part(share) > least ? share : T(least);
+    if (curvature == Curvature::guarded) return detail::real_part(share) > mirror_share ? share : T(1.0);
+    return detail::real_part(share) > least ? share : T(least);
 }
 
 template <class T>
@@ -56,46 +50,56 @@ void set_rows(WhitenedRows<T>& result, const LawRecords& records, const Vector<T
     result.rows.col(columns).segment(from, root.size()) = last;
 }
 
+/// Not by squaredNorm(), which conjugates.
+template <class T>
+void add_half_squares(WhitenedRows<T>& result) {
+    const Eigen::Index last = result.rows.cols() - 1;
+    for (Eigen::Index i = 0; i < result.rows.rows(); ++i)
+        result.value += 0.5 * result.rows(i, last) * result.rows(i, last);
+}
+
 template <class T>
 WhitenedRows<T> normal_rows(const LawRecords& records, const T& ln_scale) {
     using std::exp;
     WhitenedRows<T> result{records.rows.template cast<T>() * exp(-ln_scale), T(0.0)};
     const auto n = static_cast<double>(records.count);
     result.value = n * ln_scale + 0.5 * n * ln_two_pi;
-    // Not squaredNorm(), which conjugates.
-    for (Eigen::Index i = 0; i < result.rows.rows(); ++i) {
-        const T& w = result.rows(i, result.rows.cols() - 1);
-        result.value += 0.5 * w * w;
+    add_half_squares(result);
+    return result;
+}
+
+/// Rows of independent records: law(e, value) adds -ln p of one to the value and gives its weight g / e and its h.
+template <class T, class Law>
+WhitenedRows<T> weighted_rows(const LawRecords& records, const T& value, const Law& law) {
+    using std::sqrt;
+    const Eigen::Index n = records.rows.rows();
+    WhitenedRows<T> result{Matrix<T>(n, records.rows.cols()), static_cast<double>(n) * value};
+    Vector<T> root(n);
+    Vector<T> last(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const double e = records.rows(i, records.rows.cols() - 1);
+        const auto [weight, h] = law(e, result.value);
+        root[i] = sqrt(h);
+        last[i] = weight * e / root[i];
     }
+    set_rows(result, records, root, last);
     return result;
 }
 
 template <class T>
 WhitenedRows<T> student_rows(const LawRecords& records, const Vector<T>& psi, Curvature curvature) {
     using std::exp;
-    using std::sqrt;
     const T s = exp(psi[0]);
     const T nu = exp(psi[1]);
     const T spread = nu * s * s;
-    const auto n = static_cast<double>(records.rows.rows());
-    WhitenedRows<T> result{Matrix<T>(records.rows.rows(), records.rows.cols()),
-                           n * (psi[0] + detail::student_normalisation(nu))};
     const T expected = (nu + 1.0) / ((nu + 3.0) * s * s);
-    Vector<T> root(records.rows.rows());
-    Vector<T> last(records.rows.rows());
-    for (Eigen::Index i = 0; i < records.rows.rows(); ++i) {
-        const double e = records.rows(i, records.rows.cols() - 1);
+    return weighted_rows<T>(records, psi[0] + detail::student_normalisation(nu), [&](double e, T& value) {
         const T sum = spread + e * e;
         const T weight = (nu + 1.0) / sum;
-        result.value += 0.5 * (nu + 1.0) * detail::ln_one_plus(T(e * e) / spread);
-        T h = expected;
-        if (curvature != Curvature::expected)
-            h = weight * step_share(T((spread - e * e) / sum), least_share, curvature);
-        root[i] = sqrt(h);
-        last[i] = weight * e / root[i];
-    }
-    set_rows(result, records, root, last);
-    return result;
+        value += 0.5 * (nu + 1.0) * detail::ln_one_plus(T(e * e) / spread);
+        if (curvature == Curvature::expected) return std::pair<T, T>(weight, expected);
+        return std::pair<T, T>(weight, weight * step_share(T((spread - e * e) / sum), least_share, curvature));
+    });
 }
 
 template <class T>
@@ -104,25 +108,14 @@ WhitenedRows<T> laplace_rows(const LawRecords& records, const T& ln_scale, Curva
     using std::sqrt;
     const T s = exp(ln_scale);
     const T d = detail::laplace_rounding * s;
-    const auto n = static_cast<double>(records.rows.rows());
-    WhitenedRows<T> result{Matrix<T>(records.rows.rows(), records.rows.cols()),
-                           n * (ln_scale + detail::laplace_normalisation)};
     const T expected = detail::laplace_information / (s * s);
-    Vector<T> root(records.rows.rows());
-    Vector<T> last(records.rows.rows());
-    for (Eigen::Index i = 0; i < records.rows.rows(); ++i) {
-        const double e = records.rows(i, records.rows.cols() - 1);
+    return weighted_rows<T>(records, ln_scale + detail::laplace_normalisation, [&](double e, T& value) {
         const T r = sqrt(e * e + d * d);
         const T weight = 1.0 / (s * r);
-        result.value += r / s;
-        T h = expected;
-        if (curvature != Curvature::expected)
-            h = weight * step_share(T(d * d / (r * r)), least_share_laplace, Curvature::step);
-        root[i] = sqrt(h);
-        last[i] = weight * e / root[i];
-    }
-    set_rows(result, records, root, last);
-    return result;
+        value += r / s;
+        if (curvature == Curvature::expected) return std::pair<T, T>(weight, expected);
+        return std::pair<T, T>(weight, weight * step_share(T(d * d / (r * r)), least_share_laplace, Curvature::step));
+    });
 }
 
 /// With V = s^2 + (r yhat)^2, t = d ln V / d yhat, and dyhat = -de:
@@ -162,7 +155,7 @@ WhitenedRows<T> relative_rows(const LawRecords& records, const Vector<T>& psi, C
         const T least = least_share * (1.0 / v + 0.5 * t * t);
         const T t_slope = 2.0 * factor / v - t * t;
         const T second = 1.0 / v + 2.0 * e * t / v + 0.5 * square * t * t + 0.5 * t_slope * (1.0 - square);
-        root[i] = sqrt(real_part(second) > real_part(least) ? second : least);
+        root[i] = sqrt(detail::real_part(second) > detail::real_part(least) ? second : least);
         last[i] = (e / v + 0.5 * t * (square - 1.0)) / root[i];
     }
     set_rows(result, records, root, last);
@@ -180,19 +173,12 @@ T ln_determinant(const Matrix<T>& triangle) {
 }
 
 template <class T>
-void add_half_squares(WhitenedRows<T>& result) {
-    const Eigen::Index last = result.rows.cols() - 1;
-    for (Eigen::Index i = 0; i < result.rows.rows(); ++i)
-        result.value += 0.5 * result.rows(i, last) * result.rows(i, last);
-}
-
-template <class T>
 WhitenedRows<T> autoregressive_rows(const LawRecords& records, const Vector<T>& psi) {
-    WhitenedRows<T> result{decorrelated<T>(records.rows, psi), T(0.0)};
+    WhitenedRows<T> result{detail::decorrelated<T>(records.rows, psi), T(0.0)};
     const auto n = static_cast<double>(records.rows.rows());
     result.value = n * psi[0] + 0.5 * n * ln_two_pi;
     // ln sqrt(1 - rho^2) = -ln cosh(psi), for every innovation.
-    if (records.rows.rows() > 1) result.value -= (n - 1.0) * ln_cosh(psi[1]);
+    if (records.rows.rows() > 1) result.value -= (n - 1.0) * detail::ln_cosh(psi[1]);
     add_half_squares(result);
     return result;
 }
@@ -201,7 +187,7 @@ template <class T>
 WhitenedRows<T> joint_rows(const NoiseModel& law, const LawRecords& records, const Vector<T>& psi) {
     const auto m = static_cast<Eigen::Index>(law.channels.size());
     const Matrix<T> triangle = detail::covariance_triangle<T>(psi, m);
-    WhitenedRows<T> result{uncoupled<T>(records.rows, triangle), T(0.0)};
+    WhitenedRows<T> result{detail::uncoupled<T>(records.rows, triangle), T(0.0)};
     const auto n = static_cast<double>(records.rows.rows() / m);
     result.value = n * (ln_determinant<T>(triangle) + 0.5 * static_cast<double>(m) * ln_two_pi);
     add_half_squares(result);
@@ -223,7 +209,7 @@ T inverse_wishart_term(const NoiseModel& law, const Vector<T>& psi) {
         constant += boost::math::lgamma(0.5 * (nu - static_cast<double>(j)));
     T result = constant + (nu + size + 1.0) * ln_determinant<T>(triangle);
     // tr(Psi V^-1) = |L^-1 C|^2 with Psi = C C^T; the columns of C are m "records" of one row per response.
-    const Matrix<T> solved = uncoupled<T>(root, triangle);
+    const Matrix<T> solved = detail::uncoupled<T>(root, triangle);
     for (Eigen::Index i = 0; i < solved.size(); ++i)
         result += 0.5 * solved.data()[i] * solved.data()[i];
     return result;
@@ -239,9 +225,9 @@ T coordinate_term(const ErrorCoordinate& coordinate, const T& psi) {
         result = -psi;
     } else if (coordinate.kind == ErrorCoordinate::Kind::fisher) {
         natural = std::tanh(psi);
-        result = 2.0 * ln_cosh(psi);
+        result = 2.0 * detail::ln_cosh(psi);
     }
-    return result + lift(
+    return result + detail::lift(
                         natural, [&](double x) { return negative_log_density(coordinate.prior, x); },
                         [&](double x) { return derivatives(coordinate.prior, x).first; });
 }
@@ -283,6 +269,13 @@ T prior_term(const NoiseModel& law, const Eigen::Matrix<T, Eigen::Dynamic, 1>& p
     }
     if (law.inverse_wishart_dof > 0.0) result += inverse_wishart_term<T>(law, psi);
     return result;
+}
+
+double prior_slope(const NoiseModel& law, const Eigen::VectorXd& psi, Eigen::Index j) {
+    constexpr double h = 1e-30;
+    Eigen::VectorXcd shifted = psi.cast<std::complex<double>>();
+    shifted[j] += std::complex<double>(0.0, h);
+    return prior_term<std::complex<double>>(law, shifted).imag() / h;
 }
 
 template double prior_term<double>(const NoiseModel&, const Vector<double>&);

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <complex>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -25,6 +24,8 @@ struct ErrorCoordinate {
     [[nodiscard]] double natural(double psi) const;
     [[nodiscard]] double at(double natural) const;
     [[nodiscard]] double slope(double psi) const;  ///< d natural / d psi
+    /// A scale that is to be taken from the first residuals.
+    [[nodiscard]] bool start_unknown() const { return kind == Kind::log && !(start > 0.0); }
 };
 
 /// The errors of one channel, or of several responses with a full covariance: records that must be treated together.
@@ -45,8 +46,15 @@ struct NoiseModel {
     Eigen::MatrixXd inverse_wishart_psi;
 
     [[nodiscard]] bool joint() const { return channels.size() > 1; }
+    [[nodiscard]] Eigen::Index size() const { return static_cast<Eigen::Index>(coordinates.size()); }
+    /// Whether the psi of the whole estimate with this index is one of its own.
+    [[nodiscard]] bool has(Eigen::Index k) const { return k >= first && k < first + size(); }
+    /// Its own part of the psi of the whole estimate.
+    [[nodiscard]] Eigen::VectorXd own(const Eigen::VectorXd& psi) const { return psi.segment(first, size()); }
     /// Records may be replaced by the R factor of their rows: the law depends on sums of squares only.
     [[nodiscard]] bool compressible() const;
+    /// Whitened rows per record: relative errors have two, first all of the mean and then all of the variance.
+    [[nodiscard]] int rows_per_record() const { return std::holds_alternative<RelativeErrors>(distribution) ? 2 : 1; }
     /// Its records need y: relative errors for the prediction y - e, lognormal ones for ln y.
     [[nodiscard]] bool needs_observed() const;
     /// The scale s of the law, or the root of V's diagonal entry. @param psi  of this law alone, shape (coordinates);
@@ -99,6 +107,15 @@ template <class T>
 [[nodiscard]] WhitenedRows<T> whitened_rows(const NoiseModel& law, const LawRecords& records,
                                             const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi, Curvature curvature);
 
+/// L of V = L L^T, shape (m, m), from the psi of the whole estimate.
+[[nodiscard]] Eigen::MatrixXd covariance_root(const NoiseModel& law, const Eigen::VectorXd& psi);
+
+/// The log-Cholesky coordinates of L, shape (m (m + 1) / 2); the inverse of covariance_root().
+[[nodiscard]] Eigen::VectorXd root_coordinates(const Eigen::MatrixXd& lower);
+
+/// d V / d psi, shape (m * m, m (m + 1) / 2): V column by column.
+[[nodiscard]] Eigen::MatrixXd covariance_slopes(const NoiseModel& law, const Eigen::VectorXd& psi);
+
 /// Value of -ln p at `next` minus value at e without the cancellation of two sums, or of two nearly equal squares.
 /// @param e, next  errors of the law's records before and after, shape (records).
 [[nodiscard]] double value_change(const NoiseModel& law, const Eigen::VectorXd& e, const Eigen::VectorXd& next,
@@ -114,5 +131,8 @@ template <class T>
 /// -ln prior density of the law's estimated parameters in the coordinates psi (flat: no term; inverse-Wishart in V).
 template <class T>
 [[nodiscard]] T prior_term(const NoiseModel& law, const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi);
+
+/// Its derivative with respect to psi[j], by a complex step.
+[[nodiscard]] double prior_slope(const NoiseModel& law, const Eigen::VectorXd& psi, Eigen::Index j);
 
 }  // namespace orbid::estimator

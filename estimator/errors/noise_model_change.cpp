@@ -85,6 +85,35 @@ double normal_score(double tail, double e) {
 
 }  // namespace
 
+Eigen::MatrixXd covariance_root(const NoiseModel& law, const Eigen::VectorXd& psi) {
+    return detail::covariance_triangle<double>(law.own(psi), static_cast<Eigen::Index>(law.channels.size()));
+}
+
+Eigen::VectorXd root_coordinates(const Eigen::MatrixXd& lower) {
+    const Eigen::Index m = lower.rows();
+    Eigen::VectorXd psi(m * (m + 1) / 2);
+    Eigen::Index k = 0;
+    for (Eigen::Index j = 0; j < m; ++j)
+        for (Eigen::Index i = j; i < m; ++i, ++k)
+            psi[k] = i == j ? std::log(lower(i, j)) : lower(i, j);
+    return psi;
+}
+
+Eigen::MatrixXd covariance_slopes(const NoiseModel& law, const Eigen::VectorXd& psi) {
+    const Eigen::MatrixXd lower = covariance_root(law, psi);
+    const Eigen::Index m = lower.rows();
+    Eigen::MatrixXd slopes(m * m, m * (m + 1) / 2);
+    Eigen::Index k = 0;
+    for (Eigen::Index j = 0; j < m; ++j)
+        for (Eigen::Index i = j; i < m; ++i, ++k) {
+            Eigen::MatrixXd change = Eigen::MatrixXd::Zero(m, m);
+            change(i, j) = i == j ? lower(i, j) : 1.0;
+            const Eigen::MatrixXd half = change * lower.transpose();
+            slopes.col(k) = (half + half.transpose()).reshaped();
+        }
+    return slopes;
+}
+
 double value_change(const NoiseModel& law, const Eigen::VectorXd& e, const Eigen::VectorXd& next,
                     const Eigen::VectorXd& observed, const Eigen::VectorXd& psi) {
     assert(e.size() == next.size());

@@ -2,7 +2,6 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
-#include <utility>
 
 #include <fmt/format.h>
 
@@ -145,39 +144,16 @@ void check_members(const std::vector<Group>& groups, const JointCovariance& cova
 }  // namespace
 
 double ErrorCoordinate::natural(double psi) const {
-    switch (kind) {
-        case Kind::log:
-            return std::exp(psi);
-        case Kind::fisher:
-            return std::tanh(psi);
-        case Kind::linear:
-            return psi;
-    }
-    return psi;
+    return kind == Kind::log ? std::exp(psi) : kind == Kind::fisher ? std::tanh(psi) : psi;
 }
 
 double ErrorCoordinate::at(double x) const {
-    switch (kind) {
-        case Kind::log:
-            return std::log(x);
-        case Kind::fisher:
-            return std::atanh(x);
-        case Kind::linear:
-            return x;
-    }
-    return x;
+    return kind == Kind::log ? std::log(x) : kind == Kind::fisher ? std::atanh(x) : x;
 }
 
 double ErrorCoordinate::slope(double psi) const {
-    switch (kind) {
-        case Kind::log:
-            return std::exp(psi);
-        case Kind::fisher:
-            return std::exp(-2.0 * detail::ln_cosh(psi));  // 1 - tanh^2 without the cancellation
-        case Kind::linear:
-            return 1.0;
-    }
-    return 1.0;
+    if (kind == Kind::fisher) return std::exp(-2.0 * detail::ln_cosh(psi));  // 1 - tanh^2 without the cancellation
+    return kind == Kind::log ? std::exp(psi) : 1.0;
 }
 
 bool NoiseModel::compressible() const {

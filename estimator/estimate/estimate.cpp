@@ -1,13 +1,11 @@
 #include "estimator/estimate/estimate.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <memory>
-#include <variant>
+#include <array>
 
 #include "estimator/estimate/estimate_report.hpp"
 #include "estimator/interface/not_finite.hpp"
-#include "estimator/problem/problem_setup.hpp"
+#include "estimator/problem/problem.hpp"
 #include "estimator/problem/tie.hpp"
 #include "estimator/uncertainty/posterior.hpp"
 #include "estimator/uncertainty/verdict.hpp"
@@ -25,21 +23,11 @@ std::string label(const Problem& problem, const ActiveBlock& block) {
 constexpr int provisional_limit = 60;
 
 EstimateStatus status_of(Outcome outcome) {
-    switch (outcome) {
-        case Outcome::converged:
-            return EstimateStatus::converged;
-        case Outcome::no_progress:
-        case Outcome::blocks_stopped:
-            return EstimateStatus::no_progress;
-        case Outcome::iteration_limit:
-            return EstimateStatus::iteration_limit;
-        case Outcome::interrupted:
-            return EstimateStatus::interrupted;
-        case Outcome::start_failed:
-        case Outcome::no_freedom:
-            break;
-    }
-    return EstimateStatus::failed;
+    if (outcome == Outcome::converged) return EstimateStatus::converged;
+    if (outcome == Outcome::iteration_limit) return EstimateStatus::iteration_limit;
+    if (outcome == Outcome::interrupted) return EstimateStatus::interrupted;
+    const bool stuck = outcome == Outcome::no_progress || outcome == Outcome::blocks_stopped;
+    return stuck ? EstimateStatus::no_progress : EstimateStatus::failed;
 }
 
 /// The rounds of one estimate: minimise, take out blocks that stopped, let the residuals look again.
@@ -73,14 +61,7 @@ private:
 
 /// Takes the stopped blocks out. False when too much would be lost: half of a residual's blocks or more.
 bool OuterLoop::suspend_stopped() {
-    std::vector<std::size_t> lost(problem_.residuals.size(), 0);
-    std::vector<std::size_t> active(problem_.residuals.size(), 0);
-    for (const ActiveBlock& block : set.blocks)
-        ++active[block.residual];
-    for (const std::size_t b : minimum.stopped)
-        ++lost[set.blocks[b].residual];
-    for (std::size_t r = 0; r < lost.size(); ++r)
-        if (2 * lost[r] >= std::max<std::size_t>(active[r], 1) && lost[r] > 0) return false;
+    if (half_of_a_residual(set, minimum.stopped)) return false;
     for (const std::size_t b : minimum.stopped) {
         problem_.residuals[set.blocks[b].residual]->deactivate(set.blocks[b].block);
         ++counts[set.blocks[b].residual].lost;
@@ -126,9 +107,7 @@ bool OuterLoop::update_active_set() {
 void OuterLoop::read_scales() {
     for (const NoiseModel& law : problem_.laws) {
         if (law.joint()) continue;
-        const Channel& channel = problem_.channels[static_cast<std::size_t>(law.channels.front())];
-        const double value =
-            problem_.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)].scale.value;
+        const double value = group_of(problem_, law.channels.front()).scale.value;
         const ErrorCoordinate& scale = law.coordinates.front();
         if (value > 0.0 && (!scale.estimate || set.provisional)) state_.psi[law.first] = scale.at(value);
     }
@@ -180,21 +159,8 @@ void OuterLoop::run() {
 }  // namespace
 
 std::string_view name(EstimateStatus status) {
-    switch (status) {
-        case EstimateStatus::converged:
-            return "converged";
-        case EstimateStatus::no_progress:
-            return "no_progress";
-        case EstimateStatus::iteration_limit:
-            return "iteration_limit";
-        case EstimateStatus::singular:
-            return "singular";
-        case EstimateStatus::failed:
-            return "failed";
-        case EstimateStatus::interrupted:
-            return "interrupted";
-    }
-    return "failed";
+    constexpr std::array names{"converged", "no_progress", "iteration_limit", "singular", "failed", "interrupted"};
+    return names[static_cast<std::size_t>(status)];
 }
 
 Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,

@@ -6,7 +6,6 @@
 
 #include <boost/math/distributions/chi_squared.hpp>
 
-#include "estimator/errors/joint_covariance.hpp"
 #include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
@@ -80,11 +79,6 @@ void fill_derived(const Problem& problem, const State& state, const Posterior& p
     }
 }
 
-std::string distribution_name(const ErrorDistribution& distribution) {
-    constexpr std::array names{"normal", "student_t", "laplace", "lognormal", "relative", "ar1"};
-    return names[distribution.index()];
-}
-
 /// s sqrt(nu / chi2_nu), nu = 1 / (2 sd(ln s)^2): exact for one scale of a linear model, where nu = n - q.
 void fill_interval(EstimatedScale& scale) {
     const double relative = scale.uncertainty / scale.value;
@@ -99,18 +93,18 @@ void fill_interval(EstimatedScale& scale) {
 /// Distribution, uncertainty and further error parameters of a channel.
 void fill_law(const Problem& problem, const State& state, const Posterior& posterior, int channel,
               EstimatedScale& scale) {
+    constexpr std::array names{"normal", "student_t", "laplace", "lognormal", "relative", "ar1"};
     for (const NoiseModel& law : problem.laws) {
         const auto place = std::find(law.channels.begin(), law.channels.end(), channel);
         if (place == law.channels.end()) continue;
-        scale.distribution = law.joint() ? "joint normal" : distribution_name(law.distribution);
+        scale.distribution = law.joint() ? "joint normal" : names[law.distribution.index()];
         if (law.joint()) {
             const Eigen::MatrixXd slopes = covariance_slopes(law, state.psi);
             const auto m = static_cast<Eigen::Index>(law.channels.size());
             const auto own = static_cast<Eigen::Index>(place - law.channels.begin());
-            const auto size = static_cast<Eigen::Index>(law.coordinates.size());
             const Eigen::RowVectorXd slope = slopes.row(own * m + own);
-            const double variance =
-                slope.dot(posterior.error_covariance().block(law.first, law.first, size, size) * slope.transpose());
+            const double variance = slope.dot(
+                posterior.error_covariance().block(law.first, law.first, law.size(), law.size()) * slope.transpose());
             scale.uncertainty = std::sqrt(variance) / (2.0 * scale.value);
             fill_interval(scale);
             return;
@@ -149,20 +143,17 @@ void fill_covariances(const Problem& problem, const State& state, const Posterio
     for (const NoiseModel& law : problem.laws) {
         if (!law.joint()) continue;
         const auto m = static_cast<Eigen::Index>(law.channels.size());
-        const auto size = static_cast<Eigen::Index>(law.coordinates.size());
         EstimatedCovariance covariance;
-        for (const int c : law.channels) {
-            const Channel& channel = problem.channels[static_cast<std::size_t>(c)];
-            covariance.groups.push_back(
-                problem.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)].name);
-        }
+        for (const int c : law.channels)
+            covariance.groups.push_back(group_of(problem, c).name);
         const Eigen::MatrixXd lower = covariance_root(law, state.psi);
         covariance.value = lower * lower.transpose();
         const Eigen::MatrixXd slopes = covariance_slopes(law, state.psi);
-        const Eigen::VectorXd variance = (slopes * posterior.error_covariance().block(law.first, law.first, size, size))
-                                             .cwiseProduct(slopes)
-                                             .rowwise()
-                                             .sum();
+        const Eigen::VectorXd variance =
+            (slopes * posterior.error_covariance().block(law.first, law.first, law.size(), law.size()))
+                .cwiseProduct(slopes)
+                .rowwise()
+                .sum();
         covariance.uncertainty = variance.cwiseSqrt().reshaped(m, m);
         estimate.covariances.push_back(std::move(covariance));
     }
@@ -172,8 +163,7 @@ void fill_scales(const Problem& problem, const BlockSet& set, const State& state
                  const Posterior& posterior, Estimate& estimate) {
     const Eigen::VectorXd scales = scales_of(problem.laws, state.psi);
     for (std::size_t c = 0; c < problem.channels.size(); ++c) {
-        const Channel& channel = problem.channels[c];
-        const Group& group = problem.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)];
+        const Group& group = group_of(problem, static_cast<int>(c));
         EstimatedScale scale;
         scale.group = group.name;
         scale.unit = group.unit;
@@ -256,20 +246,16 @@ void describe(const Problem& problem, const Minimum& minimum, const Posterior& p
             if (minimum.error_at_ceiling[k])
                 estimate.message += "; the " + law.coordinates[j].name + " of " + group + " is at its upper limit";
         }
-    for (const NoiseModel& law : problem.laws)
-        for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
-            const auto& negligible = posterior.negligible_errors();
-            if (std::find(negligible.begin(), negligible.end(), law.first + static_cast<Eigen::Index>(j)) ==
-                negligible.end())
-                continue;
-            const std::string& what = law.coordinates[j].name;
-            estimate.message += "; the " + what + " of " +
-                                estimate.scales[static_cast<std::size_t>(law.channels.front())].group +
-                                " cannot be told from " + (what == "dof" ? "infinity" : "zero");
-        }
+    for (const Eigen::Index k : posterior.negligible_errors()) {
+        const auto law = std::find_if(problem.laws.begin(), problem.laws.end(),
+                                      [k](const NoiseModel& candidate) { return candidate.has(k); });
+        const std::string& what = law->coordinates[static_cast<std::size_t>(k - law->first)].name;
+        estimate.message += "; the " + what + " of " +
+                            estimate.scales[static_cast<std::size_t>(law->channels.front())].group +
+                            " cannot be told from " + (what == "dof" ? "infinity" : "zero");
+    }
     for (std::size_t c = 0; c < problem.channels.size(); ++c) {
-        const Group& group = problem.residuals[problem.channels[c].residual]
-                                 ->groups()[static_cast<std::size_t>(problem.channels[c].group)];
+        const Group& group = group_of(problem, static_cast<int>(c));
         if (group.scale.estimate && estimate.scales[c].count == 0)
             estimate.message += "; " + group.name + " has no records: its errors are not estimated";
     }

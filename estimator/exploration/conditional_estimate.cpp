@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <numeric>
 #include <stdexcept>
 
-#include "estimator/interface/mapped_residual.hpp"
 #include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
@@ -27,123 +28,149 @@ std::vector<std::pair<std::string, double>> errors_of(const Estimate& estimate) 
     return values;
 }
 
+void check_belongs(const Estimate& estimate, std::size_t parameters, std::size_t residuals) {
+    if (estimate.status == EstimateStatus::failed)
+        throw std::invalid_argument("conditional estimates need an estimate that did not fail: " + estimate.message);
+    if (estimate.parameters.size() != parameters)
+        throw std::invalid_argument("the estimate has " + std::to_string(estimate.parameters.size()) + " parameters, " +
+                                    std::to_string(parameters) + " are given");
+    if (estimate.latents.size() != residuals)
+        throw std::invalid_argument("the estimate has " + std::to_string(estimate.latents.size()) + " residuals, " +
+                                    std::to_string(residuals) + " are given");
+}
+
+Unknown unknown_parameter(const FreeParameter& parameter, const Coordinate& coordinate, const Estimated& estimated) {
+    Unknown unknown;
+    unknown.name = parameter.name;
+    unknown.unit = parameter.unit;
+    unknown.value = estimated.value;
+    unknown.u = coordinate.at(estimated.value);
+    unknown.sd = estimated.laplace_sd / coordinate.slope(estimated.value);
+    unknown.size = coordinate.size(estimated.value, parameter.typical_size);
+    const Support ends = support(parameter.prior);
+    unknown.natural_lower = std::max(parameter.lower, ends.lower);
+    unknown.natural_upper = std::min(parameter.upper, ends.upper);
+    const bool logarithmic = parameter.scale == Scale::log || parameter.scale == Scale::log10;
+    if (logarithmic) unknown.natural_lower = std::max(unknown.natural_lower, 0.0);
+    unknown.lower = coordinate.at(unknown.natural_lower);
+    unknown.upper = coordinate.at(unknown.natural_upper);
+    return unknown;
+}
+
+/// @param sd  natural; 0: held at a limit.
+Unknown unknown_error(const Group& group, const ErrorCoordinate& coordinate, double value, double sd) {
+    Unknown unknown;
+    unknown.group = group.name;
+    unknown.error = coordinate.name;
+    unknown.name = unknown.group + "." + unknown.error;
+    if (coordinate.name == "scale") unknown.unit = group.unit;
+    unknown.value = value;
+    unknown.u = coordinate.at(value);
+    unknown.sd = sd > 0.0 ? sd / coordinate.slope(unknown.u) : nan_value;
+    unknown.lower = coordinate.lower;
+    unknown.upper = coordinate.upper;
+    unknown.natural_lower = coordinate.natural(coordinate.lower);
+    unknown.natural_upper = coordinate.natural(coordinate.upper);
+    return unknown;
+}
+
 }  // namespace
 
 Conditional::Conditional(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
                          const EstimateOptions& options, const Estimate& estimate)
     : tied_(resolve_ties(parameters, residuals, options.joint_priors)), options_(options) {
-    if (estimate.status == EstimateStatus::failed)
-        throw std::invalid_argument("conditional estimates need an estimate that did not fail: " + estimate.message);
-    if (estimate.parameters.size() != parameters.size())
-        throw std::invalid_argument("the estimate has " + std::to_string(estimate.parameters.size()) + " parameters, " +
-                                    std::to_string(parameters.size()) + " are given");
-    if (estimate.latents.size() != residuals.size())
-        throw std::invalid_argument("the estimate has " + std::to_string(estimate.latents.size()) + " residuals, " +
-                                    std::to_string(residuals.size()) + " are given");
-    const auto count = static_cast<Eigen::Index>(tied_.parameters.size());
-    start_.theta.resize(count);
+    check_belongs(estimate, parameters.size(), residuals.size());
     start_.latents = estimate.latents;
     start_.errors = errors_of(estimate);
+    add_parameters(estimate);
+    add_error_parameters(residuals, estimate);
+}
+
+void Conditional::add_parameters(const Estimate& estimate) {
+    const auto count = static_cast<Eigen::Index>(tied_.parameters.size());
+    start_.theta.resize(count);
     covariance_ = Eigen::MatrixXd::Zero(count, count);
     std::vector<Eigen::Index> place;
+    Eigen::VectorXd slopes(count);
     for (Eigen::Index i = 0; i < count; ++i) {
         const FreeParameter& parameter = tied_.parameters[static_cast<std::size_t>(i)];
         const Estimated* value = find(estimate.parameters, parameter.name);
         if (value == nullptr) throw std::invalid_argument("the estimate has no parameter \"" + parameter.name + "\"");
         place.push_back(value - estimate.parameters.data());
-        const Coordinate coordinate = coordinate_of(parameter);
-        coordinates_.push_back(coordinate);
-        Unknown unknown;
-        unknown.name = parameter.name;
-        unknown.unit = parameter.unit;
-        unknown.parameter = i;
-        unknown.value = start_.theta[i] = value->value;
-        unknown.u = coordinate.at(value->value);
-        unknown.sd = value->laplace_sd / coordinate.slope(value->value);
-        unknown.size = coordinate.size(value->value, parameter.typical_size);
-        const Support ends = support(parameter.prior);
-        unknown.natural_lower = std::max(parameter.lower, ends.lower);
-        unknown.natural_upper = std::min(parameter.upper, ends.upper);
-        const bool logarithmic = parameter.scale == Scale::log || parameter.scale == Scale::log10;
-        if (logarithmic) unknown.natural_lower = std::max(unknown.natural_lower, 0.0);
-        unknown.lower = coordinate.at(unknown.natural_lower);
-        unknown.upper = coordinate.at(unknown.natural_upper);
-        unknowns_.push_back(unknown);
+        start_.theta[i] = value->value;
+        coordinates_.push_back(coordinate_of(parameter));
+        slopes[i] = coordinates_.back().slope(value->value);
+        unknowns_.push_back(unknown_parameter(parameter, coordinates_.back(), *value));
+        unknowns_.back().parameter = i;
+        unknowns_.back().place = static_cast<std::size_t>(i);
     }
     for (Eigen::Index i = 0; i < count; ++i)
         for (Eigen::Index j = 0; j < count; ++j) {
             const double c = estimate.covariance.size() > 0 ? estimate.covariance(place[i], place[j]) : nan_value;
-            const auto slope = [&](Eigen::Index k) {
-                return coordinates_[static_cast<std::size_t>(k)].slope(start_.theta[k]);
-            };
-            const double in_u = c / (slope(i) * slope(j));
+            const double in_u = c / (slopes[i] * slopes[j]);
             if (std::isfinite(in_u)) covariance_(i, j) = in_u;
         }
-    std::vector<std::string> names;
-    std::vector<std::string> units;
+}
+
+void Conditional::add_error_parameters(const std::vector<Residual*>& residuals, const Estimate& estimate) {
+    std::vector<Group> groups;
     for (const Residual* residual : residuals)
-        for (const Group& group : residual->groups()) {
-            names.push_back(group.name);
-            units.push_back(group.unit);
-        }
+        groups.insert(groups.end(), residual->groups().begin(), residual->groups().end());
     for (const NoiseModel& law : error_laws(residuals)) {
         if (law.joint()) continue;
-        const auto channel = static_cast<std::size_t>(law.channels.front());
+        const Group& group = groups[static_cast<std::size_t>(law.channels.front())];
         const auto scale = std::find_if(estimate.scales.begin(), estimate.scales.end(),
-                                        [&](const EstimatedScale& one) { return one.group == names[channel]; });
+                                        [&](const EstimatedScale& one) { return one.group == group.name; });
+        if (scale == estimate.scales.end() || scale->count == 0) continue;
         for (const ErrorCoordinate& coordinate : law.coordinates) {
-            if (!coordinate.estimate || scale == estimate.scales.end() || scale->count == 0) continue;
-            Unknown unknown;
-            unknown.group = names[channel];
-            unknown.error = coordinate.name;
-            unknown.name = unknown.group + "." + unknown.error;
+            if (!coordinate.estimate) continue;
             const bool is_scale = coordinate.name == "scale";
-            if (is_scale) unknown.unit = units[channel];
             const Estimated* shape = is_scale ? nullptr : find(scale->shape, coordinate.name);
             if (!is_scale && shape == nullptr) continue;
-            unknown.value = is_scale ? scale->value : shape->value;
-            unknown.u = coordinate.at(unknown.value);
-            const double sd = is_scale ? scale->uncertainty : shape->sd;
-            // 0: held at a limit.
-            unknown.sd = sd > 0.0 ? sd / coordinate.slope(unknown.u) : nan_value;
-            unknown.lower = coordinate.lower;
-            unknown.upper = coordinate.upper;
-            unknown.natural_lower = coordinate.natural(coordinate.lower);
-            unknown.natural_upper = coordinate.natural(coordinate.upper);
-            unknowns_.push_back(unknown);
+            unknowns_.push_back(unknown_error(group, coordinate, is_scale ? scale->value : shape->value,
+                                              is_scale ? scale->uncertainty : shape->sd));
+            unknowns_.back().place = unknowns_.size() - 1;
             error_coordinates_.push_back(coordinate);
         }
     }
 }
 
-std::size_t Conditional::index(const std::string& name) const {
-    for (std::size_t k = 0; k < unknowns_.size(); ++k)
-        if (unknowns_[k].name == name) return k;
-    throw std::invalid_argument("\"" + name + "\" is neither an estimated parameter nor an estimated error parameter");
+std::vector<Unknown> Conditional::named(const std::vector<std::string>& names) const {
+    if (names.empty()) return unknowns_;
+    std::vector<Unknown> result;
+    for (const std::string& name : names) {
+        const auto found = std::find_if(unknowns_.begin(), unknowns_.end(),
+                                        [&](const Unknown& unknown) { return unknown.name == name; });
+        if (found == unknowns_.end())
+            throw std::invalid_argument("\"" + name +
+                                        "\" is neither an estimated parameter nor an estimated error parameter");
+        result.push_back(*found);
+    }
+    return result;
 }
 
 double Conditional::natural(const Unknown& unknown, double u) const {
     if (u == unknown.lower) return unknown.natural_lower;  // exactly, not through the coordinate and back
     if (u == unknown.upper) return unknown.natural_upper;
     if (unknown.parameter >= 0) return coordinates_[static_cast<std::size_t>(unknown.parameter)].natural(u);
-    return error_coordinates_[index(unknown.name) - coordinates_.size()].natural(u);
+    return error_coordinate(unknown).natural(u);
 }
 
 double Conditional::slope(const Unknown& unknown, double u) const {
     if (unknown.parameter >= 0)
         return coordinates_[static_cast<std::size_t>(unknown.parameter)].slope(natural(unknown, u));
-    return error_coordinates_[index(unknown.name) - coordinates_.size()].slope(u);
+    return error_coordinate(unknown).slope(u);
 }
 
 double Conditional::coordinate(const Unknown& unknown, double value) const {
     if (unknown.parameter >= 0) return coordinates_[static_cast<std::size_t>(unknown.parameter)].at(value);
-    return error_coordinates_[index(unknown.name) - coordinates_.size()].at(value);
+    return error_coordinate(unknown).at(value);
 }
 
 double Conditional::log_prior(const Unknown& unknown, double u) const {
     const double x = natural(unknown, u);
     if (unknown.parameter < 0) {
-        const Prior& prior = error_coordinates_[index(unknown.name) - coordinates_.size()].prior;
+        const Prior& prior = error_coordinate(unknown).prior;
         return is_proper(prior) ? std::log(slope(unknown, u)) - negative_log_density(prior, x) : 0.0;
     }
     for (const JointNormalPrior& joint : options_.joint_priors) {
@@ -167,9 +194,9 @@ ConditionalStart Conditional::moved(const ConditionalStart& from, const Unknown&
         const auto place = static_cast<std::size_t>(i);
         const Unknown& other = unknowns_[place];
         if (i == j || !(variance > 0.0) || !std::isfinite(step)) continue;
-        double follow = coordinates_[place].at(from.theta[i]) + covariance_(i, j) / variance * step;
-        // Half way to a bound at most: on it the next minimisation would start without freedom.
         const double here = coordinates_[place].at(from.theta[i]);
+        double follow = here + covariance_(i, j) / variance * step;
+        // Half way to a bound at most: on it the next minimisation would start without freedom.
         if (!(follow > other.lower)) follow = 0.5 * (here + std::max(other.lower, here - std::abs(follow - here)));
         if (!(follow < other.upper)) follow = 0.5 * (here + std::min(other.upper, here + std::abs(follow - here)));
         const double x = coordinates_[place].natural(follow);
@@ -189,33 +216,37 @@ std::vector<JointNormalPrior> Conditional::joint_priors_without(const std::strin
             result.push_back(joint);
             continue;
         }
+        if (joint.names.size() == 1) continue;
         const Eigen::Index j = found - joint.names.begin();
-        const auto left = static_cast<Eigen::Index>(joint.names.size()) - 1;
-        if (left == 0) continue;
-        JointNormalPrior rest;
-        rest.mean.resize(left);
-        rest.covariance.resize(left, left);
-        const auto source = [j](Eigen::Index k) { return k < j ? k : k + 1; };
-        for (Eigen::Index a = 0; a < left; ++a) {
-            const double gain = joint.covariance(source(a), j) / joint.covariance(j, j);
-            rest.names.push_back(joint.names[static_cast<std::size_t>(source(a))]);
-            rest.mean[a] = joint.mean[source(a)] + gain * (value - joint.mean[j]);
-            for (Eigen::Index b = 0; b < left; ++b)
-                rest.covariance(a, b) = joint.covariance(source(a), source(b)) - gain * joint.covariance(j, source(b));
-        }
-        rest.covariance = 0.5 * (rest.covariance + rest.covariance.transpose()).eval();
-        result.push_back(rest);
+        JointNormalPrior rest{joint.names, {}, {}};
+        rest.names.erase(rest.names.begin() + j);
+        std::vector<Eigen::Index> left(joint.names.size());
+        std::iota(left.begin(), left.end(), Eigen::Index{0});
+        left.erase(left.begin() + j);
+        const Eigen::VectorXd gain = joint.covariance(left, j) / joint.covariance(j, j);
+        rest.mean = joint.mean(left) + gain * (value - joint.mean[j]);
+        const Eigen::MatrixXd covariance = joint.covariance(left, left) - gain * joint.covariance(j, left);
+        rest.covariance = 0.5 * (covariance + covariance.transpose());
+        result.push_back(std::move(rest));
     }
     return result;
 }
 
-ConditionalEstimate Conditional::at(const Unknown& unknown, double u, const ConditionalStart& from, Variance variance,
-                                    bool full_hessian) const {
-    return run(&unknown, u, from, variance, full_hessian);
-}
-
-ConditionalEstimate Conditional::free(Variance variance, bool full_hessian) const {
-    return run(nullptr, 0.0, start_, variance, full_hessian);
+/// Error parameters start where they were found; the one that is held is fixed at its value.
+std::vector<ErrorOverride> Conditional::error_overrides(const Residual& residual, const Unknown* held, double value,
+                                                        const ConditionalStart& from) const {
+    std::vector<ErrorOverride> errors;
+    for (const Group& group : residual.groups())
+        for (const Unknown& other : unknowns_) {
+            if (other.parameter >= 0 || other.group != group.name) continue;
+            const auto known = std::find_if(from.errors.begin(), from.errors.end(),
+                                            [&](const auto& error) { return error.first == other.name; });
+            if (held != nullptr && held->name == other.name)
+                errors.push_back({other.group, other.error, value, false});
+            else if (known != from.errors.end())
+                errors.push_back({other.group, other.error, known->second, true});
+        }
+    return errors;
 }
 
 ConditionalEstimate Conditional::run(const Unknown* unknown, double u, const ConditionalStart& from, Variance variance,
@@ -241,26 +272,7 @@ ConditionalEstimate Conditional::run(const Unknown* unknown, double u, const Con
     std::vector<Residual*> residuals;
     for (std::size_t r = 0; r < tied_.residuals.size(); ++r) {
         Residual& inner = *tied_.residuals[r];
-        MappedResidualOptions change;
-        change.frozen = true;
-        change.initial_latents = from.latents[r];
-        std::vector<bool> shared(inner.groups().size(), false);
-        for (const JointCovariance& covariance : inner.covariances())
-            for (const int group : covariance.groups)
-                shared[static_cast<std::size_t>(group)] = true;
-        for (std::size_t g = 0; g < inner.groups().size(); ++g) {
-            if (shared[g]) continue;
-            for (const Unknown& other : unknowns_) {
-                if (other.parameter >= 0 || other.group != inner.groups()[g].name) continue;
-                const bool held = unknown != nullptr && unknown->name == other.name;
-                const auto known = std::find_if(from.errors.begin(), from.errors.end(),
-                                                [&](const auto& error) { return error.first == other.name; });
-                if (held)
-                    change.errors.push_back({other.group, other.error, value, false});
-                else if (known != from.errors.end())
-                    change.errors.push_back({other.group, other.error, known->second, true});
-            }
-        }
+        MappedResidualOptions change{error_overrides(inner, unknown, value, from), from.latents[r], true};
         adapters.push_back(std::make_unique<MappedResidual>(inner, map, std::move(change)));
         residuals.push_back(adapters.back().get());
     }
@@ -281,15 +293,6 @@ ConditionalEstimate Conditional::run(const Unknown* unknown, double u, const Con
     }
     result.at.latents = found.latents;
     result.at.errors = errors_of(found);
-    result.degrees_of_freedom = found.degrees_of_freedom;
-    result.covariance = Eigen::MatrixXd::Zero(from.theta.size(), from.theta.size());
-    const auto place = [pinned](Eigen::Index i) { return pinned >= 0 && i > pinned ? i - 1 : i; };
-    for (Eigen::Index i = 0; i < from.theta.size(); ++i)
-        for (Eigen::Index j = 0; j < from.theta.size(); ++j) {
-            if (i == pinned || j == pinned) continue;
-            const double c = found.covariance(place(i), place(j));
-            if (std::isfinite(c)) result.covariance(i, j) = c;
-        }
     if (!std::isfinite(result.objective) || !std::isfinite(result.log_integral)) result.status = EstimateStatus::failed;
     return result;
 }

@@ -1,8 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <memory>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,6 +9,7 @@
 
 #include "estimator/errors/noise_model.hpp"
 #include "estimator/estimate/estimate.hpp"
+#include "estimator/interface/mapped_residual.hpp"
 #include "estimator/problem/coordinate.hpp"
 #include "estimator/problem/tie.hpp"
 
@@ -20,6 +19,7 @@ namespace orbid::estimator {
 struct Unknown {
     std::string name;  ///< "K_m"; for error parameters "group.scale", "group.dof", ...
     std::string unit;
+    std::size_t place = 0;        ///< among all unknowns
     Eigen::Index parameter = -1;  ///< index among the parameters that are not tied; -1: an error parameter
     std::string group;            ///< of an error parameter
     std::string error;            ///< "scale", "dof", "relative", "correlation"
@@ -47,9 +47,6 @@ struct ConditionalEstimate {
     double objective = 0.0;     ///< as Estimate
     double log_integral = 0.0;  ///< as Estimate: the unknown itself is not integrated over, its prior not included
     ConditionalStart at;
-    /// Of all parameters that are not tied, natural units; rows of held or undetermined ones are zero.
-    Eigen::MatrixXd covariance;
-    double degrees_of_freedom = 0.0;  ///< as Estimate
     int evaluations = 0;
 
     /// Comparable with its neighbours: at a minimum, with all blocks of the estimate active.
@@ -72,11 +69,10 @@ public:
     /// All parameters that are not tied, then all estimated error parameters except those of full covariances, which
     /// belong together.
     [[nodiscard]] const std::vector<Unknown>& unknowns() const { return unknowns_; }
-    /// Index of a name. @throws std::invalid_argument when there is none.
-    [[nodiscard]] std::size_t index(const std::string& name) const;
+    /// The unknowns of these names; all without names. @throws std::invalid_argument when a name is none of them.
+    [[nodiscard]] std::vector<Unknown> named(const std::vector<std::string>& names) const;
 
     [[nodiscard]] double natural(const Unknown& unknown, double u) const;
-    [[nodiscard]] double slope(const Unknown& unknown, double u) const;  ///< d natural / du
     /// u of a natural value.
     [[nodiscard]] double coordinate(const Unknown& unknown, double value) const;
     /// ln prior density of the unknown in its coordinate: 0 for flat, -infinity outside the support. For a joint prior:
@@ -89,19 +85,27 @@ public:
     [[nodiscard]] ConditionalStart moved(const ConditionalStart& from, const Unknown& unknown, double u) const;
     /// Minimises over everything else. @throws nothing for points that cannot be evaluated: see status.
     [[nodiscard]] ConditionalEstimate at(const Unknown& unknown, double u, const ConditionalStart& from,
-                                         Variance variance, bool full_hessian) const;
+                                         Variance variance, bool full_hessian) const {
+        return run(&unknown, u, from, variance, full_hessian);
+    }
     /// Minimises over everything, from the estimate.
-    [[nodiscard]] ConditionalEstimate free(Variance variance, bool full_hessian) const;
+    [[nodiscard]] ConditionalEstimate free(Variance variance, bool full_hessian) const {
+        return run(nullptr, 0.0, start_, variance, full_hessian);
+    }
 
     [[nodiscard]] const std::vector<FreeParameter>& parameters() const { return tied_.parameters; }
     /// Full theta (tied ones included) from the parameters that are not tied.
     [[nodiscard]] Eigen::VectorXd expand(const Eigen::VectorXd& theta) const { return tied_.map.expand(theta); }
-    [[nodiscard]] Eigen::MatrixXd expand_covariance(const Eigen::MatrixXd& covariance) const {
-        const Eigen::MatrixXd jacobian = tied_.map.jacobian();
-        return jacobian * covariance * jacobian.transpose();
-    }
 
 private:
+    void add_parameters(const Estimate& estimate);
+    void add_error_parameters(const std::vector<Residual*>& residuals, const Estimate& estimate);
+    [[nodiscard]] const ErrorCoordinate& error_coordinate(const Unknown& unknown) const {
+        return error_coordinates_[unknown.place - coordinates_.size()];
+    }
+    [[nodiscard]] double slope(const Unknown& unknown, double u) const;  ///< d natural / du
+    [[nodiscard]] std::vector<ErrorOverride> error_overrides(const Residual& residual, const Unknown* held,
+                                                             double value, const ConditionalStart& from) const;
     [[nodiscard]] ConditionalEstimate run(const Unknown* unknown, double u, const ConditionalStart& from,
                                           Variance variance, bool full_hessian) const;
     [[nodiscard]] std::vector<JointNormalPrior> joint_priors_without(const std::string& name, double value) const;

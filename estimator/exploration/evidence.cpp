@@ -2,37 +2,23 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <utility>
 
 #include "estimator/errors/noise_model.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
+/// log10 is log in other units.
 std::string coordinate_name(Scale scale) {
-    switch (scale) {
-        case Scale::linear:
-            return "linear";
-        case Scale::log:
-        case Scale::log10:
-            return "log";
-        case Scale::logit:
-            return "logit";
-    }
-    return "linear";
+    return scale == Scale::linear ? "linear" : scale == Scale::logit ? "logit" : "log";
 }
 
 std::string coordinate_name(ErrorCoordinate::Kind kind) {
-    switch (kind) {
-        case ErrorCoordinate::Kind::log:
-            return "log";
-        case ErrorCoordinate::Kind::fisher:
-            return "atanh";
-        case ErrorCoordinate::Kind::linear:
-            return "linear";
-    }
-    return "linear";
+    using Kind = ErrorCoordinate::Kind;
+    return kind == Kind::linear ? "linear" : kind == Kind::fisher ? "atanh" : "log";
 }
 
 /// Share of the density below x, from the quantiles by bisection.
@@ -51,11 +37,7 @@ double prior_cdf(const Prior& prior, double x) {
 }
 
 Evidence refused(const std::string& message) {
-    return {false, std::numeric_limits<double>::quiet_NaN(), 0.0, message};
-}
-
-bool same(const ImproperPrior& a, const ImproperPrior& b) {
-    return a.name == b.name && a.coordinate == b.coordinate;
+    return {false, nan_value, 0.0, message};
 }
 
 std::string in_words(const ImproperPrior& prior) {
@@ -128,16 +110,14 @@ Evidence log_bayes_factor(const EvidenceTerms& a, const EvidenceTerms& b) {
     if (a.records != b.records)
         return refused("the models are of different data: " + std::to_string(a.records) + " and " +
                        std::to_string(b.records) + " records");
-    const auto lacking = [](const EvidenceTerms& one, const EvidenceTerms& other) {
-        return std::find_if(one.improper.begin(), one.improper.end(), [&](const ImproperPrior& prior) {
-            return std::none_of(other.improper.begin(), other.improper.end(),
-                                [&](const ImproperPrior& candidate) { return same(prior, candidate); });
-        });
-    };
-    const auto first = lacking(a, b);
-    if (first != a.improper.end()) return refused(in_words(*first) + " or the same one in both models");
-    const auto second = lacking(b, a);
-    if (second != b.improper.end()) return refused(in_words(*second) + " or the same one in both models");
+    for (const auto& [one, other] : {std::pair(&a, &b), std::pair(&b, &a)})
+        for (const ImproperPrior& prior : one->improper) {
+            const bool shared =
+                std::any_of(other->improper.begin(), other->improper.end(), [&prior](const ImproperPrior& theirs) {
+                    return prior.name == theirs.name && prior.coordinate == theirs.coordinate;
+                });
+            if (!shared) return refused(in_words(prior) + " or the same one in both models");
+        }
     return {true, a.log_integral - b.log_integral, a.excess + b.excess, ""};
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -17,13 +16,13 @@ namespace {
 using Rule = boost::math::quadrature::gauss<double, 10>;
 
 /// Second derivatives of the not-a-knot spline; of the parabola through three points, zero through two.
-Eigen::VectorXd second_derivatives(const std::vector<double>& u, const std::vector<double>& value) {
-    const auto n = static_cast<Eigen::Index>(u.size());
+Eigen::VectorXd second_derivatives(const std::vector<double>& points, const std::vector<double>& values) {
+    const auto n = static_cast<Eigen::Index>(points.size());
     if (n < 3) return Eigen::VectorXd::Zero(n);
-    const auto h = [&](Eigen::Index i) { return u[static_cast<std::size_t>(i + 1)] - u[static_cast<std::size_t>(i)]; };
-    const auto slope = [&](Eigen::Index i) {
-        return (value[static_cast<std::size_t>(i + 1)] - value[static_cast<std::size_t>(i)]) / h(i);
-    };
+    const Eigen::Map<const Eigen::VectorXd> u(points.data(), n);
+    const Eigen::Map<const Eigen::VectorXd> value(values.data(), n);
+    const auto h = [&](Eigen::Index i) { return u[i + 1] - u[i]; };
+    const auto slope = [&](Eigen::Index i) { return (value[i + 1] - value[i]) / h(i); };
     if (n == 3) return Eigen::VectorXd::Constant(3, 2.0 * (slope(1) - slope(0)) / (h(0) + h(1)));
     Eigen::MatrixXd a = Eigen::MatrixXd::Zero(n, n);
     Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
@@ -79,24 +78,6 @@ double LogDensitySpline::spline(std::size_t interval, double u) const {
 double LogDensitySpline::mass(std::size_t interval, double from, double to) const {
     if (!(to > from)) return 0.0;
     return Rule::integrate([&](double u) { return std::exp(spline(interval, u)); }, from, to);
-}
-
-std::size_t LogDensitySpline::interval_of(double u) const {
-    const auto above = std::upper_bound(u_.begin(), u_.end(), u);
-    const auto index = static_cast<std::size_t>(above - u_.begin());
-    return std::clamp<std::size_t>(index, 1, u_.size() - 1) - 1;
-}
-
-double LogDensitySpline::log_density(double u) const {
-    if (!(u >= u_.front()) || !(u <= u_.back())) return -std::numeric_limits<double>::infinity();
-    return spline(interval_of(u), u);
-}
-
-double LogDensitySpline::cumulative(double u) const {
-    if (!(u > u_.front())) return 0.0;
-    if (!(u < u_.back())) return 1.0;
-    const std::size_t i = interval_of(u);
-    return std::min(1.0, running_[i] + mass(i, u_[i], u));
 }
 
 double LogDensitySpline::quantile(double p) const {

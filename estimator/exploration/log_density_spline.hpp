@@ -18,8 +18,6 @@ public:
     /// @throws std::invalid_argument when that does not hold.
     LogDensitySpline(std::vector<double> u, std::vector<double> log_density);
 
-    [[nodiscard]] double log_density(double u) const;  ///< normalised; -infinity beyond the ends
-    [[nodiscard]] double cumulative(double u) const;   ///< in [0, 1]
     /// u with that cumulative probability. @throws std::invalid_argument unless 0 <= p <= 1.
     [[nodiscard]] double quantile(double p) const;
     /// Mean of a function over the density, by Gauss's rule with ten points per interval.
@@ -30,7 +28,6 @@ public:
 private:
     [[nodiscard]] double spline(std::size_t interval, double u) const;
     [[nodiscard]] double mass(std::size_t interval, double from, double to) const;
-    [[nodiscard]] std::size_t interval_of(double u) const;
 
     std::vector<double> u_;
     std::vector<double> value_;

@@ -1,6 +1,7 @@
 #include "estimator/exploration/marginal.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 
@@ -35,8 +36,6 @@ struct MarginalNode {
     double u = 0.0;
     double log_density = 0.0;
     ConditionalStart at;
-    Eigen::MatrixXd covariance;
-    double degrees_of_freedom = 0.0;
 };
 
 /// The grid of one unknown on one side of the estimate.
@@ -47,51 +46,41 @@ struct MarginalSide {
     int evaluations = 0;
 };
 
-class Grid {
-public:
-    Grid(const Conditional& conditional, const Unknown& unknown, const EstimateOptions& estimate,
-         const MarginalOptions& options, bool full_hessian)
-        : conditional_(conditional),
-          unknown_(unknown),
-          estimate_(estimate),
-          options_(options),
-          full_hessian_(full_hessian) {}
+struct Grid {
+    const Conditional& conditional;
+    const Unknown& unknown;
+    const EstimateOptions& estimate;
+    const MarginalOptions& options;
+    bool full_hessian;
 
     [[nodiscard]] std::optional<MarginalNode> at(double u, const ConditionalStart& from, int& evaluations) const;
     [[nodiscard]] MarginalSide walk(const MarginalNode& centre, int direction) const;
-
-private:
-    const Conditional& conditional_;
-    const Unknown& unknown_;
-    const EstimateOptions& estimate_;
-    const MarginalOptions& options_;
-    bool full_hessian_;
 };
 
 std::optional<MarginalNode> Grid::at(double u, const ConditionalStart& from, int& evaluations) const {
-    const double prior = conditional_.log_prior(unknown_, u);
+    const double prior = conditional.log_prior(unknown, u);
     if (!std::isfinite(prior)) return std::nullopt;
     const auto attempt = [&](const ConditionalStart& start) -> std::optional<MarginalNode> {
-        const ConditionalEstimate found = conditional_.at(unknown_, u, start, estimate_.variance, full_hessian_);
+        const ConditionalEstimate found = conditional.at(unknown, u, start, estimate.variance, full_hessian);
         evaluations += found.evaluations;
         if (!found.good()) return std::nullopt;
-        return MarginalNode{u, found.log_integral + prior, found.at, found.covariance, found.degrees_of_freedom};
+        return MarginalNode{u, found.log_integral + prior, found.at};
     };
-    if (auto node = attempt(conditional_.moved(from, unknown_, u))) return node;
-    return attempt(conditional_.moved(conditional_.start(), unknown_, u));
+    if (auto node = attempt(conditional.moved(from, unknown, u))) return node;
+    return attempt(conditional.moved(conditional.start(), unknown, u));
 }
 
 MarginalSide Grid::walk(const MarginalNode& centre, int direction) const {
     MarginalSide side;
-    const double sd = unknown_.sd > 0.0 ? unknown_.sd : 0.1 * unknown_.size;
-    const double limit = direction < 0 ? unknown_.lower : unknown_.upper;
-    double step = options_.step * sd;
+    const double sd = unknown.sd > 0.0 ? unknown.sd : 0.1 * unknown.size;
+    const double limit = direction < 0 ? unknown.lower : unknown.upper;
+    double step = options.step * sd;
     double highest = centre.log_density;
     const MarginalNode* last = &centre;
     int halved = 0;
-    side.nodes.reserve(static_cast<std::size_t>(options_.maximum_points));
-    while (side.nodes.size() < static_cast<std::size_t>(options_.maximum_points)) {
-        if (estimate_.interrupted && estimate_.interrupted()) {
+    side.nodes.reserve(static_cast<std::size_t>(options.maximum_points));
+    while (side.nodes.size() < static_cast<std::size_t>(options.maximum_points)) {
+        if (estimate.interrupted && estimate.interrupted()) {
             side.end = MarginalEnd::interrupted;
             return side;
         }
@@ -115,7 +104,7 @@ MarginalSide Grid::walk(const MarginalNode& centre, int direction) const {
         }
         const double drop = last->log_density - node->log_density;
         // Too coarse for the spline: the density falls by 8 orders over a step, or is lost at once.
-        if (drop > 0.6 * options_.fall && halved < step_halvings) {
+        if (drop > 0.6 * options.fall && halved < step_halvings) {
             ++halved;
             step *= 0.5;
             continue;
@@ -124,7 +113,7 @@ MarginalSide Grid::walk(const MarginalNode& centre, int direction) const {
         side.nodes.push_back(*node);
         last = &side.nodes.back();
         highest = std::max(highest, last->log_density);
-        if (highest - last->log_density > options_.fall) {
+        if (highest - last->log_density > options.fall) {
             side.end = MarginalEnd::fallen;
             return side;
         }
@@ -132,8 +121,8 @@ MarginalSide Grid::walk(const MarginalNode& centre, int direction) const {
             side.end = MarginalEnd::bound;
             return side;
         }
-        const double distance = std::abs(last->u - unknown_.u);
-        if (distance > options_.reach * sd) return side;
+        const double distance = std::abs(last->u - unknown.u);
+        if (distance > options.reach * sd) return side;
         // A normal density falls by 0.1 ... 2 over half a sd; slower is a long tail, faster a steep flank.
         if (std::abs(drop) < 0.3 && distance > 1.2 * sd) step *= 1.5;
         if (std::abs(drop) > 2.5) step *= 0.5;
@@ -164,18 +153,11 @@ void fill(const Conditional& conditional, const Unknown& unknown, Marginal& marg
 }
 
 std::string words(const std::string& side, MarginalEnd end) {
-    switch (end) {
-        case MarginalEnd::fallen:
-        case MarginalEnd::bound:
-            return "";
-        case MarginalEnd::reach:
-            return "the density has not fallen far enough on the " + side +
-                   " side: probability is left out there, mean and sd may not exist; ";
-        case MarginalEnd::failed:
-            return "points further out on the " + side + " side cannot be evaluated; ";
-        case MarginalEnd::interrupted:
-            return "interrupted on the " + side + " side; ";
-    }
+    if (end == MarginalEnd::reach)
+        return "the density has not fallen far enough on the " + side +
+               " side: probability is left out there, mean and sd may not exist; ";
+    if (end == MarginalEnd::failed) return "points further out on the " + side + " side cannot be evaluated; ";
+    if (end == MarginalEnd::interrupted) return "interrupted on the " + side + " side; ";
     return "";
 }
 
@@ -186,7 +168,7 @@ Marginal marginal_of(const Conditional& conditional, const Unknown& unknown, con
     result.unit = unknown.unit;
     result.full_hessian = full_hessian;
     result.mean = result.sd = result.median = result.lower95 = result.upper95 = nan_value;
-    const Grid grid(conditional, unknown, estimate, options, full_hessian);
+    const Grid grid{conditional, unknown, estimate, options, full_hessian};
     if (!std::isfinite(unknown.u)) {
         result.message = "the estimate is at an end that its scale never reaches";
         return result;
@@ -213,9 +195,8 @@ Marginal marginal_of(const Conditional& conditional, const Unknown& unknown, con
     nodes.push_back(*centre);
     nodes.insert(nodes.end(), upper.nodes.begin(), upper.nodes.end());
     for (const MarginalNode& node : nodes)
-        result.points.push_back({node.u, conditional.natural(unknown, node.u), node.log_density,
-                                 conditional.expand(node.at.theta), conditional.expand_covariance(node.covariance),
-                                 node.degrees_of_freedom});
+        result.points.push_back(
+            {node.u, conditional.natural(unknown, node.u), node.log_density, conditional.expand(node.at.theta)});
     result.message = words("lower", lower.end) + words("upper", upper.end);
     if (nodes.size() < 4) {
         result.message += "too few points can be evaluated";
@@ -229,19 +210,8 @@ Marginal marginal_of(const Conditional& conditional, const Unknown& unknown, con
 }  // namespace
 
 std::string_view name(MarginalEnd end) {
-    switch (end) {
-        case MarginalEnd::fallen:
-            return "fallen";
-        case MarginalEnd::bound:
-            return "bound";
-        case MarginalEnd::reach:
-            return "reach";
-        case MarginalEnd::failed:
-            return "failed";
-        case MarginalEnd::interrupted:
-            return "interrupted";
-    }
-    return "failed";
+    constexpr std::array names{"fallen", "bound", "reach", "failed", "interrupted"};
+    return names[static_cast<std::size_t>(end)];
 }
 
 std::vector<Marginal> marginals(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
@@ -249,19 +219,12 @@ std::vector<Marginal> marginals(const std::vector<FreeParameter>& parameters, co
                                 const MarginalOptions& marginal) {
     check_marginal(marginal);
     const Conditional conditional(parameters, residuals, options, estimate);
-    std::vector<std::size_t> which;
-    for (const std::string& wanted : marginal.names)
-        which.push_back(conditional.index(wanted));
-    if (marginal.names.empty())
-        for (std::size_t k = 0; k < conditional.unknowns().size(); ++k)
-            which.push_back(k);
+    const std::vector<Unknown> which = conditional.named(marginal.names);
     const bool full_hessian = marginal.full_hessian.value_or(conditional.parameters().size() <= affordable);
     std::vector<Marginal> result(which.size());
     tbb::parallel_for(
         std::size_t{0}, which.size(),
-        [&](std::size_t k) {
-            result[k] = marginal_of(conditional, conditional.unknowns()[which[k]], options, marginal, full_hessian);
-        },
+        [&](std::size_t k) { result[k] = marginal_of(conditional, which[k], options, marginal, full_hessian); },
         tbb::simple_partitioner{});
     return result;
 }

@@ -36,10 +36,6 @@ struct MarginalPoint {
     double value = 0.0;        ///< natural
     double log_density = 0.0;  ///< in u, normalised
     Eigen::VectorXd theta;     ///< where the other parameters are at their best, all parameters, natural
-    /// Covariance of all parameters with this unknown held, natural units: its own row is zero, as are undetermined
-    /// ones.
-    Eigen::MatrixXd covariance;
-    double degrees_of_freedom = 0.0;  ///< of that conditional estimate; see Estimate
 };
 
 /// Posterior of one unknown with everything else integrated out.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <mutex>
 #include <numeric>
 #include <stdexcept>
@@ -12,7 +11,9 @@
 #include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
 
+#include "estimator/estimate/estimate_report.hpp"
 #include "estimator/exploration/random_start.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
@@ -35,20 +36,10 @@ void check_multi_start(const ResidualFactory& residuals, const MultiStartOptions
 
 /// Ends that can be compared at all come first.
 int grade(EstimateStatus status) {
-    switch (status) {
-        case EstimateStatus::converged:
-            return 0;
-        case EstimateStatus::singular:
-            return 1;
-        case EstimateStatus::no_progress:
-        case EstimateStatus::iteration_limit:
-            return 2;
-        case EstimateStatus::interrupted:
-            return 3;
-        case EstimateStatus::failed:
-            break;
-    }
-    return 4;
+    if (status == EstimateStatus::converged) return 0;
+    if (status == EstimateStatus::singular) return 1;
+    if (status == EstimateStatus::interrupted) return 3;
+    return status == EstimateStatus::failed ? 4 : 2;
 }
 
 class Search {
@@ -59,13 +50,16 @@ public:
         const auto count = static_cast<std::size_t>(options.starts);
         runs.resize(count);
         estimates.resize(count);
+        Eigen::VectorXd given(static_cast<Eigen::Index>(parameters.size()));
+        for (std::size_t i = 0; i < parameters.size(); ++i)
+            given[static_cast<Eigen::Index>(i)] = parameters[i].start;
         for (std::size_t s = 0; s < count; ++s) {
             runs[s].start = static_cast<int>(s);
-            runs[s].from = s == 0 ? given()
+            runs[s].from = s == 0 ? given
                                   : random_start(parameters, options.estimate.joint_priors, options.width,
                                                  RandomStream(options.seed, RandomPurpose::multi_start, s));
             runs[s].theta = runs[s].from;
-            runs[s].objective = std::numeric_limits<double>::quiet_NaN();
+            runs[s].objective = nan_value;
             runs[s].message = "not started";
         }
     }
@@ -81,12 +75,6 @@ public:
     std::vector<Estimate> estimates;
 
 private:
-    [[nodiscard]] Eigen::VectorXd given() const {
-        Eigen::VectorXd theta(static_cast<Eigen::Index>(parameters_.size()));
-        for (std::size_t i = 0; i < parameters_.size(); ++i)
-            theta[static_cast<Eigen::Index>(i)] = parameters_[i].start;
-        return theta;
-    }
     [[nodiscard]] bool same(const Estimate& a, const Estimate& b) const;
 
     const std::vector<FreeParameter>& parameters_;
@@ -152,7 +140,7 @@ std::vector<std::size_t> Search::ranking() const {
         const StartedRun& run = runs[s];
         const auto records = static_cast<double>(run.records);
         const bool few = records < 0.9 * static_cast<double>(most);
-        const double objective = !std::isfinite(run.objective) ? std::numeric_limits<double>::infinity()
+        const double objective = !std::isfinite(run.objective) ? infinity
                                  : same_set                    ? run.objective
                                                                : run.objective / std::max(records, 1.0);
         return std::make_tuple(grade(run.status), run.screened, few, objective, s);
@@ -211,13 +199,11 @@ std::vector<std::size_t> screened(Search& search, const std::vector<std::size_t>
     for (StartedRun& run : search.runs)
         run.screened = run.status != EstimateStatus::failed;
     std::vector<std::size_t> order(which);
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-        const auto worth = [&](std::size_t s) {
-            const double objective = search.runs[s].objective;
-            return std::isfinite(objective) ? objective : std::numeric_limits<double>::infinity();
-        };
-        return worth(a) != worth(b) ? worth(a) < worth(b) : a < b;
-    });
+    const auto worth = [&](std::size_t s) {
+        const double objective = search.runs[s].objective;
+        return std::make_tuple(std::isfinite(objective) ? objective : infinity, s);
+    };
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return worth(a) < worth(b); });
     order.resize(static_cast<std::size_t>(options.kept));
     // The given start is never dropped.
     if (std::find(order.begin(), order.end(), std::size_t{0}) == order.end()) order.back() = 0;
@@ -254,16 +240,8 @@ MultiStart multi_start(const std::vector<FreeParameter>& parameters, const Resid
     }
     result.best = std::move(search.estimates.front());
     if (result.best.parameters.empty())
-        for (const FreeParameter& parameter : parameters) {
-            constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-            Estimated none;
-            none.name = parameter.name;
-            none.unit = parameter.unit;
-            none.value = none.start = parameter.start;
-            none.sd = none.laplace_sd = none.lower95 = none.upper95 = unknown;
-            none.interval_method = "none";
-            result.best.parameters.push_back(none);
-        }
+        for (const FreeParameter& parameter : parameters)
+            result.best.parameters.push_back(bare_estimate(parameter, parameter.start));
     result.best.status = result.interrupted ? EstimateStatus::interrupted : EstimateStatus::failed;
     result.best.message = "none of " + std::to_string(options.starts) +
                           " starts could be estimated; the given one: " + search.runs.front().message;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <memory>
 #include <numeric>
@@ -12,6 +11,7 @@
 #include <tbb/partitioner.h>
 
 #include "estimator/interface/mapped_residual.hpp"
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
@@ -49,55 +49,53 @@ std::vector<std::vector<Place>> linked_blocks(const std::vector<Residual*>& resi
     return sets;
 }
 
-class Folds {
-public:
-    Folds(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
-          const EstimateOptions& options, const Estimate& estimate)
-        : parameters_(parameters), residuals_(residuals), options_(options), estimate_(estimate) {
-        options_.verdict = false;
-        options_.maximum_rounds = 1;
-        options_.progress = nullptr;
-        for (FreeParameter& parameter : parameters_)
-            for (const Estimated& found : estimate.parameters)
-                if (found.name == parameter.name && parameter.tied_to.empty()) parameter.start = found.value;
-    }
+/// What an estimate without some blocks needs.
+struct Folds {
+    std::vector<FreeParameter> parameters;
+    const std::vector<Residual*>& residuals;
+    EstimateOptions options;
+    const Estimate& estimate;
 
     /// The estimate without some blocks.
     [[nodiscard]] Estimate without(const std::vector<Place>& left_out) const;
-
-private:
-    std::vector<FreeParameter> parameters_;
-    const std::vector<Residual*>& residuals_;
-    EstimateOptions options_;
-    const Estimate& estimate_;
 };
 
+Folds folds_of(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+               const EstimateOptions& options, const Estimate& estimate) {
+    Folds result{parameters, residuals, options, estimate};
+    result.options.verdict = false;
+    result.options.maximum_rounds = 1;
+    result.options.progress = nullptr;
+    for (FreeParameter& parameter : result.parameters)
+        for (const Estimated& found : estimate.parameters)
+            if (found.name == parameter.name && parameter.tied_to.empty()) parameter.start = found.value;
+    return result;
+}
+
 Estimate Folds::without(const std::vector<Place>& left_out) const {
-    const auto count = static_cast<Eigen::Index>(parameters_.size());
+    const auto count = static_cast<Eigen::Index>(parameters.size());
     std::vector<std::unique_ptr<MappedResidual>> adapters;
-    std::vector<Residual*> residuals;
+    std::vector<Residual*> adapted;
     std::size_t channel = 0;
-    for (std::size_t r = 0; r < residuals_.size(); ++r) {
-        MappedResidualOptions change;
-        change.frozen = true;
-        change.initial_latents = estimate_.latents[r];
-        const std::vector<Group>& groups = residuals_[r]->groups();
+    for (std::size_t r = 0; r < residuals.size(); ++r) {
+        MappedResidualOptions change{{}, estimate.latents[r], true};
+        const std::vector<Group>& groups = residuals[r]->groups();
         std::vector<bool> shared(groups.size(), false);
-        for (const JointCovariance& covariance : residuals_[r]->covariances())
+        for (const JointCovariance& covariance : residuals[r]->covariances())
             for (const int group : covariance.groups)
                 shared[static_cast<std::size_t>(group)] = true;
         for (std::size_t g = 0; g < groups.size(); ++g, ++channel) {
-            const EstimatedScale& scale = estimate_.scales[channel];
+            const EstimatedScale& scale = estimate.scales[channel];
             // Error parameters start where they were found.
             if (!shared[g] && scale.estimated) change.errors.push_back({groups[g].name, "scale", scale.value, true});
         }
         adapters.push_back(
-            std::make_unique<MappedResidual>(*residuals_[r], ParameterMap::identity(count), std::move(change)));
-        residuals.push_back(adapters.back().get());
+            std::make_unique<MappedResidual>(*residuals[r], ParameterMap::identity(count), std::move(change)));
+        adapted.push_back(adapters.back().get());
     }
     for (const Place& place : left_out)
         adapters[place.residual]->deactivate(place.block);
-    return estimator::estimate(parameters_, residuals, {}, options_);
+    return estimator::estimate(parameters, adapted, {}, options);
 }
 
 /// Why an estimate of a part cannot be compared with the one of all; empty when it can.
@@ -135,7 +133,7 @@ PredictiveScore predictive_score(const std::vector<FreeParameter>& parameters, c
         left_out[s % count].insert(left_out[s % count].end(), sets[s].begin(), sets[s].end());
 
     PredictiveScore score;
-    const Folds work(parameters, residuals, options, estimate);
+    const Folds work = folds_of(parameters, residuals, options, estimate);
     // All data from the same frozen sets and starts, so that both integrals are of the same kind.
     const Estimate all = work.without({});
     score.folds.resize(count);
@@ -143,7 +141,7 @@ PredictiveScore predictive_score(const std::vector<FreeParameter>& parameters, c
         std::size_t{0}, count,
         [&](std::size_t k) {
             HeldOut& fold = score.folds[k];
-            fold.log_density = std::numeric_limits<double>::quiet_NaN();
+            fold.log_density = nan_value;
             for (const Place& place : left_out[k]) {
                 const BlockLayout& block = residuals[place.residual]->layout()[place.block];
                 fold.labels.push_back(block.label);
@@ -172,8 +170,7 @@ PredictiveScore predictive_score(const std::vector<FreeParameter>& parameters, c
     score.known = known == static_cast<double>(count);
     // Variance of a sum of `known` terms, from their scatter.
     const double scatter = square - score.log_density * score.log_density / known;
-    score.standard_error = known > 1.0 ? std::sqrt(std::max(scatter, 0.0) * known / (known - 1.0))
-                                       : std::numeric_limits<double>::quiet_NaN();
+    score.standard_error = known > 1.0 ? std::sqrt(std::max(scatter, 0.0) * known / (known - 1.0)) : nan_value;
     return score;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <type_traits>
 #include <variant>
 
@@ -39,7 +38,7 @@ double between(const Distribution& distribution, double lower, double upper, dou
     const double first = mass(lower);
     const double last = mass(upper);
     const double p = first + share * (last - first);
-    if (!(std::abs(last - first) > 1e-290) || !(p > 0.0) || !(p < 1.0)) return std::numeric_limits<double>::quiet_NaN();
+    if (!(std::abs(last - first) > 1e-290) || !(p > 0.0) || !(p < 1.0)) return nan_value;
     return high ? quantile(complement(distribution, p)) : quantile(distribution, p);
 }
 
@@ -68,7 +67,7 @@ double prior_quantile(const Prior& prior, double lower, double upper, double sha
                                                       (lower - p.location) / p.scale, (upper - p.location) / p.scale,
                                                       share);
             } else {
-                return std::numeric_limits<double>::quiet_NaN();  // flat
+                return nan_value;  // flat
             }
         },
         prior);

@@ -22,8 +22,7 @@ const double ln_two_pi = std::log(2.0 * std::numbers::pi);
     throw std::invalid_argument("joint normal prior: " + what);
 }
 
-/// Cholesky factor of the correlation matrix: a covariance of parameters of very different sizes is well conditioned
-/// only at unit sds.
+/// Cholesky factor of the correlation matrix: parameters of very different sizes are well conditioned at unit sds.
 struct Factor {
     Eigen::VectorXd sd;
     models::CholeskyFactor correlation;

@@ -99,7 +99,7 @@ double negative_log_density(const Prior& prior, double x) {
 
 PriorDerivatives derivatives(const Prior& prior, double x) {
     return std::visit(
-        Overloaded{[](const FlatPrior&) {
+        Overloaded{[](const auto&) {  // flat and uniform
                        return PriorDerivatives{0.0, 0.0};
                    },
                    [x](const NormalPrior& p) {
@@ -109,9 +109,6 @@ PriorDerivatives derivatives(const Prior& prior, double x) {
                        const double variance = p.log_sd * p.log_sd;
                        const double standard = std::log(x / p.median) / variance;
                        return PriorDerivatives{(standard + 1.0) / x, (1.0 / variance - standard - 1.0) / (x * x)};
-                   },
-                   [](const UniformPrior&) {
-                       return PriorDerivatives{0.0, 0.0};
                    },
                    [x](const HalfNormalPrior& p) {
                        return PriorDerivatives{x / (p.scale * p.scale), 1.0 / (p.scale * p.scale)};
@@ -137,39 +134,24 @@ bool is_proper(const Prior& prior) {
 double standard_deviation(const Prior& prior) {
     return std::visit(
         Overloaded{
-            [](const FlatPrior&) { return infinity; }, [](const NormalPrior& p) { return p.sd; },
+            [](const auto&) { return infinity; }, [](const NormalPrior& p) { return p.sd; },
             [](const LogNormalPrior& p) {
                 const double variance = p.log_sd * p.log_sd;
                 return p.median * std::exp(0.5 * variance) * std::sqrt(std::expm1(variance));
             },
             [](const UniformPrior& p) { return (p.upper - p.lower) / std::sqrt(12.0); },
             [](const HalfNormalPrior& p) { return p.scale * std::sqrt(1.0 - 2.0 / std::numbers::pi); },
-            [](const HalfCauchyPrior&) { return infinity; },
             [](const GammaPrior& p) { return std::sqrt(p.shape) / p.rate; },
             [](const StudentPrior& p) { return p.dof > 2.0 ? p.scale * std::sqrt(p.dof / (p.dof - 2.0)) : infinity; }},
         prior);
 }
 
 Support support(const Prior& prior) {
-    return std::visit(Overloaded{[](const UniformPrior& p) {
-                                     return Support{p.lower, p.upper};
-                                 },
-                                 [](const LogNormalPrior&) {
-                                     return Support{0.0, infinity};
-                                 },
-                                 [](const HalfNormalPrior&) {
-                                     return Support{0.0, infinity};
-                                 },
-                                 [](const HalfCauchyPrior&) {
-                                     return Support{0.0, infinity};
-                                 },
-                                 [](const GammaPrior&) {
-                                     return Support{0.0, infinity};
-                                 },
-                                 [](const auto&) {
-                                     return Support{-infinity, infinity};
-                                 }},
-                      prior);
+    if (const auto* uniform = std::get_if<UniformPrior>(&prior)) return {uniform->lower, uniform->upper};
+    const bool positive = std::holds_alternative<LogNormalPrior>(prior) ||
+                          std::holds_alternative<HalfNormalPrior>(prior) ||
+                          std::holds_alternative<HalfCauchyPrior>(prior) || std::holds_alternative<GammaPrior>(prior);
+    return {positive ? 0.0 : -infinity, infinity};
 }
 
 double quantile(const Prior& prior, double p) {

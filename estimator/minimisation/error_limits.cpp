@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "estimator/errors/joint_covariance.hpp"
 #include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
@@ -94,8 +93,7 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
     if (set.latents == 0) return size;
     Eigen::VectorXd psi = state.psi;
     for (std::size_t k = 0; k < problem.errors.size(); ++k)
-        if (problem.errors[k].kind == ErrorCoordinate::Kind::log && !(problem.errors[k].start > 0.0))
-            psi[static_cast<Eigen::Index>(k)] = 0.0;
+        if (problem.errors[k].start_unknown()) psi[static_cast<Eigen::Index>(k)] = 0.0;
     const WhitenedArrow standard = standard_arrow(rows, problem.laws, psi, matching, Curvature::expected, true);
     const std::vector<Eigen::VectorXd> d_z =
         latent_steps(standard.arrow, condense(standard.arrow, 0.0), Eigen::VectorXd::Zero(state.u.size()));
@@ -105,7 +103,7 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
         Eigen::Index row = 0;
         for (const PartRows& part : parts) {
             const NoiseModel& law = problem.laws[part.law];
-            const Eigen::Index count_of_part = part.records.rows.rows() * rows_per_record(law);
+            const Eigen::Index count_of_part = part.records.rows.rows() * law.rows_per_record();
             square[law.first] += left.segment(row, count_of_part).squaredNorm();
             count[law.first] += static_cast<double>(part.records.count);
             row += count_of_part;
@@ -175,11 +173,8 @@ std::string why_no_covariance(const Problem& problem, const BlockSet& set, const
         for (Eigen::Index i = 0; i < lower.rows(); ++i) {
             if (lower(i, i) > least_share * lower.row(i).norm()) continue;
             std::string names;
-            for (const int c : law.channels) {
-                const Channel& channel = problem.channels[static_cast<std::size_t>(c)];
-                names += (names.empty() ? "" : ", ") +
-                         problem.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)].name;
-            }
+            for (const int c : law.channels)
+                names += (names.empty() ? "" : ", ") + group_of(problem, c).name;
             return "the responses " + names +
                    " can be fitted exactly together: their full covariance becomes singular and the likelihood has no "
                    "maximum; estimate a scale for each, or give an inverse-Wishart prior";

@@ -2,118 +2,14 @@
 #include <cmath>
 #include <utility>
 
-#include "estimator/errors/joint_covariance.hpp"
 #include "estimator/minimisation/error_parameter.hpp"
+#include "estimator/minimisation/far_step.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "models/arithmetic/eigenvalues.hpp"
 
 namespace orbid::estimator {
 
 namespace {
-
-/// [S_z S] P of every block, without the columns of undetermined latent states. Likewise for the rows that link it to
-/// the next one.
-struct Spread {
-    std::vector<Eigen::MatrixXd> own;
-    std::vector<Eigen::MatrixXd> linked;
-};
-
-Spread spread(const ErrorProblem& problem, const ErrorPoint& point) {
-    const SelectedCovariance covariance = selected_covariance(point.standard.arrow, point.reduced_problem,
-                                                              problem.restricted ? point.triangle : Eigen::MatrixXd());
-    const auto through = [](const Eigen::Ref<const Eigen::MatrixXd>& at, const Eigen::MatrixXd& p) {
-        Eigen::MatrixXd result;
-        if (at.rows() > 0 && p.cols() > 0) result.noalias() = at.leftCols(p.cols()) * p;
-        return result;
-    };
-    Spread result;
-    result.own.resize(problem.rows.size());
-    result.linked.resize(problem.rows.size());
-    for (std::size_t b = 0; b < problem.rows.size(); ++b) {
-        result.own[b] = through(point.standard.own_rows(b), covariance.block[b]);
-        if (point.standard.linked_records[b] > 0)
-            result.linked[b] = through(point.standard.linked_rows(b), covariance.link[b]);
-    }
-    return result;
-}
-
-/// (M10) for a full covariance: V = [sum_i (e_i e_i^T + J_i C J_i^T) + Psi] / (n + nu + m + 1), as a step of psi.
-void joint_step(const ErrorProblem& problem, const ErrorPoint& point, const NoiseModel& law, std::size_t index,
-                const Eigen::VectorXd& psi, const Spread& spread, Eigen::VectorXd& step) {
-    const auto m = static_cast<Eigen::Index>(law.channels.size());
-    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(m, m);
-    double records = 0.0;
-    const auto add = [&](const std::vector<PartRows>& parts, const Eigen::Ref<const Eigen::MatrixXd>& standard,
-                         const Eigen::MatrixXd& through) {
-        Eigen::Index row = 0;
-        for (const PartRows& part : parts) {
-            const Eigen::Index rows = part.records.rows.rows() * rows_per_record((*problem.laws)[part.law]);
-            if (part.law == index) {
-                const Eigen::Index n = part.records.count / m;
-                for (Eigen::Index i = 0; i < m; ++i)
-                    for (Eigen::Index j = 0; j < m; ++j) {
-                        sum(i, j) += standard.block(row + i * n, standard.cols() - 1, n, 1)
-                                         .cwiseProduct(standard.block(row + j * n, standard.cols() - 1, n, 1))
-                                         .sum();
-                        if (through.size() > 0)
-                            sum(i, j) += standard.block(row + i * n, 0, n, through.cols())
-                                             .cwiseProduct(through.middleRows(row + j * n, n))
-                                             .sum();
-                    }
-                records += static_cast<double>(n);
-            }
-            row += rows;
-        }
-    };
-    for (std::size_t b = 0; b < problem.rows.size(); ++b) {
-        add(problem.rows[b].parts, point.standard.own_rows(b), spread.own[b]);
-        add(problem.rows[b].linked_parts, point.standard.linked_rows(b), spread.linked[b]);
-    }
-    const Eigen::MatrixXd lower = covariance_root(law, psi);
-    Eigen::MatrixXd v = lower * sum * lower.transpose();
-    double divisor = records;
-    if (law.inverse_wishart_dof > 0.0) {
-        v += law.inverse_wishart_psi;
-        divisor += law.inverse_wishart_dof + static_cast<double>(m) + 1.0;
-    }
-    const models::CholeskyFactor factor(v / divisor);
-    if (!factor.positive_definite()) return;
-    const auto size = static_cast<Eigen::Index>(law.coordinates.size());
-    step.segment(law.first, size) = root_coordinates(factor.lower()) - psi.segment(law.first, size);
-}
-
-/// Fixed-point steps of (M10): of each law by itself, and of all plain scales together.
-std::vector<Eigen::VectorXd> far_steps(const ErrorProblem& problem, const ErrorPoint& point, const Eigen::VectorXd& psi,
-                                       const std::vector<Eigen::Index>& free) {
-    Eigen::VectorXd own = Eigen::VectorXd::Zero(psi.size());
-    Eigen::VectorXd common = Eigen::VectorXd::Zero(psi.size());
-    double fit = 0.0;
-    double left = 0.0;
-    for (const Eigen::Index k : free) {
-        if (!(point.fit[k] > 0.0)) continue;
-        // (M10) solved for the factor on s^2 with its trace t held: fit / (n - t), exact for one scale. Where a coupled
-        // shape makes that meaningless: 1 - gradient / n, which is always positive for one scale.
-        const double count = point.gradient[k] + point.fit[k];
-        const double ratio =
-            point.left[k] > 1e-3 ? point.fit[k] / point.left[k] : 1.0 - point.gradient[k] / std::max(count, 1.0);
-        own[k] = 0.5 * std::log(std::max(ratio, 1e-12));
-        common[k] = 1.0;
-        fit += point.fit[k];
-        left += point.left[k];
-    }
-    Spread through;
-    for (std::size_t l = 0; l < problem.laws->size(); ++l) {
-        const NoiseModel& law = (*problem.laws)[l];
-        if (!law.joint() || !problem.free[static_cast<std::size_t>(law.first)]) continue;
-        if (through.own.empty()) through = spread(problem, point);
-        joint_step(problem, point, law, l, psi, through, own);
-    }
-    std::vector<Eigen::VectorXd> steps;
-    if (own.lpNorm<Eigen::Infinity>() > 0.0) steps.push_back(own);
-    // The same for all scales together: exact where a shape ties them to each other.
-    if (fit > 0.0 && left > 1e-3 && common.sum() > 1.5) steps.push_back(common * (0.5 * std::log(fit / left)));
-    return steps;
-}
 
 /// Secant (BFGS) update of a Hessian: H s = y afterwards; skipped where y^T s > 0 does not hold.
 void update(Eigen::MatrixXd& hessian, const Eigen::VectorXd& s, const Eigen::VectorXd& y) {
@@ -147,135 +43,197 @@ Eigen::MatrixXd first_hessian(const ErrorProblem& problem, const ErrorPoint& poi
     return made_definite(error_hessian(problem, psi, free));
 }
 
-Eigen::VectorXd picked(const Eigen::VectorXd& from, const std::vector<Eigen::Index>& free) {
-    Eigen::VectorXd result(static_cast<Eigen::Index>(free.size()));
-    for (std::size_t i = 0; i < free.size(); ++i)
-        result[static_cast<Eigen::Index>(i)] = from[free[i]];
+/// A place to go to.
+struct ErrorTrial {
+    Eigen::VectorXd psi;
+    ErrorPoint point;
+    double change = 0.0;  ///< of Phi_psi; < 0: an improvement
+};
+
+/// The search of minimise_errors().
+class ErrorDescent {
+public:
+    ErrorDescent(const ErrorProblem& problem, const Eigen::VectorXd& start, const Eigen::VectorXd& floor,
+                 const Eigen::VectorXd& ceiling, const ErrorSearch& search)
+        : problem_(problem),
+          floor_(floor),
+          ceiling_(ceiling),
+          search_(search),
+          curvature_(search.known != nullptr ? *search.known : unknown_) {
+        minimum_.psi = start;
+        for (Eigen::Index k = 0; k < start.size(); ++k)
+            if (problem.free[static_cast<std::size_t>(k)]) minimum_.psi[k] = within_limits(k, start[k]);
+        minimum_.at_floor.assign(static_cast<std::size_t>(start.size()), false);
+        minimum_.at_ceiling = minimum_.at_floor;
+        point_ = evaluate_errors(problem, minimum_.psi);
+        minimum_.before = minimum_.after = point_.value;
+    }
+
+    ErrorMinimum run();
+
+private:
+    [[nodiscard]] double within_limits(Eigen::Index k, double psi) const {
+        return std::clamp(psi, floor_[k], ceiling_[k]);
+    }
+    void release();
+    void measure();
+    [[nodiscard]] Eigen::VectorXd newton_step() const;
+    void take_untried(const Eigen::VectorXd& newton);
+    [[nodiscard]] std::vector<Eigen::VectorXd> candidates(const Eigen::VectorXd& newton) const;
+    void try_place(Eigen::VectorXd psi, ErrorTrial& best) const;
+    [[nodiscard]] ErrorTrial best_of(std::vector<Eigen::VectorXd> steps) const;
+    void halve(ErrorTrial& best) const;
+    void move_to(ErrorTrial best);
+
+    const ErrorProblem& problem_;
+    const Eigen::VectorXd& floor_;
+    const Eigen::VectorXd& ceiling_;
+    const ErrorSearch& search_;
+    ErrorMinimum minimum_;
+    ErrorPoint point_;                ///< at minimum_.psi
+    std::vector<Eigen::Index> free_;  ///< not held at a limit
+    ErrorCurvature unknown_;
+    ErrorCurvature& curvature_;
+};
+
+/// Frees all parameters but those that the gradient pushes against their limit.
+void ErrorDescent::release() {
+    free_.clear();
+    for (Eigen::Index k = 0; k < minimum_.psi.size(); ++k) {
+        const auto index = static_cast<std::size_t>(k);
+        const bool free = problem_.free[index];
+        minimum_.at_floor[index] = free && minimum_.psi[k] <= floor_[k] && point_.gradient[k] > 0.0;
+        minimum_.at_ceiling[index] = free && minimum_.psi[k] >= ceiling_[k] && point_.gradient[k] < 0.0;
+        if (free && !minimum_.at_floor[index] && !minimum_.at_ceiling[index]) free_.push_back(k);
+    }
+}
+
+/// Curvature over the parameters that may move, and the distance to their minimum.
+void ErrorDescent::measure() {
+    minimum_.distance = 0.0;
+    if (free_.empty()) return;
+    if (free_ != curvature_.free) curvature_.hessian = first_hessian(problem_, point_, minimum_.psi, free_);
+    curvature_.free = free_;
+    const Eigen::VectorXd gradient = point_.gradient(free_);
+    for (Eigen::Index i = 0; i < gradient.size(); ++i)
+        minimum_.distance =
+            std::max(minimum_.distance, std::abs(gradient[i]) / std::sqrt(std::max(curvature_.hessian(i, i), 1e-300)));
+}
+
+/// Newton's step of the free parameters; empty where the curvature has no minimum.
+Eigen::VectorXd ErrorDescent::newton_step() const {
+    const models::LdltFactor factor(curvature_.hessian);
+    const auto pivots = factor.pivots();
+    const bool definite =
+        factor.succeeded() && factor.positive_semidefinite() && pivots.minCoeff() > 1e-10 * pivots.maxCoeff();
+    if (!definite) return {};
+    const Eigen::VectorXd gradient = point_.gradient(free_);
+    return -factor.solve(gradient);
+}
+
+void ErrorDescent::take_untried(const Eigen::VectorXd& newton) {
+    const Eigen::VectorXd gradient = point_.gradient(free_);
+    for (Eigen::Index i = 0; i < newton.size(); ++i) {
+        const Eigen::Index k = free_[static_cast<std::size_t>(i)];
+        minimum_.psi[k] = within_limits(k, minimum_.psi[k] + newton[i]);
+    }
+    minimum_.after += 0.5 * gradient.dot(newton);
+    ++minimum_.steps;
+}
+
+/// Newton's step, and fixed-point ones where it does not reach.
+std::vector<Eigen::VectorXd> ErrorDescent::candidates(const Eigen::VectorXd& newton) const {
+    // Curvature does not predict a minimum that is many sds and a large part of the scale itself away.
+    constexpr double near = 0.1;
+    std::vector<Eigen::VectorXd> result;
+    if (newton.size() > 0) {
+        result.emplace_back(Eigen::VectorXd::Zero(minimum_.psi.size()));
+        result.back()(free_) = newton;
+        if (!(minimum_.distance > 1.0) || (search_.known != nullptr && !(newton.lpNorm<Eigen::Infinity>() > near)))
+            return result;
+    }
+    for (Eigen::VectorXd& step : far_steps(problem_, point_, minimum_.psi, free_))
+        result.push_back(std::move(step));
     return result;
+}
+
+/// Makes a place the best one if it is better.
+void ErrorDescent::try_place(Eigen::VectorXd psi, ErrorTrial& best) const {
+    ErrorPoint next = evaluate_errors(problem_, psi);
+    const Eigen::VectorXd moved = psi - minimum_.psi;
+    // Near the minimum rounding hides the difference of two values. The trapezoidal rule of the gradient keeps it
+    // (relative error ~ |step|).
+    const double change = moved.lpNorm<Eigen::Infinity>() < 1e-3 ? 0.5 * (point_.gradient + next.gradient).dot(moved)
+                                                                 : next.value - point_.value;
+    if (change < best.change) best = {std::move(psi), std::move(next), change};
+}
+
+/// The best of the steps, shortened together until one of them is an improvement.
+ErrorTrial ErrorDescent::best_of(std::vector<Eigen::VectorXd> steps) const {
+    ErrorTrial best;
+    for (int shortening = 0; shortening < 30 && !(best.change < 0.0); ++shortening)
+        for (Eigen::VectorXd& step : steps) {
+            Eigen::VectorXd psi = minimum_.psi;
+            for (const Eigen::Index k : free_)
+                psi[k] = within_limits(k, psi[k] + std::clamp(step[k], -5.0, 5.0));
+            step *= 0.3;
+            if ((psi - minimum_.psi).lpNorm<Eigen::Infinity>() > 0.0) try_place(std::move(psi), best);
+        }
+    return best;
+}
+
+/// A long step past the minimum along its direction may end where a scale no longer matters and the objective is flat.
+/// Halves it while that gains.
+void ErrorDescent::halve(ErrorTrial& best) const {
+    constexpr int halvings = 8;
+    for (int halving = 0; halving < halvings; ++halving) {
+        const Eigen::VectorXd moved = best.psi - minimum_.psi;
+        if (moved.lpNorm<Eigen::Infinity>() < 0.5 || !(best.point.gradient.dot(moved) > 0.0)) return;
+        const double before = best.change;
+        try_place(minimum_.psi + 0.5 * moved, best);
+        if (!(best.change < before)) return;
+    }
+}
+
+void ErrorDescent::move_to(ErrorTrial best) {
+    const Eigen::VectorXd s = best.psi(free_) - minimum_.psi(free_);
+    const Eigen::VectorXd y = best.point.gradient(free_) - point_.gradient(free_);
+    minimum_.psi = std::move(best.psi);
+    minimum_.after += best.change;
+    point_ = std::move(best.point);
+    ++minimum_.steps;
+    // A long step gives no information about the curvature where it ends.
+    if (s.lpNorm<Eigen::Infinity>() > 0.5)
+        curvature_.hessian = first_hessian(problem_, point_, minimum_.psi, free_);
+    else
+        update(curvature_.hessian, s, y);
+}
+
+ErrorMinimum ErrorDescent::run() {
+    // Six decades take a few fixed-point steps, secant steps then converge superlinearly; two dozen are usual at most.
+    constexpr int step_limit = 200;
+    for (int iteration = 0; iteration < step_limit; ++iteration) {
+        release();
+        measure();
+        if (free_.empty() || minimum_.distance < search_.tolerance) break;
+        const Eigen::VectorXd newton = newton_step();
+        if (newton.size() > 0 && newton.lpNorm<Eigen::Infinity>() < search_.untried) {
+            take_untried(newton);
+            break;
+        }
+        ErrorTrial best = best_of(candidates(newton));
+        if (!(best.change < 0.0)) break;
+        halve(best);
+        move_to(std::move(best));
+    }
+    return std::move(minimum_);
 }
 
 }  // namespace
 
 ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd& start, const Eigen::VectorXd& floor,
                              const Eigen::VectorXd& ceiling, const ErrorSearch& search) {
-    ErrorMinimum minimum;
-    minimum.psi = start;
-    for (Eigen::Index k = 0; k < start.size(); ++k)
-        if (problem.free[static_cast<std::size_t>(k)]) minimum.psi[k] = std::clamp(start[k], floor[k], ceiling[k]);
-    minimum.at_floor.assign(static_cast<std::size_t>(start.size()), false);
-    minimum.at_ceiling = minimum.at_floor;
-    ErrorPoint point = evaluate_errors(problem, minimum.psi);
-    minimum.before = minimum.after = point.value;
-    ErrorCurvature unknown;
-    ErrorCurvature& curvature = search.known != nullptr ? *search.known : unknown;
-    std::vector<Eigen::Index>& former_free = curvature.free;
-    Eigen::MatrixXd& hessian = curvature.hessian;
-    // Six decades take a few fixed-point steps, secant steps then converge superlinearly; two dozen are usual at most.
-    constexpr int step_limit = 200;
-    for (int iteration = 0; iteration < step_limit; ++iteration) {
-        std::vector<Eigen::Index> free;
-        for (Eigen::Index k = 0; k < start.size(); ++k) {
-            const auto index = static_cast<std::size_t>(k);
-            minimum.at_floor[index] = problem.free[index] && minimum.psi[k] <= floor[k] && point.gradient[k] > 0.0;
-            minimum.at_ceiling[index] = problem.free[index] && minimum.psi[k] >= ceiling[k] && point.gradient[k] < 0.0;
-            if (problem.free[index] && !minimum.at_floor[index] && !minimum.at_ceiling[index]) free.push_back(k);
-        }
-        minimum.distance = 0.0;
-        if (free.empty()) return minimum;
-        const auto count = static_cast<Eigen::Index>(free.size());
-        const Eigen::VectorXd gradient = picked(point.gradient, free);
-        if (free != former_free) hessian = first_hessian(problem, point, minimum.psi, free);
-        former_free = free;
-        for (Eigen::Index i = 0; i < count; ++i)
-            minimum.distance =
-                std::max(minimum.distance, std::abs(gradient[i]) / std::sqrt(std::max(hessian(i, i), 1e-300)));
-        if (minimum.distance < search.tolerance) return minimum;
-
-        const models::LdltFactor factor(hessian);
-        const auto pivots = factor.pivots();
-        const bool definite =
-            factor.succeeded() && factor.positive_semidefinite() && pivots.minCoeff() > 1e-10 * pivots.maxCoeff();
-        std::vector<Eigen::VectorXd> steps;
-        if (definite) {
-            const Eigen::VectorXd newton = -factor.solve(gradient);
-            if (newton.lpNorm<Eigen::Infinity>() < search.untried) {
-                for (Eigen::Index i = 0; i < count; ++i) {
-                    const Eigen::Index k = free[static_cast<std::size_t>(i)];
-                    minimum.psi[k] = std::clamp(minimum.psi[k] + newton[i], floor[k], ceiling[k]);
-                }
-                minimum.after += 0.5 * gradient.dot(newton);
-                ++minimum.steps;
-                return minimum;
-            }
-            Eigen::VectorXd step = Eigen::VectorXd::Zero(start.size());
-            for (Eigen::Index i = 0; i < count; ++i)
-                step[free[static_cast<std::size_t>(i)]] = newton[i];
-            steps.push_back(std::move(step));
-        }
-        // Curvature does not predict a minimum that is many sds and a large part of the scale itself away.
-        constexpr double near = 0.1;
-        if (!definite ||
-            (minimum.distance > 1.0 && (search.known == nullptr || steps.back().lpNorm<Eigen::Infinity>() > near)))
-            for (Eigen::VectorXd& step : far_steps(problem, point, minimum.psi, free))
-                steps.push_back(std::move(step));
-
-        const auto trial_of = [&](const Eigen::VectorXd& step) {
-            Eigen::VectorXd trial = minimum.psi;
-            for (const Eigen::Index k : free)
-                trial[k] = std::clamp(trial[k] + std::clamp(step[k], -5.0, 5.0), floor[k], ceiling[k]);
-            return trial;
-        };
-        // Near the minimum rounding hides the difference of two values. The trapezoidal rule of the gradient keeps it
-        // (relative error ~ |step|).
-        const auto change_to = [&](const Eigen::VectorXd& trial, const ErrorPoint& next) {
-            const Eigen::VectorXd moved = trial - minimum.psi;
-            return moved.lpNorm<Eigen::Infinity>() < 1e-3 ? 0.5 * (point.gradient + next.gradient).dot(moved)
-                                                          : next.value - point.value;
-        };
-        Eigen::VectorXd best;
-        ErrorPoint best_point;
-        double best_change = 0.0;
-        for (int shortening = 0; shortening < 30 && !(best_change < 0.0); ++shortening) {
-            for (Eigen::VectorXd& step : steps) {
-                Eigen::VectorXd trial = trial_of(step);
-                step *= 0.3;
-                if (!((trial - minimum.psi).lpNorm<Eigen::Infinity>() > 0.0)) continue;
-                ErrorPoint next = evaluate_errors(problem, trial);
-                const double change = change_to(trial, next);
-                if (!(change < best_change)) continue;
-                best_change = change;
-                best = std::move(trial);
-                best_point = std::move(next);
-            }
-        }
-        if (!(best_change < 0.0)) return minimum;
-        // A long step past the minimum along its direction may end where a scale no longer matters and the objective is
-        // flat. Halve it while that gains.
-        constexpr int halvings = 8;
-        for (int halving = 0; halving < halvings; ++halving) {
-            const Eigen::VectorXd moved = best - minimum.psi;
-            if (moved.lpNorm<Eigen::Infinity>() < 0.5 || !(best_point.gradient.dot(moved) > 0.0)) break;
-            Eigen::VectorXd half = minimum.psi + 0.5 * moved;
-            ErrorPoint next = evaluate_errors(problem, half);
-            const double change = change_to(half, next);
-            if (!(change < best_change)) break;
-            best_change = change;
-            best = std::move(half);
-            best_point = std::move(next);
-        }
-        const Eigen::VectorXd s = picked(best - minimum.psi, free);
-        const Eigen::VectorXd y = picked(best_point.gradient - point.gradient, free);
-        minimum.psi = std::move(best);
-        minimum.after += best_change;
-        point = std::move(best_point);
-        ++minimum.steps;
-        // A long step gives no information about the curvature where it ends.
-        if (s.lpNorm<Eigen::Infinity>() > 0.5)
-            hessian = first_hessian(problem, point, minimum.psi, free);
-        else
-            update(hessian, s, y);
-    }
-    return minimum;
+    return ErrorDescent(problem, start, floor, ceiling, search).run();
 }
 
 Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimum& minimum) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include "estimator/algebra/block_loop.hpp"
@@ -11,13 +10,6 @@
 namespace orbid::estimator {
 
 namespace {
-
-/// Whether psi[k] scales the errors of a law that sees sums of squares only.
-const NoiseModel* plain_law(const std::vector<NoiseModel>& laws, Eigen::Index k) {
-    for (const NoiseModel& law : laws)
-        if (law.first == k && law.compressible()) return &law;
-    return nullptr;
-}
 
 /// One coordinate of the error parameters in some rows of a block.
 struct RowCoordinate {
@@ -40,22 +32,13 @@ void for_coordinates(const ErrorProblem& problem, const BlockRows& block, const 
     Eigen::Index row = 0;
     for (const PartRows& part : parts) {
         const NoiseModel& law = laws[part.law];
-        const Eigen::Index rows = part.records.rows.rows() * rows_per_record(law);
+        const Eigen::Index rows = part.records.rows.rows() * law.rows_per_record();
         for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
             const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
             if (problem.free[static_cast<std::size_t>(k)]) use(RowCoordinate{k, &part, row, rows, law.compressible()});
         }
         row += rows;
     }
-}
-
-WhitenedRows<double> derivative_of(const ErrorProblem& problem, const Eigen::VectorXd& psi, const BlockRows& block,
-                                   const std::vector<PartRows>& parts, const RowCoordinate& coordinate,
-                                   const Eigen::Ref<const Eigen::MatrixXd>& rows) {
-    const WhitenedRows<double> at{rows, 0.0};
-    return block.rows.size() > 0
-               ? standard_rows_derivative(block, *problem.laws, psi, coordinate.k, Curvature::expected, at)
-               : standard_rows_derivative(parts, *problem.laws, psi, coordinate.k, Curvature::expected, at);
 }
 
 /// s^T P s summed over some rows s, P of the leading columns.
@@ -102,8 +85,8 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
                 result.value[slot++] = -leverage(rows, covariance, coordinate.first, coordinate.rows);
                 return;
             }
-            const WhitenedRows<double> derivative =
-                derivative_of(problem, psi, problem.rows[b], parts, coordinate, rows);
+            const WhitenedRows<double> derivative = standard_rows_derivative(
+                problem.rows[b], parts, *problem.laws, psi, coordinate.k, Curvature::expected, {rows, 0.0});
             const auto columns = covariance.cols();
             result.value[slot++] =
                 derivative.rows.leftCols(columns).cwiseProduct(rows.leftCols(columns) * covariance).sum();
@@ -153,64 +136,53 @@ void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Blo
             sums.left[k] += count + trace;
             return;
         }
-        const WhitenedRows<double> derivative = derivative_of(problem, psi, block, parts, coordinate, at);
+        const WhitenedRows<double> derivative =
+            standard_rows_derivative(block, parts, laws, psi, k, Curvature::expected, {at, 0.0});
         double fit = derivative.value;
         if (moved.size() > 0)
             fit += w.dot(derivative.rows.col(last) + derivative.rows.leftCols(last) * moved) -
                    at.col(last).dot(derivative.rows.col(last));
         sums.gradient[k] += fit + trace;
-        if (coordinate.part != nullptr || plain_law(laws, k) == nullptr) return;
-        double count = 0.0;
-        for (const int channel : block.channel)
-            for (const NoiseModel& law : laws)
-                if (law.first == k && law.channels.front() == channel) count += 1.0;
+        // The scale of a law that sees sums of squares only, in a block with a covariance shape.
+        const auto law = std::find_if(laws.begin(), laws.end(), [k](const NoiseModel& one) { return one.first == k; });
+        if (coordinate.part != nullptr || law == laws.end() || !law->compressible()) return;
+        const auto count =
+            static_cast<double>(std::count(block.channel.begin(), block.channel.end(), law->channels.front()));
         // d(-ln p) = n - fit for the scale of such a law.
         sums.fit[k] += count - fit;
         sums.left[k] += count + trace;
     });
 }
 
-}  // namespace
-
-ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi) {
-    const Eigen::Index rank = problem.prior_gradient.size();
-    const std::vector<NoiseModel>& laws = *problem.laws;
-    ErrorPoint point;
-    point.standard = standard_arrow(problem.rows, laws, psi, problem.matching, Curvature::expected, true);
-    point.reduced_problem = condense(point.standard.arrow, 0.0);
-    point.value = point.standard.value;
-
-    // The determined parameters with their prior: R factor and best step y.
-    Eigen::MatrixXd stacked(rank + problem.prior_rows.rows(), rank + 1);
-    stacked << point.reduced_problem.r, point.reduced_problem.rhs, problem.prior_rows,
-        Eigen::VectorXd::Zero(problem.prior_rows.rows());
-    const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
-    point.triangle = factor.topLeftCorner(rank, rank);
-
+/// The step of parameters and latent states that errors follow: to the minimum of the quadratic model.
+struct Followed {
     Eigen::VectorXd y;
-    std::vector<Eigen::VectorXd> d_z;
-    const bool all = problem.follow == Follow::all && rank > 0;
-    const bool moving = all || problem.set->latents > 0;
-    if (moving) {
-        y = problem.prior_gradient;
-        if (all) {
-            models::solve_transposed_upper_in_place(point.triangle, y);
-            y = -(y + factor.topRightCorner(rank, 1));
-            models::solve_upper_in_place(point.triangle, y);
-        } else {
-            y.setZero();
-        }
-        d_z = latent_steps(point.standard.arrow, point.reduced_problem, y);
-        const ModelChange change = model_change(point.standard.arrow, y, d_z);
-        point.value += change.linear + 0.5 * change.quadratic + problem.prior_gradient.dot(y) +
-                       0.5 * (problem.prior_rows * y).squaredNorm();
-    }
-    if (problem.restricted) point.value += point.triangle.diagonal().array().abs().log().sum();
-    point.value += log_abs_determinant(point.reduced_problem);
+    std::vector<Eigen::VectorXd> d_z;  ///< empty: neither moves
+};
 
+/// @param rhs  of the determined parameters, see ErrorPoint::triangle.
+Followed followed(const ErrorProblem& problem, const ErrorPoint& point, const Eigen::VectorXd& rhs) {
+    Followed step;
+    const bool all = problem.follow == Follow::all && rhs.size() > 0;
+    if (!all && problem.set->latents == 0) return step;
+    step.y = problem.prior_gradient;
+    if (all) {
+        models::solve_transposed_upper_in_place(point.triangle, step.y);
+        step.y = -(step.y + rhs);
+        models::solve_upper_in_place(point.triangle, step.y);
+    } else {
+        step.y.setZero();
+    }
+    step.d_z = latent_steps(point.standard.arrow, point.reduced_problem, step.y);
+    return step;
+}
+
+/// Adds the contributions of all rows to the gradient.
+void add_all_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Followed& step, ErrorPoint& point) {
     const Traces trace = traces(problem, psi, point);
     const RowSums zero{Eigen::VectorXd::Zero(psi.size()), Eigen::VectorXd::Zero(psi.size()),
                        Eigen::VectorXd::Zero(psi.size())};
+    const bool moving = !step.d_z.empty();
     std::vector<RowSums> sums(pieces_of(problem.rows.size()), zero);
     for_pieces(problem.rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
         // One vector for each kind of rows: a vector that changes its length asks for memory each time.
@@ -218,16 +190,16 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
         for (std::size_t b = begin; b < end; ++b) {
             const BlockRows& block = problem.rows[b];
             if (moving) {
-                own_step.resize(d_z[b].size() + y.size());
-                own_step << d_z[b], y;
+                own_step.resize(step.d_z[b].size() + step.y.size());
+                own_step << step.d_z[b], step.y;
             }
             add_rows(problem, psi, block, block.parts, point.standard.own_rows(b), trace.value.data() + trace.own[b],
                      own_step, own_errors, sums[piece]);
             if (block.linked_parts.empty()) continue;
             if (moving) {
-                const Eigen::VectorXd& next = d_z[static_cast<std::size_t>(block.next)];
-                linked_step.resize(d_z[b].size() + next.size() + y.size());
-                linked_step << d_z[b], next, y;
+                const Eigen::VectorXd& next = step.d_z[static_cast<std::size_t>(block.next)];
+                linked_step.resize(step.d_z[b].size() + next.size() + step.y.size());
+                linked_step << step.d_z[b], next, step.y;
             }
             add_rows(problem, psi, block, block.linked_parts, point.standard.linked_rows(b),
                      trace.value.data() + trace.linked[b], linked_step, linked_errors, sums[piece]);
@@ -241,22 +213,44 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
         point.fit += part.fit;
         point.left += part.left;
     }
-    for (const NoiseModel& law : laws) {
-        const auto size = static_cast<Eigen::Index>(law.coordinates.size());
-        const Eigen::VectorXd own = psi.segment(law.first, size);
-        bool any = false;
-        for (Eigen::Index j = 0; j < size; ++j)
-            any = any || problem.free[static_cast<std::size_t>(law.first + j)];
-        if (!any) continue;
+}
+
+void add_error_priors(const ErrorProblem& problem, const Eigen::VectorXd& psi, ErrorPoint& point) {
+    for (const NoiseModel& law : *problem.laws) {
+        const auto free = problem.free.begin() + law.first;
+        if (std::find(free, free + law.size(), true) == free + law.size()) continue;
+        const Eigen::VectorXd own = law.own(psi);
         point.value += prior_term<double>(law, own);
-        for (Eigen::Index j = 0; j < size; ++j) {
-            if (!problem.free[static_cast<std::size_t>(law.first + j)]) continue;
-            constexpr double h = 1e-30;
-            Eigen::VectorXcd shifted = own.cast<std::complex<double>>();
-            shifted[j] += std::complex<double>(0.0, h);
-            point.gradient[law.first + j] += prior_term<std::complex<double>>(law, shifted).imag() / h;
-        }
+        for (Eigen::Index j = 0; j < law.size(); ++j)
+            if (free[j]) point.gradient[law.first + j] += prior_slope(law, own, j);
     }
+}
+
+}  // namespace
+
+ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi) {
+    const Eigen::Index rank = problem.prior_gradient.size();
+    ErrorPoint point;
+    point.standard = standard_arrow(problem.rows, *problem.laws, psi, problem.matching, Curvature::expected, true);
+    point.reduced_problem = condense(point.standard.arrow, 0.0);
+    point.value = point.standard.value;
+
+    // The determined parameters with their prior: R factor and best step y.
+    Eigen::MatrixXd stacked(rank + problem.prior_rows.rows(), rank + 1);
+    stacked << point.reduced_problem.r, point.reduced_problem.rhs, problem.prior_rows,
+        Eigen::VectorXd::Zero(problem.prior_rows.rows());
+    const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
+    point.triangle = factor.topLeftCorner(rank, rank);
+    const Followed step = followed(problem, point, factor.topRightCorner(rank, 1));
+    if (!step.d_z.empty()) {
+        const ModelChange change = model_change(point.standard.arrow, step.y, step.d_z);
+        point.value += change.linear + 0.5 * change.quadratic + problem.prior_gradient.dot(step.y) +
+                       0.5 * (problem.prior_rows * step.y).squaredNorm();
+    }
+    if (problem.restricted) point.value += point.triangle.diagonal().array().abs().log().sum();
+    point.value += log_abs_determinant(point.reduced_problem);
+    add_all_rows(problem, psi, step, point);
+    add_error_priors(problem, psi, point);
     return point;
 }
 

@@ -1,12 +1,14 @@
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <functional>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "estimator/interface/not_finite.hpp"
 #include "estimator/minimisation/error_limits.hpp"
 #include "estimator/minimisation/minimum.hpp"
 #include "estimator/minimisation/trust_region.hpp"
@@ -49,7 +51,29 @@ public:
     [[nodiscard]] bool unsettled() const { return !limited_ && stage_trials_ > stage_limit; }
 
 private:
+    /// How the steps of a stage go.
+    struct Pace {
+        int rejected = 0;         ///< trials in a row
+        int polishing = 0;        ///< steps since the convergence test is met
+        int stagnant = 0;         ///< steps without halving what is left
+        double last = infinity;   ///< what was left before the last step
+        double least = infinity;  ///< the least that was left when it was last halved
+    };
+    /// A place to go to, and what it is worth.
+    struct Trial {
+        State state;
+        PriorModel prior;
+        Evaluation evaluation;
+        std::vector<BlockRows> rows;  ///< linearisation there, if it was needed
+        double change = infinity;     ///< of the objective
+        double curvature = -1.0;      ///< true second derivative along the step
+        double keep = 0.25;           ///< share of the step to keep after a rejection
+        std::string_view reason;      ///< why it is rejected
+    };
+    enum class Next { step, stage, end };
+
     bool start();
+    void start_errors();
     bool update_errors(bool profile);
     [[nodiscard]] ErrorLimits limits() const {
         return error_limits(problem_, set_, state_, minimum_.rows, latent_fit_);
@@ -60,19 +84,27 @@ private:
     [[nodiscard]] double initial_radius() const;
     void factorise_errors();
     void set_model();
-    void build_model() {
-        factorise_errors();
-        set_model();
-    }
     const TrialStep& full_step();
     void follow_scales();
+    void note_remaining();
+    [[nodiscard]] Next decide();
+    [[nodiscard]] bool gains_no_digits() const;
+    [[nodiscard]] bool within_rounding() const;
+    [[nodiscard]] bool exhausted() const;
+    void conclude(Outcome outcome, const std::string& message) {
+        minimum_.outcome = outcome;
+        minimum_.message = message;
+    }
+    bool go_on();
+    bool after_step();
     bool try_step(const TrialStep& step);
+    [[nodiscard]] State moved(const TrialStep& step) const;
+    [[nodiscard]] Trial evaluated(const TrialStep& step);
+    void compare_slopes(const TrialStep& step, Trial& trial);
+    [[nodiscard]] bool decreases(Trial& trial);
+    void adopt(const TrialStep& step, Trial trial);
     bool stopped_blocks(const std::function<bool(std::size_t)>& rule);
     [[nodiscard]] double objective() const;
-    [[nodiscard]] bool unknown_start(std::size_t k) const {
-        const ErrorCoordinate& coordinate = problem_.errors[k];
-        return coordinate.kind == ErrorCoordinate::Kind::log && !(coordinate.start > 0.0);
-    }
     /// Intermediate stages start far out: their steps are never longer than far records can bear.
     [[nodiscard]] Curvature curvature() const { return set_.provisional ? Curvature::guarded : Curvature::step; }
     /// Half the sum of squares of whitened residuals and constraints.
@@ -83,10 +115,6 @@ private:
             if (block.link.size() > 0) square += block.link.rightCols(1).squaredNorm();
         }
         return 0.5 * square;
-    }
-    [[nodiscard]] bool any_error_estimated() const {
-        const std::vector<bool> free = free_errors(problem_, set_);
-        return std::find(free.begin(), free.end(), true) != free.end();
     }
 
     const Problem& problem_;
@@ -106,6 +134,7 @@ private:
     bool limited_;
     Eigen::VectorXd lower_;  ///< of u, move limits included
     Eigen::VectorXd upper_;
+    Pace pace_;
     int accepted_ = 0;
     int stage_trials_ = 0;  ///< in the present stage of loose constraints
     double stretch_ = 1.0;  ///< length of the best step over the full Gauss-Newton step, from the last full step

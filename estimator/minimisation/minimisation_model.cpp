@@ -1,5 +1,5 @@
+#include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <string>
 
 #include "estimator/minimisation/minimisation.hpp"
@@ -53,17 +53,19 @@ const TrialStep& Minimisation::full_step() {
 }
 
 bool Minimisation::update_errors(bool profile) {
-    build_model();
+    factorise_errors();
+    set_model();
     if (set_.provisional) follow_scales();
-    if (!any_error_estimated()) return true;
+    const std::vector<bool> free = free_errors(problem_, set_);
+    if (std::find(free.begin(), free.end(), true) == free.end()) return true;
     Eigen::Index dead = 0;
     for (const BlockTriangle& block : arrow_.blocks)
         dead += std::count(block.dead.begin(), block.dead.end(), true);
     const Eigen::Index taken = set_.latents - dead - set_.constraints + minimum_.step.space.data.cols();
     if (set_.records <= taken) {
-        minimum_.outcome = Outcome::no_freedom;
-        minimum_.message = std::to_string(set_.records) + " records cannot determine " + std::to_string(taken) +
-                           " parameters and latent states and an error scale as well";
+        conclude(Outcome::no_freedom, std::to_string(set_.records) + " records cannot determine " +
+                                          std::to_string(taken) +
+                                          " parameters and latent states and an error scale as well");
         return false;
     }
     if (without_covariance()) return false;
@@ -103,7 +105,7 @@ void Minimisation::follow_scales() {
     ErrorProblem errors = error_problem(problem_, set_, minimum_, Follow::latents);
     bool any = false;
     for (std::size_t k = 0; k < problem_.errors.size(); ++k) {
-        errors.free[k] = unknown_start(k) && problem_.errors[k].estimate;
+        errors.free[k] = problem_.errors[k].start_unknown() && problem_.errors[k].estimate;
         any = any || errors.free[k];
     }
     if (!any) return;
@@ -122,10 +124,8 @@ void Minimisation::follow_scales() {
 /// Whether a full covariance cannot be estimated; the outcome then gives the reason.
 bool Minimisation::without_covariance() {
     const std::string reason = why_no_covariance(problem_, set_, state_.psi, minimum_.step.space.data.cols());
-    if (reason.empty()) return false;
-    minimum_.outcome = Outcome::no_freedom;
-    minimum_.message = reason;
-    return true;
+    if (!reason.empty()) conclude(Outcome::no_freedom, reason);
+    return !reason.empty();
 }
 
 /// Damping and radius are kept in units of the standardised problem, which `change` changes.
@@ -160,7 +160,8 @@ bool Minimisation::tighten(bool at_once) {
         lower_ = problem_.lower;
         upper_ = problem_.upper;
     }
-    build_model();
+    factorise_errors();
+    set_model();
     radius_ = std::max(radius_, initial_radius());
     return true;
 }

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <string>
 
-#include "estimator/interface/not_finite.hpp"
 #include "estimator/minimisation/minimisation.hpp"
 #include "estimator/minimisation/plain_least_squares.hpp"
 
@@ -32,13 +31,13 @@ constexpr double floor_sds = 100.0;
 constexpr double provisional_gain = 0.3;
 constexpr int provisional_steps = 5;
 
-std::string figures(const char* format, double value) {
-    char text[96];
-    std::snprintf(text, sizeof text, format, value);
+}  // namespace
+
+std::string two_figures(double value) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.2g", value);
     return text;
 }
-
-}  // namespace
 
 bool Minimisation::start() {
     if (is_plain_least_squares(problem_, set_)) {
@@ -57,127 +56,140 @@ bool Minimisation::start() {
     minimum_.error_at_floor.assign(problem_.errors.size(), false);
     minimum_.error_at_ceiling = minimum_.error_at_floor;
     // The first constraints are as loose as they are violated.
-    minimum_.matching = std::clamp(violation(set_, minimum_.evaluation.values).rms, exact_matching, 1e6);
+    minimum_.matching = std::clamp(violation(set_, minimum_.evaluation.values), exact_matching, 1e6);
     latent_fit_ = latent_fit_sizes(problem_, set_, state_, minimum_.rows, minimum_.matching);
-    if (!state_.errors_known && set_.provisional) {
-        // States that start on their readings, held together loosely: the readings' errors are as large as the gaps
-        // between neighbours ask for. Only the ratio to the continuity sd matters, which the stages go through.
-        if (ledger_.round <= 1) {
-            const Eigen::VectorXd size = gap_sizes(problem_, set_, minimum_.rows);
-            const ErrorLimits limit = limits();
-            for (std::size_t k = 0; k < problem_.errors.size(); ++k) {
-                const auto i = static_cast<Eigen::Index>(k);
-                if (unknown_start(k))
-                    state_.psi[i] = std::max(std::isfinite(size[i]) ? size[i] : limit.size[i], limit.floor[i]);
-            }
-        }
-    } else if (!state_.errors_known) {
-        const ErrorLimits limit = limits();
-        for (std::size_t k = 0; k < problem_.errors.size(); ++k) {
-            const auto i = static_cast<Eigen::Index>(k);
-            if (unknown_start(k)) state_.psi[i] = std::max({limit.size[i], limit.floor[i], latent_fit_[i]});
-        }
-        state_.errors_known = true;
-    }
+    start_errors();
     return true;
 }
 
+/// Scales without a start. Where states start on their readings and are held together loosely, the readings' errors are
+/// those that the gaps ask for. Only the ratio to the continuity sd matters, which the stages go through.
+void Minimisation::start_errors() {
+    if (state_.errors_known || (set_.provisional && ledger_.round > 1)) return;
+    const ErrorLimits limit = limits();
+    const Eigen::VectorXd gaps = set_.provisional ? gap_sizes(problem_, set_, minimum_.rows) : Eigen::VectorXd();
+    for (std::size_t k = 0; k < problem_.errors.size(); ++k) {
+        const auto i = static_cast<Eigen::Index>(k);
+        if (!problem_.errors[k].start_unknown()) continue;
+        state_.psi[i] = set_.provisional ? std::max(std::isfinite(gaps[i]) ? gaps[i] : limit.size[i], limit.floor[i])
+                                         : std::max({limit.size[i], limit.floor[i], latent_fit_[i]});
+    }
+    state_.errors_known = !set_.provisional;
+}
+
 Minimum Minimisation::run() {
-    if (!start()) return std::move(minimum_);
-    if (!update_errors(false)) return std::move(minimum_);
+    if (!start() || !update_errors(false)) return std::move(minimum_);
     radius_ = initial_radius();
-    int rejected = 0;
-    int polish = 0;
-    double last_remaining = infinity;
-    double best_remaining = infinity;
-    int stagnant = 0;
     while (true) {
-        const TrialStep& full = full_step();
-        minimum_.step = full.parameters;
-        minimum_.remaining = std::sqrt(std::max(full.curvature, 0.0));
-        if (minimum_.remaining < 0.5 * best_remaining) {
-            best_remaining = minimum_.remaining;
-            stagnant = 0;
-        } else {
-            ++stagnant;
-        }
-        const bool met = minimum_.remaining < problem_.options.step_tolerance;
-        if (met && tighten(true)) {
-            rejected = stagnant = 0;
-            best_remaining = infinity;
-            continue;
-        }
-        if (met && (minimum_.remaining < polished_sds || polish >= polishing_steps || rejected > 0 ||
-                    (polish > 1 && minimum_.remaining > 0.8 * last_remaining))) {
-            minimum_.outcome = Outcome::converged;
-            minimum_.message = "the full step that is left is " + figures("%.2g", minimum_.remaining) +
-                               " posterior sds, below " + figures("%.2g", problem_.options.step_tolerance);
+        note_remaining();
+        const Next next = decide();
+        if (next == Next::end) break;
+        if (next == Next::stage) {
+            pace_.rejected = pace_.stagnant = 0;
+            pace_.least = infinity;
+        } else if (!go_on()) {
             break;
         }
-        if (problem_.options.interrupted && problem_.options.interrupted()) {
-            minimum_.outcome = Outcome::interrupted;
-            minimum_.message = "interrupted after " + std::to_string(ledger_.iterations) + " steps";
-            break;
-        }
-        // Nothing below rounding can be gained by shorter steps still.
-        const bool hopeless = rejected >= 30 || radius_ < 1e-14 * model_.damping.cwiseProduct(model_.fallback).norm();
-        // With a scale at its floor a sd is itself the rounding of the residuals.
-        const bool at_floor = std::any_of(minimum_.error_at_floor.begin(), minimum_.error_at_floor.end(),
-                                          [](bool floor) { return floor; });
-        const bool small =
-            minimum_.remaining < std::max(rounding_sds, floor_sds * (at_floor ? 1.0 : std::min(rounding_, 1.0)));
-        // Steps may also continue forever within rounding: tight links make it large.
-        const bool exhausted =
-            hopeless || (small && (rejected >= 4 || (set_.latents > 0 && stagnant >= stagnant_steps)));
-        if (exhausted && tighten(true)) {
-            rejected = stagnant = 0;
-            best_remaining = infinity;
-            continue;
-        }
-        if (exhausted) {
-            minimum_.outcome = small ? Outcome::converged : Outcome::no_progress;
-            minimum_.message = (small ? "no shorter step decreases the objective and the full step that is left is "
-                                      : "no step decreases the objective although the full step that is left is ") +
-                               figures("%.2g", minimum_.remaining) + " posterior sds" +
-                               (small ? ": the rounding of the residuals is reached" : "");
-            break;
-        }
-        if (ledger_.trials >= problem_.options.maximum_iterations) {
-            minimum_.outcome = Outcome::iteration_limit;
-            minimum_.message = "the limit of " + std::to_string(problem_.options.maximum_iterations) +
-                               " steps is reached; the full step that is left is " +
-                               figures("%.2g", minimum_.remaining) + " posterior sds";
-            break;
-        }
-        if (met) ++polish;
-        last_remaining = minimum_.remaining;
-        TrialStep step = full.length <= 1.1 * radius_ ? full : step_within(model_, radius_);
-        if (set_.constraints > 0 && minimum_.matching > exact_matching) ++stage_trials_;
-        if (unsettled()) break;
-        last_step_full_ = step.mu == 0.0;
-        if (last_step_full_ && rejected == 0 && minimum_.remaining < stretched_within_sds) stretch(step, stretch_);
-        if (try_step(step)) {
-            rejected = 0;
-            for (std::size_t b = 0; b < failures_.size(); ++b) {
-                failures_[b] = cut_[b] ? failures_[b] + 1 : 0;
-                cut_[b] = false;
-            }
-            if (stopped_blocks([this](std::size_t b) { return failures_[b] >= 3; })) break;
-            if (!update_errors(last_step_full_ && gain_ > 0.5 && gain_ < 1.5)) break;
-            tighten(false);
-            if (set_.provisional &&
-                (accepted_ >= provisional_steps || !(last_decrease_ >= provisional_gain * last_objective_))) {
-                minimum_.outcome = Outcome::converged;
-                minimum_.message = "a provisional round is over";
-                break;
-            }
-            continue;
-        }
-        ++rejected;
-        // Eight shortenings are a factor of 65000: no step worth taking gets past this block.
-        if (rejected == 8 && stopped_blocks([this](std::size_t b) { return cut_[b]; })) break;
     }
     return std::move(minimum_);
+}
+
+/// The full step that is left, and whether what is left still becomes less.
+void Minimisation::note_remaining() {
+    const TrialStep& full = full_step();
+    minimum_.step = full.parameters;
+    minimum_.remaining = std::sqrt(std::max(full.curvature, 0.0));
+    if (minimum_.remaining < 0.5 * pace_.least) {
+        pace_.least = minimum_.remaining;
+        pace_.stagnant = 0;
+    } else {
+        ++pace_.stagnant;
+    }
+}
+
+/// Whether further steps would not add digits to a minimum that is already good enough.
+bool Minimisation::gains_no_digits() const {
+    return minimum_.remaining < polished_sds || pace_.polishing >= polishing_steps || pace_.rejected > 0 ||
+           (pace_.polishing > 1 && minimum_.remaining > 0.8 * pace_.last);
+}
+
+/// Whether the step that is left is not more than the residuals' rounding.
+bool Minimisation::within_rounding() const {
+    // With a scale at its floor a sd is itself the rounding of the residuals.
+    const bool at_floor =
+        std::any_of(minimum_.error_at_floor.begin(), minimum_.error_at_floor.end(), [](bool floor) { return floor; });
+    return minimum_.remaining < std::max(rounding_sds, floor_sds * (at_floor ? 1.0 : std::min(rounding_, 1.0)));
+}
+
+/// Whether this stage has nothing left to give.
+bool Minimisation::exhausted() const {
+    // Nothing below rounding can be gained by shorter steps still.
+    if (pace_.rejected >= 30 || radius_ < 1e-14 * model_.damping.cwiseProduct(model_.fallback).norm()) return true;
+    // Steps may also continue forever within rounding: tight links make it large.
+    return within_rounding() && (pace_.rejected >= 4 || (set_.latents > 0 && pace_.stagnant >= stagnant_steps));
+}
+
+/// Another step, the next stage of the constraints, or the end, with its outcome.
+Minimisation::Next Minimisation::decide() {
+    const bool met = minimum_.remaining < problem_.options.step_tolerance;
+    const std::string left = two_figures(minimum_.remaining) + " posterior sds";
+    if (met && tighten(true)) return Next::stage;
+    if (met && gains_no_digits()) {
+        conclude(Outcome::converged,
+                 "the full step that is left is " + left + ", below " + two_figures(problem_.options.step_tolerance));
+        return Next::end;
+    }
+    if (problem_.options.interrupted && problem_.options.interrupted()) {
+        conclude(Outcome::interrupted, "interrupted after " + std::to_string(ledger_.iterations) + " steps");
+        return Next::end;
+    }
+    if (exhausted()) {
+        if (tighten(true)) return Next::stage;
+        if (within_rounding())
+            conclude(Outcome::converged, "no shorter step decreases the objective and the full step that is left is " +
+                                             left + ": the rounding of the residuals is reached");
+        else
+            conclude(Outcome::no_progress,
+                     "no step decreases the objective although the full step that is left is " + left);
+        return Next::end;
+    }
+    if (ledger_.trials >= problem_.options.maximum_iterations) {
+        conclude(Outcome::iteration_limit, "the limit of " + std::to_string(problem_.options.maximum_iterations) +
+                                               " steps is reached; the full step that is left is " + left);
+        return Next::end;
+    }
+    if (met) ++pace_.polishing;
+    return Next::step;
+}
+
+/// One trial. @return false: the minimisation is over
+bool Minimisation::go_on() {
+    pace_.last = minimum_.remaining;
+    const TrialStep& full = full_step();
+    TrialStep step = full.length <= 1.1 * radius_ ? full : step_within(model_, radius_);
+    if (set_.constraints > 0 && minimum_.matching > exact_matching) ++stage_trials_;
+    if (unsettled()) return false;
+    last_step_full_ = step.mu == 0.0;
+    if (last_step_full_ && pace_.rejected == 0 && minimum_.remaining < stretched_within_sds) stretch(step, stretch_);
+    if (try_step(step)) return after_step();
+    // Eight shortenings are a factor of 65000: no step worth taking gets past this block.
+    return ++pace_.rejected != 8 || !stopped_blocks([this](std::size_t b) { return cut_[b]; });
+}
+
+/// What an accepted step asks for. @return false: the minimisation is over
+bool Minimisation::after_step() {
+    pace_.rejected = 0;
+    for (std::size_t b = 0; b < failures_.size(); ++b) {
+        failures_[b] = cut_[b] ? failures_[b] + 1 : 0;
+        cut_[b] = false;
+    }
+    if (stopped_blocks([this](std::size_t b) { return failures_[b] >= 3; })) return false;
+    if (!update_errors(last_step_full_ && gain_ > 0.5 && gain_ < 1.5)) return false;
+    tighten(false);
+    if (!set_.provisional) return true;
+    if (accepted_ < provisional_steps && last_decrease_ >= provisional_gain * last_objective_) return true;
+    conclude(Outcome::converged, "a provisional round is over");
+    return false;
 }
 
 ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum, Follow follow) {

@@ -42,6 +42,9 @@ struct SolverStatistics {
     std::vector<StepRecord> history;
 };
 
+/// For messages.
+[[nodiscard]] std::string two_figures(double value);
+
 /// Problem of the error parameters at a linearisation.
 [[nodiscard]] ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum,
                                          Follow follow);

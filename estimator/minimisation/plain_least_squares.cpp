@@ -6,11 +6,9 @@
 #include <numbers>
 #include <utility>
 #include <variant>
-#include <vector>
-
-#include <oneapi/tbb/parallel_for.h>
 
 #include "estimator/algebra/r_factor.hpp"
+#include "estimator/minimisation/stacked_rows.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
@@ -42,30 +40,20 @@ constexpr double plain_within_sds = 1e-3;
 constexpr double curved_sds = 0.05;
 /// Steps that leave more than this fraction of their length are not worth continuing.
 constexpr double least_contraction = 0.9;
-/// Rows worked on together (twenty columns of them fit the second cache), and how many make other threads worth waking.
-constexpr Eigen::Index piece_records = 1024;
-constexpr Eigen::Index parallel_records = 10000;
-/// Products of columns are used where each column keeps this fraction of its length beside the others. The R factor
-/// then has eight digits, and steps shrink by that much each time; minimise() judges the rest.
-constexpr double least_independence = 1e-4;
 /// A parameter is damped at least as if a change by its own size changed the residuals by this fraction of themselves.
 constexpr double least_column = 1e-6;
 
 class LeastSquares {
 public:
     LeastSquares(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger)
-        : problem_(problem), set_(set), state_(state), ledger_(ledger), parameters_(state.u.size()) {
-        offset_.reserve(set.blocks.size());
-        for (std::size_t b = 0; b < set.blocks.size(); ++b) {
-            const auto own = static_cast<Eigen::Index>(set.blocks[b].channel.size());
-            offset_.push_back(records_);
-            records_ += own;
-            for (Eigen::Index first = 0; first < own; first += piece_records)
-                pieces_.push_back({b, first, std::min(piece_records, own - first)});
-        }
-        slope_.resize(parameters_);
-        estimated_ = problem.errors.front().estimate;
-    }
+        : problem_(problem),
+          set_(set),
+          state_(state),
+          ledger_(ledger),
+          rows_(set),
+          parameters_(state.u.size()),
+          estimated_(problem.errors.front().estimate),
+          slope_(parameters_) {}
 
     Evaluation run();
 
@@ -73,19 +61,6 @@ private:
     enum class Verdict { accepted, rejected, stop };
 
     bool move_to(const Eigen::VectorXd& u, bool derivatives);
-    [[nodiscard]] Eigen::VectorXd errors(const Evaluation& evaluation) const;
-    /// Rows of a block that stay in the cache while they are worked on.
-    struct Piece {
-        std::size_t block = 0;
-        Eigen::Index first = 0;
-        Eigen::Index count = 0;
-    };
-
-    template <class Use>
-    void with_rows(const Piece& piece, Use use) const;
-    [[nodiscard]] Eigen::VectorXd moved_errors(const Eigen::VectorXd& step) const;
-    [[nodiscard]] Eigen::VectorXd gathered(const Eigen::VectorXd& along) const;
-    bool by_products();
     void factorise();
     void solve_damped();
     bool correct();
@@ -96,23 +71,21 @@ private:
     void adopt(Evaluation&& evaluation, Eigen::VectorXd&& e);
     [[nodiscard]] double square_of_scale() const {
         if (!estimated_) return std::exp(2.0 * state_.psi[0]);
-        return square_ / static_cast<double>(std::max<Eigen::Index>(records_ - parameters_, 1));
+        return square_ / static_cast<double>(std::max<Eigen::Index>(rows_.records() - parameters_, 1));
     }
 
     const Problem& problem_;
     const BlockSet& set_;
     State& state_;
     SolverStatistics& ledger_;
+    StackedRows rows_;
     Eigen::Index parameters_;
-    Eigen::Index records_ = 0;
-    std::vector<Eigen::Index> offset_;  ///< first record of each block
-    bool estimated_ = true;
+    bool estimated_;
 
     Evaluation now_;
     Eigen::VectorXd e_;      ///< errors divided by their known sds, shape (records)
     double square_ = 0.0;    ///< e^T e
     Eigen::VectorXd slope_;  ///< d theta / d u
-    std::vector<Piece> pieces_;
     Eigen::MatrixXd triangle_;
     Eigen::VectorXd largest_;  ///< column norms, the largest so far
     double damping_ = first_damping;
@@ -133,114 +106,16 @@ private:
 /// Values at coordinates u. @return false where they cannot be computed
 bool LeastSquares::move_to(const Eigen::VectorXd& u, bool derivatives) {
     trial_.u = u;
-    trial_.theta.resize(parameters_);
-    for (Eigen::Index i = 0; i < parameters_; ++i) {
-        const auto index = static_cast<std::size_t>(i);
-        trial_.theta[i] = std::clamp(problem_.coordinates[index].natural(u[i]), problem_.parameters[index].lower,
-                                     problem_.parameters[index].upper);
-    }
+    trial_.theta = natural_parameters(problem_, u);
     trial_values_ = evaluate(problem_.residuals, set_, problem_.laws, trial_.theta, state_.latents, derivatives);
     ++ledger_.evaluations;
     return trial_values_.failed.empty();
 }
 
-Eigen::VectorXd LeastSquares::errors(const Evaluation& evaluation) const {
-    Eigen::VectorXd e(records_);
-    for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
-        const Eigen::VectorXd& deviation = set_.blocks[b].deviation;
-        const Eigen::VectorXd& own = evaluation.values[b].e;
-        if (deviation.size() > 0)
-            e.segment(offset_[b], own.size()) = own.cwiseQuotient(deviation);
-        else
-            e.segment(offset_[b], own.size()) = own;
-    }
-    return e;
-}
-
-/// Rows [first, first + count) of a block's derivatives, divided by the known sds.
-template <class Use>
-void LeastSquares::with_rows(const Piece& piece, Use use) const {
-    const auto rows = now_.values[piece.block].e_theta.middleRows(piece.first, piece.count);
-    const Eigen::VectorXd& deviation = set_.blocks[piece.block].deviation;
-    if (deviation.size() == 0)
-        use(rows);
-    else
-        use(deviation.segment(piece.first, piece.count).cwiseInverse().asDiagonal() * rows);
-}
-
-/// The R factor by products of columns, at a fraction of the cost of reflections, where the columns are far enough from
-/// dependence. Its relative error is the rounding divided by the square of the least diagonal.
-/// @return whether they are
-bool LeastSquares::by_products() {
-    const Eigen::Index q = parameters_;
-    // Columns ... q - 1 of the upper triangle: E^T E; column q: E^T e. Summed in the order of the pieces, whatever the
-    // number of threads.
-    Eigen::MatrixXd products = Eigen::MatrixXd::Zero(q, q + 1);
-    const auto add = [&](const Piece& piece, Eigen::MatrixXd& sum) {
-        with_rows(piece, [&](const auto& rows) {
-            const Eigen::Ref<const Eigen::MatrixXd> own(rows);
-            sum.leftCols(q).selfadjointView<Eigen::Upper>().rankUpdate(own.transpose());
-            sum.col(q).noalias() += own.transpose() * e_.segment(offset_[piece.block] + piece.first, piece.count);
-        });
-    };
-    if (records_ < parallel_records) {
-        for (const Piece& piece : pieces_)
-            add(piece, products);
-    } else {
-        std::vector<Eigen::MatrixXd> sums(pieces_.size(), products);
-        oneapi::tbb::parallel_for(std::size_t{0}, pieces_.size(), [&](std::size_t p) { add(pieces_[p], sums[p]); });
-        for (const Eigen::MatrixXd& sum : sums)
-            products += sum;
-    }
-    const Eigen::VectorXd norm = products.diagonal().cwiseSqrt();
-    if (!(norm.minCoeff() > 0.0) || !norm.allFinite()) return false;
-    triangle_ = Eigen::MatrixXd::Zero(q + 1, q + 1);
-    for (Eigen::Index j = 0; j < q; ++j)
-        for (Eigen::Index i = 0; i <= j; ++i) {
-            const double rest =
-                products(i, j) / (norm[i] * norm[j]) - triangle_.col(i).head(i).dot(triangle_.col(j).head(i));
-            if (i == j && !(rest > least_independence * least_independence)) return false;
-            triangle_(i, j) = i == j ? std::sqrt(rest) : rest / triangle_(i, i);
-        }
-    Eigen::VectorXd rhs = products.col(q).cwiseQuotient(norm);
-    models::solve_transposed_upper_in_place(triangle_.topLeftCorner(q, q), rhs);
-    triangle_.topLeftCorner(q, q) *= norm.cwiseProduct(slope_).asDiagonal();
-    triangle_.col(q).head(q) = rhs;
-    return true;
-}
-
-/// de/du times a step, and its transpose times one number per record.
-Eigen::VectorXd LeastSquares::moved_errors(const Eigen::VectorXd& step) const {
-    Eigen::VectorXd result(records_);
-    const Eigen::VectorXd natural = slope_.cwiseProduct(step);
-    for (const Piece& piece : pieces_)
-        with_rows(piece, [&](const auto& rows) {
-            result.segment(offset_[piece.block] + piece.first, piece.count).noalias() = rows * natural;
-        });
-    return result;
-}
-
-Eigen::VectorXd LeastSquares::gathered(const Eigen::VectorXd& along) const {
-    Eigen::VectorXd result = Eigen::VectorXd::Zero(parameters_);
-    for (const Piece& piece : pieces_)
-        with_rows(piece, [&](const auto& rows) {
-            result.noalias() += rows.transpose() * along.segment(offset_[piece.block] + piece.first, piece.count);
-        });
-    return slope_.cwiseProduct(result);
-}
-
 void LeastSquares::factorise() {
     for (Eigen::Index i = 0; i < parameters_; ++i)
         slope_[i] = problem_.coordinates[static_cast<std::size_t>(i)].slope(state_.theta[i]);
-    if (!by_products()) {
-        Eigen::MatrixXd rows(records_, parameters_ + 1);
-        for (const Piece& piece : pieces_)
-            with_rows(piece, [&](const auto& own) {
-                rows.block(offset_[piece.block] + piece.first, 0, piece.count, parameters_) = own * slope_.asDiagonal();
-            });
-        rows.col(parameters_) = e_;
-        triangle_ = upper_triangle(rows);
-    }
+    triangle_ = rows_.triangle(now_, slope_, e_);
     const auto r = triangle_.topLeftCorner(parameters_, parameters_);
     const Eigen::VectorXd size = sizes(problem_, state_.theta);
     Eigen::VectorXd norm = r.colwise().norm().transpose();
@@ -250,27 +125,11 @@ void LeastSquares::factorise() {
     remaining_ = triangle_.col(parameters_).head(parameters_).norm() / std::sqrt(square_of_scale());
 }
 
-/// The R factor of [r | rhs] on top of sqrt(damping) times the column norms, by rotations, and the step.
+/// The R factor with damping, and the step.
 void LeastSquares::solve_damped() {
     const Eigen::Index q = parameters_;
     damped_ = triangle_.topRows(q);
-    Eigen::RowVectorXd row(q + 1);
-    const double root = std::sqrt(damping_);
-    for (Eigen::Index i = 0; i < q; ++i) {
-        row.setZero();
-        row[i] = root * largest_[i];
-        for (Eigen::Index k = i; k < q; ++k) {
-            const double length = std::hypot(damped_(k, k), row[k]);
-            if (!(length > 0.0)) continue;
-            const double c = damped_(k, k) / length;
-            const double s = row[k] / length;
-            for (Eigen::Index j = k; j <= q; ++j) {
-                const double above = damped_(k, j);
-                damped_(k, j) = c * above + s * row[j];
-                row[j] = c * row[j] - s * above;
-            }
-        }
-    }
+    add_diagonal(damped_, std::sqrt(damping_) * largest_);
     step_ = -damped_.col(q);
     models::solve_upper_in_place(damped_.leftCols(q), step_);
     moved_ = triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>() * step_;
@@ -280,10 +139,11 @@ void LeastSquares::solve_damped() {
 /// @return false where the correction shows that the step is too long
 bool LeastSquares::correct() {
     if (!move_to(state_.u + probe * step_, false)) return false;
-    const Eigen::VectorXd at_probe = errors(trial_values_);
-    const Eigen::VectorXd second = (2.0 / probe) * ((at_probe - e_) / probe - moved_errors(step_));
+    const Eigen::VectorXd at_probe = rows_.errors(trial_values_);
+    const Eigen::VectorXd straight = rows_.moved(now_, slope_.cwiseProduct(step_));
+    const Eigen::VectorXd second = (2.0 / probe) * ((at_probe - e_) / probe - straight);
     if (!second.allFinite()) return false;
-    Eigen::VectorXd correction = -gathered(second);
+    Eigen::VectorXd correction = -slope_.cwiseProduct(rows_.gathered(now_, second));
     models::solve_transposed_upper_in_place(damped_.leftCols(parameters_), correction);
     models::solve_upper_in_place(damped_.leftCols(parameters_), correction);
     bend_ = 2.0 * largest_.cwiseProduct(correction).norm() / largest_.cwiseProduct(step_).norm();
@@ -293,7 +153,7 @@ bool LeastSquares::correct() {
 }
 
 void LeastSquares::record(double square, bool accepted, double change, std::string_view reason) {
-    const auto n = static_cast<double>(records_);
+    const auto n = static_cast<double>(rows_.records());
     const double variance = estimated_ ? square / n : square_of_scale();
     const double before =
         0.5 * (n * std::log(2.0 * std::numbers::pi * variance) + square / variance + set_.ln_det_shapes);
@@ -324,12 +184,11 @@ LeastSquares::Verdict LeastSquares::try_step() {
     if (!inside(problem_, state_.u + step_)) return Verdict::stop;
     ++ledger_.trials;
     double change = std::numeric_limits<double>::infinity();
-    std::string_view reason = "no decrease";
     const bool straight = remaining_ < curved_sds || (gain_ > good_gain && bend_ < least_bend);
     const bool corrected = straight || correct();
     if (corrected && !inside(problem_, state_.u + step_)) return Verdict::stop;
     if (corrected && move_to(state_.u + step_, derivatives_at_trial_)) {
-        Eigen::VectorXd e = errors(trial_values_);
+        Eigen::VectorXd e = rows_.errors(trial_values_);
         change = (e - e_).dot(e + e_);
         const double gain = gain_ = -change / predicted;
         if (gain > least_gain && (derivatives_at_trial_ || move_to(trial_.u, true))) {
@@ -342,11 +201,9 @@ LeastSquares::Verdict LeastSquares::try_step() {
             return Verdict::accepted;
         }
     }
-    if (!trial_values_.failed.empty()) {
-        reason = "block failed";
-        if (set_.blocks.size() > 1) return Verdict::stop;
-    }
-    record(square_, false, change, reason);
+    const bool failed = !trial_values_.failed.empty();
+    if (failed && set_.blocks.size() > 1) return Verdict::stop;
+    record(square_, false, change, failed ? "block failed" : "no decrease");
     derivatives_at_trial_ = false;
     damping_ *= raise_;
     raise_ *= 2.0;
@@ -368,11 +225,10 @@ LeastSquares::Verdict LeastSquares::polish() {
     if (!move_to(u, true)) return Verdict::stop;
     const double before = remaining_;
     const double square = square_;
-    const Eigen::VectorXd from_theta = state_.theta;
-    const Eigen::VectorXd from_u = state_.u;
+    const State from_state = state_;
     Evaluation from = std::move(now_);
     Eigen::VectorXd from_e = e_;
-    Eigen::VectorXd e = errors(trial_values_);
+    Eigen::VectorXd e = rows_.errors(trial_values_);
     const double change = (e - e_).dot(e + e_);
     adopt(std::move(trial_values_), std::move(e));
     factorise();
@@ -380,8 +236,7 @@ LeastSquares::Verdict LeastSquares::polish() {
     if (!(remaining_ < before)) {
         now_ = std::move(from);
         e_ = std::move(from_e);
-        state_.theta = from_theta;
-        state_.u = from_u;
+        state_ = from_state;
         record(square, false, change, "no decrease");
         return Verdict::stop;
     }
@@ -395,7 +250,7 @@ LeastSquares::Verdict LeastSquares::polish() {
 /// (M10) with independent columns: a start from which the general search has nothing left to do.
 void LeastSquares::start_scale() {
     const bool restricted = problem_.options.variance == Variance::restricted;
-    const Eigen::Index free = records_ - (restricted ? parameters_ : 0);
+    const Eigen::Index free = rows_.records() - (restricted ? parameters_ : 0);
     if (!estimated_ || state_.errors_known || free <= 0 || !(square_ > 0.0) || !std::isfinite(square_)) return;
     if (problem_.errors.front().start > 0.0) return;
     state_.psi[0] = 0.5 * std::log(square_ / static_cast<double>(free));
@@ -404,7 +259,7 @@ void LeastSquares::start_scale() {
 
 Evaluation LeastSquares::run() {
     if (!move_to(state_.u, true)) return std::move(trial_values_);
-    Eigen::VectorXd e = errors(trial_values_);
+    Eigen::VectorXd e = rows_.errors(trial_values_);
     if (!std::isfinite(e.squaredNorm())) return std::move(trial_values_);
     adopt(std::move(trial_values_), std::move(e));
     factorise();

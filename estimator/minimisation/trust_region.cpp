@@ -51,19 +51,17 @@ TrialStep step_within(const StepModel& model, double radius) {
     for (int iteration = 0; iteration < limit; ++iteration) {
         step = step_at(model, mu);
         if (std::abs(step.length - radius) <= slack * radius) break;
+        const double slope = (1.0 / step.length - low_inverse) / (mu - low);
         if (step.length > radius) {
-            const double slope = (1.0 / step.length - low_inverse) / (mu - low);
             low = mu;
             low_inverse = 1.0 / step.length;
             const double secant = slope > 0.0 ? mu + (1.0 / radius - low_inverse) / slope : 10.0 * mu;
             mu = std::clamp(secant, 1.2 * mu, 1000.0 * mu);
         } else {
-            const double slope = (1.0 / step.length - low_inverse) / (mu - low);
             high = mu;
             mu = slope > 0.0 ? low + (1.0 / radius - low_inverse) / slope : 0.5 * (low + high);
         }
-        if (!(mu < high)) mu = low > 0.0 ? std::sqrt(low * high) : 0.1 * high;
-        if (!(mu > low)) mu = low > 0.0 ? std::sqrt(low * high) : 0.1 * high;
+        if (!(mu < high) || !(mu > low)) mu = low > 0.0 ? std::sqrt(low * high) : 0.1 * high;
         // A step on a bound may jump across the radius: the shorter side is accepted.
         if (high < (1.0 + 1e-6) * low) {
             step = step_at(model, high);

@@ -68,6 +68,9 @@ struct BlockSet {
 [[nodiscard]] BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
                               const std::vector<NoiseModel>& laws);
 
+/// Whether these blocks, indices into set.blocks, are half of some residual's or more.
+[[nodiscard]] bool half_of_a_residual(const BlockSet& set, const std::vector<std::size_t>& blocks);
+
 /// Values of the active blocks, in their order.
 struct Evaluation {
     std::vector<BlockValue> values;
@@ -91,12 +94,8 @@ struct Evaluation {
 /// Constraints divided by their sizes: 1/2 sum (c / size)^2 at `to` minus the same at `from`.
 [[nodiscard]] double violation_change(const BlockSet& set, const std::vector<BlockValue>& from,
                                       const std::vector<BlockValue>& to);
-/// Largest |c| / size and root mean square of c / size; 0 without constraints.
-struct Violation {
-    double largest = 0.0;
-    double rms = 0.0;
-};
-[[nodiscard]] Violation violation(const BlockSet& set, const std::vector<BlockValue>& values);
+/// Root mean square of c / size; 0 without constraints.
+[[nodiscard]] double violation(const BlockSet& set, const std::vector<BlockValue>& values);
 
 /// Scale s of each channel.
 [[nodiscard]] Eigen::VectorXd scales_of(const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi);

@@ -12,30 +12,18 @@ namespace {
 /// A multiplier below this fraction of the size of the residuals is rounding: it does not free a parameter.
 constexpr double multiplier_tolerance = 1e-12;
 
-Eigen::VectorXd pick(const Eigen::VectorXd& from, const std::vector<Eigen::Index>& index) {
-    Eigen::VectorXd picked(static_cast<Eigen::Index>(index.size()));
-    for (std::size_t i = 0; i < index.size(); ++i)
-        picked[static_cast<Eigen::Index>(i)] = from[index[i]];
-    return picked;
-}
-
 /// The unbounded minimum over the free parameters, the others held at d.
 Eigen::VectorXd free_minimum(const ReducedProblem& reduced_problem, const PriorModel& prior, double mu,
                              const Eigen::VectorXd& damping, const Eigen::VectorXd& fallback, double tolerance,
                              const Eigen::VectorXd& held, BoundedStep& step) {
     const auto count = static_cast<Eigen::Index>(step.free.size());
-    Eigen::MatrixXd r(reduced_problem.r.rows(), count);
+    const Eigen::MatrixXd r = reduced_problem.r(Eigen::all, step.free);
     Eigen::VectorXd rest = held;
-    for (Eigen::Index i = 0; i < count; ++i) {
-        const Eigen::Index parameter = step.free[static_cast<std::size_t>(i)];
-        r.col(i) = reduced_problem.r.col(parameter);
+    for (const Eigen::Index parameter : step.free)
         rest[parameter] = 0.0;
-    }
     const Eigen::VectorXd rhs = reduced_problem.rhs + reduced_problem.r * rest;
-    Eigen::MatrixXd own(prior.rows.rows(), count);
-    for (Eigen::Index i = 0; i < count; ++i)
-        own.col(i) = prior.rows.col(step.free[static_cast<std::size_t>(i)]);
-    step.space = split(r, own, pick(fallback, step.free), tolerance);
+    const Eigen::MatrixXd own = prior.rows(Eigen::all, step.free);
+    step.space = split(r, own, fallback(step.free), tolerance);
     const Subspace& space = step.space;
     const Eigen::Index data = space.data.cols();
     const Eigen::Index rank = data + space.prior.cols();
@@ -54,13 +42,15 @@ Eigen::VectorXd free_minimum(const ReducedProblem& reduced_problem, const PriorM
     stacked.block(data, rank, rows, 1) = prior.rows * rest;
     if (mu > 0.0) {
         const double root = std::sqrt(mu);
+        const Eigen::VectorXd own_damping = damping(step.free);
         stacked.block(data + rows, 0, count, data) =
-            (root * pick(damping, step.free).cwiseProduct(inverse_unit)).asDiagonal() * space.data;
+            (root * own_damping.cwiseProduct(inverse_unit)).asDiagonal() * space.data;
         stacked.block(data + rows + count, data, space.prior.cols(), space.prior.cols()).diagonal() =
             root * prior_rows.rightCols(space.prior.cols()).colwise().norm().transpose();
     }
     const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
-    Eigen::VectorXd y = basis.transpose() * pick(prior.gradient, step.free).cwiseProduct(inverse_unit);
+    const Eigen::VectorXd gradient = prior.gradient(step.free);
+    Eigen::VectorXd y = basis.transpose() * gradient.cwiseProduct(inverse_unit);
     models::solve_transposed_upper_in_place(factor.topLeftCorner(rank, rank), y);
     y = -(y + factor.topRightCorner(rank, 1));
     models::solve_upper_in_place(factor.topLeftCorner(rank, rank), y);
@@ -88,15 +78,13 @@ Eigen::Index pulled_inward(const ReducedProblem& reduced_problem, const PriorMod
 void describe_decided(BoundedStep& step) {
     // What the last set of free parameters decides, as a basis over all parameters.
     step.decided = Eigen::MatrixXd::Zero(step.d.size(), step.space.data.cols() + step.space.prior.cols());
-    const Eigen::MatrixXd basis = step.space.decided();
-    for (std::size_t k = 0; k < step.free.size(); ++k)
-        step.decided.row(step.free[k]) = basis.row(static_cast<Eigen::Index>(k));
+    step.decided(step.free, Eigen::all) = step.space.decided();
     step.seen = step.d;
-    const Eigen::VectorXd moved = step.space.unit.cwiseProduct(pick(step.d, step.free));
+    const Eigen::VectorXd own = step.d(step.free);
+    const Eigen::VectorXd moved = step.space.unit.cwiseProduct(own);
     const Eigen::VectorXd unseen =
         step.space.unit.cwiseInverse().cwiseProduct(step.space.prior * (step.space.prior.transpose() * moved));
-    for (std::size_t k = 0; k < step.free.size(); ++k)
-        step.seen[step.free[k]] -= unseen[static_cast<Eigen::Index>(k)];
+    step.seen(step.free) -= unseen;
     step.from_data = step.decided;
     step.from_data.rightCols(step.space.prior.cols()).setZero();
 }

@@ -28,34 +28,21 @@ struct Transform {
     double jacobian_second;
 };
 
-/// 1 / (1 + exp(-u)), both tails to full relative accuracy.
-double logistic(double u) {
-    return u >= 0.0 ? 1.0 / (1.0 + std::exp(-u)) : std::exp(u) / (1.0 + std::exp(u));
-}
-
 Transform transform(const Coordinate& coordinate, double u) {
     const double x = coordinate.natural(u);
-    switch (coordinate.scale) {
-        case Scale::linear:
-            return {x, 1.0, 0.0, 0.0, 0.0, 0.0};
-        case Scale::log:
-            return {x, x, x, u, 1.0, 0.0};
-        case Scale::log10: {
-            constexpr double k = std::numbers::ln10;
-            return {x, x * k, x * k * k, u * k + std::log(k), k, 0.0};
-        }
-        case Scale::logit: {
-            const double width = coordinate.upper - coordinate.lower;
-            const double below = logistic(u);
-            const double above = logistic(-u);
-            const double first = width * below * above;
-            // ln(s (1 - s)) = -|u| - 2 ln(1 + exp(-|u|)), finite at every u.
-            const double jacobian = std::log(width) - std::abs(u) - 2.0 * std::log1p(std::exp(-std::abs(u)));
-            return {x, first, first * (above - below), jacobian, above - below, -2.0 * below * above};
-        }
+    if (coordinate.scale == Scale::linear) return {x, 1.0, 0.0, 0.0, 0.0, 0.0};
+    if (coordinate.scale == Scale::log) return {x, x, x, u, 1.0, 0.0};
+    if (coordinate.scale == Scale::log10) {
+        constexpr double k = std::numbers::ln10;
+        return {x, x * k, x * k * k, u * k + std::log(k), k, 0.0};
     }
-    assert(false);
-    return {};
+    const double width = coordinate.upper - coordinate.lower;
+    const double below = logistic(u);
+    const double above = logistic(-u);
+    const double first = width * below * above;
+    // ln(s (1 - s)) = -|u| - 2 ln(1 + exp(-|u|)), finite at every u.
+    const double jacobian = std::log(width) - std::abs(u) - 2.0 * std::log1p(std::exp(-std::abs(u)));
+    return {x, first, first * (above - below), jacobian, above - below, -2.0 * below * above};
 }
 
 /// -ln of the density of v = ln x and its derivatives, for priors that are best written in v.
@@ -107,50 +94,25 @@ double log_sd(const Prior& prior) {
 }  // namespace
 
 double Coordinate::at(double natural) const {
-    switch (scale) {
-        case Scale::linear:
-            return natural;
-        case Scale::log:
-            return std::log(natural);
-        case Scale::log10:
-            return std::log10(natural);
-        case Scale::logit:
-            return std::log(natural - lower) - std::log(upper - natural);
-    }
-    assert(false);
+    if (scale == Scale::log) return std::log(natural);
+    if (scale == Scale::log10) return std::log10(natural);
+    if (scale == Scale::logit) return std::log(natural - lower) - std::log(upper - natural);
     return natural;
 }
 
 double Coordinate::natural(double u) const {
-    switch (scale) {
-        case Scale::linear:
-            return u;
-        case Scale::log:
-            return std::exp(u);
-        case Scale::log10:
-            return std::pow(10.0, u);
-        case Scale::logit: {
-            // From the nearer bound, and never beyond it by rounding.
-            const double x = u <= 0.0 ? lower + (upper - lower) * logistic(u) : upper - (upper - lower) * logistic(-u);
-            return std::clamp(x, lower, upper);
-        }
-    }
-    assert(false);
-    return u;
+    if (scale == Scale::log) return std::exp(u);
+    if (scale == Scale::log10) return std::pow(10.0, u);
+    if (scale == Scale::linear) return u;
+    // From the nearer bound, and never beyond it by rounding.
+    const double x = u <= 0.0 ? lower + (upper - lower) * logistic(u) : upper - (upper - lower) * logistic(-u);
+    return std::clamp(x, lower, upper);
 }
 
 double Coordinate::slope(double natural) const {
-    switch (scale) {
-        case Scale::linear:
-            return 1.0;
-        case Scale::log:
-            return natural;
-        case Scale::log10:
-            return natural * std::numbers::ln10;
-        case Scale::logit:
-            return (natural - lower) * ((upper - natural) / (upper - lower));
-    }
-    assert(false);
+    if (scale == Scale::log) return natural;
+    if (scale == Scale::log10) return natural * std::numbers::ln10;
+    if (scale == Scale::logit) return (natural - lower) * ((upper - natural) / (upper - lower));
     return 1.0;
 }
 
@@ -194,20 +156,13 @@ double Coordinate::prior_sd(const Prior& prior, double natural) const {
 }
 
 double Coordinate::size(double natural, double typical) const {
-    switch (scale) {
-        case Scale::log:
-            return 1.0;
-        case Scale::log10:
-            return 1.0 / std::numbers::ln10;
-        case Scale::linear:
-        case Scale::logit:
-            break;
-    }
+    if (scale == Scale::log) return 1.0;
+    if (scale == Scale::log10) return 1.0 / std::numbers::ln10;
     return std::max(std::abs(natural), typical) / std::abs(slope(natural));
 }
 
-Interval Coordinate::interval(double u, double half_width) const {
-    return {natural(u - half_width), natural(u + half_width)};
+double logistic(double u) {
+    return u >= 0.0 ? 1.0 / (1.0 + std::exp(-u)) : std::exp(u) / (1.0 + std::exp(u));
 }
 
 Coordinate coordinate_of(const FreeParameter& parameter) {

@@ -29,12 +29,6 @@ struct JointPriorTerm {
     Eigen::MatrixXd second;     ///< the true Hessian in u
 };
 
-/// Two ends in natural units.
-struct Interval {
-    double lower;
-    double upper;
-};
-
 /// The coordinate u of a natural number x in which steps are taken.
 ///
 ///     linear  u = x              log10  u = log10 x
@@ -50,8 +44,8 @@ struct Coordinate {
     /// u(x); x at the end of a log, log10 or logit coordinate gives an infinite u, x beyond it nan.
     [[nodiscard]] double at(double natural) const;
     [[nodiscard]] double natural(double u) const;  ///< x(u)
-    [[nodiscard]] double slope(
-        double natural) const;  ///< dx/du at x: 1, x, x ln 10, (x - lower)(upper - x)/(upper - lower)
+    /// dx/du at x: 1, x, x ln 10, (x - lower)(upper - x)/(upper - lower).
+    [[nodiscard]] double slope(double natural) const;
     [[nodiscard]] PriorTerm term(const Prior& prior, double u) const;
 
     /// Width of a proper prior in u, finite and positive; infinite for flat.
@@ -63,10 +57,10 @@ struct Coordinate {
 
     /// A change of x by max(|x|, typical) expressed in u (to first order): 1 for log. The unit of null directions.
     [[nodiscard]] double size(double natural, double typical) const;
-
-    /// x(u - half_width) and x(u + half_width): an interval in u, converted to natural units.
-    [[nodiscard]] Interval interval(double u, double half_width) const;
 };
+
+/// 1 / (1 + exp(-u)), both tails to full relative accuracy.
+[[nodiscard]] double logistic(double u);
 
 /// The coordinate of a parameter: its scale and, for logit, its bounds.
 [[nodiscard]] Coordinate coordinate_of(const FreeParameter& parameter);

@@ -10,20 +10,30 @@ namespace orbid::estimator {
 
 namespace {
 
-/// Records [de/dz | de/dz_next | de/du | e] of one part in the unit of its law; `after` latent states of the next
-/// block, 0 where the records do not depend on them.
+/// Rows [d/dz | d/dz_next | d/du | value]: `latents` own states, `after` ones of the next block.
+Eigen::MatrixXd joined(const Eigen::MatrixXd& by_z, Eigen::Index latents, const Eigen::MatrixXd& by_next,
+                       Eigen::Index after, const Eigen::MatrixXd& by_theta, const Eigen::VectorXd& slope,
+                       const Eigen::VectorXd& value) {
+    Eigen::MatrixXd rows(value.size(), latents + after + slope.size() + 1);
+    if (latents > 0) rows.leftCols(latents) = by_z;
+    if (after > 0) rows.middleCols(latents, after) = by_next;
+    rows.middleCols(latents + after, slope.size()).noalias() = by_theta * slope.asDiagonal();
+    rows.rightCols(1) = value;
+    return rows;
+}
+
+/// Records [de/dz | de/dz_next | de/du | e] of one part in the unit of its law, see joined().
 LawRecords part_records(const ActiveBlock& block, const LawPart& part, const NoiseModel& law, const BlockValue& value,
                         const Eigen::VectorXd& slope, Eigen::Index after) {
     const auto count = static_cast<Eigen::Index>(part.records.size());
     const Eigen::Index before = block.latents + after;
     LawRecords records{{}, part.observed, count};
-    records.rows.resize(count, before + slope.size() + 1);
-    const bool all = count == value.e.size();  // then the records are in order
-    if (all) {
-        if (block.latents > 0) records.rows.leftCols(block.latents) = value.e_z;
-        if (after > 0) records.rows.middleCols(block.latents, after) = value.e_next;
-        records.rows.middleCols(before, slope.size()).noalias() = value.e_theta * slope.asDiagonal();
+    const Eigen::VectorXd errors = law_errors(block, part, law, value.e);
+    if (count == value.e.size()) {  // then the records are in order
+        records.rows = joined(value.e_z, block.latents, value.e_next, after, value.e_theta, slope, errors);
     } else {
+        records.rows.resize(count, before + slope.size() + 1);
+        records.rows.rightCols(1) = errors;
         for (Eigen::Index i = 0; i < count; ++i) {
             const Eigen::Index from = part.records[static_cast<std::size_t>(i)];
             if (block.latents > 0) records.rows.row(i).head(block.latents) = value.e_z.row(from);
@@ -31,24 +41,13 @@ LawRecords part_records(const ActiveBlock& block, const LawPart& part, const Noi
             records.rows.row(i).segment(before, slope.size()) = value.e_theta.row(from).cwiseProduct(slope.transpose());
         }
     }
-    records.rows.rightCols(1) = law_errors(block, part, law, value.e);
-    const auto derivatives = records.rows.leftCols(records.rows.cols() - 1);
-    if (std::holds_alternative<LogNormalErrors>(law.distribution)) {
-        for (Eigen::Index i = 0; i < count; ++i)
-            records.rows.row(i).head(derivatives.cols()) /=
-                part.observed[i] - value.e[part.records[static_cast<std::size_t>(i)]];
-    } else if (block.deviation.size() > 0) {
-        for (Eigen::Index i = 0; i < count; ++i)
-            records.rows.row(i).head(derivatives.cols()) /= block.deviation[part.records[static_cast<std::size_t>(i)]];
+    const bool logarithmic = std::holds_alternative<LogNormalErrors>(law.distribution);
+    for (Eigen::Index i = 0; i < count && (logarithmic || block.deviation.size() > 0); ++i) {
+        const Eigen::Index record = part.records[static_cast<std::size_t>(i)];
+        records.rows.row(i).head(before + slope.size()) /=
+            logarithmic ? part.observed[i] - value.e[record] : block.deviation[record];
     }
     return records;
-}
-
-/// Replaces the rows by their R factor where that is shorter.
-void compress(LawRecords& records) {
-    const Eigen::Index columns = records.rows.cols();
-    if (records.rows.rows() <= 2 * columns) return;
-    records.rows = upper_triangle(std::move(records.rows));
 }
 
 Eigen::MatrixXd in_basis(const Eigen::MatrixXd& rows, Eigen::Index before, const Eigen::MatrixXd& basis) {
@@ -61,10 +60,6 @@ Eigen::MatrixXd in_basis(const Eigen::MatrixXd& rows, Eigen::Index before, const
         reduced.middleCols(before, basis.cols()).noalias() = rows.middleCols(before, basis.rows()) * basis;
     reduced.rightCols(1) = rows.rightCols(1);
     return reduced;
-}
-
-Eigen::VectorXd own(const NoiseModel& law, const Eigen::VectorXd& psi) {
-    return psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size()));
 }
 
 }  // namespace
@@ -88,65 +83,50 @@ std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<NoiseMod
             to.reserve(from.size());
             for (const LawPart& part : from) {
                 to.push_back({part.law, part_records(block, part, laws[part.law], value, slope, after)});
-                if (compressed && laws[part.law].compressible()) compress(to.back().records);
+                // The R factor instead of the rows where that is shorter.
+                Eigen::MatrixXd& own = to.back().records.rows;
+                if (compressed && laws[part.law].compressible() && own.rows() > 2 * own.cols())
+                    own = upper_triangle(own);
             }
         };
         take(block.parts, 0, rows.parts);
         take(block.linked_parts, rows.next_latents, rows.linked_parts);
         if (block.cholesky.size() > 0) {
             rows.channel = block.channel;
-            rows.rows.resize(value.e.size(), block.latents + theta.size() + 1);
-            if (block.latents > 0) rows.rows.leftCols(block.latents) = value.e_z;
-            rows.rows.middleCols(block.latents, theta.size()) = value.e_theta * slope.asDiagonal();
-            rows.rows.rightCols(1) = value.e;
+            rows.rows = joined(value.e_z, block.latents, {}, 0, value.e_theta, slope, value.e);
         }
-        if (block.constraints > 0) {
-            const Eigen::Index after = rows.next_latents;
-            rows.link.resize(block.constraints, block.latents + after + theta.size() + 1);
-            if (block.latents > 0) rows.link.leftCols(block.latents) = value.c_z;
-            if (after > 0) rows.link.middleCols(block.latents, after) = value.c_next;
-            rows.link.middleCols(block.latents + after, theta.size()) = value.c_theta * slope.asDiagonal();
-            rows.link.rightCols(1) = value.c;
-            rows.link = block.constraint_size.cwiseInverse().asDiagonal() * rows.link;
-        }
+        if (block.constraints > 0)
+            rows.link =
+                block.constraint_size.cwiseInverse().asDiagonal() *
+                joined(value.c_z, block.latents, value.c_next, rows.next_latents, value.c_theta, slope, value.c);
     };
-    for_pieces(set.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t) {
-        for (std::size_t b = begin; b < end; ++b)
-            linearise_block(b);
-    });
+    for_blocks(set.blocks.size(), linearise_block);
     return result;
 }
 
 std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen::MatrixXd& basis) {
     std::vector<BlockRows> result(rows.size());
-    for_pieces(rows.size(), [&](std::size_t begin, std::size_t end, std::size_t) {
-        for (std::size_t b = begin; b < end; ++b) {
-            const BlockRows& from = rows[b];
-            BlockRows& to = result[b];
-            to.latents = from.latents;
-            to.next_latents = from.next_latents;
-            to.next = from.next;
-            to.cholesky = from.cholesky;
-            to.channel = from.channel;
-            const auto turn = [&](const std::vector<PartRows>& parts, Eigen::Index before,
-                                  std::vector<PartRows>& turned) {
-                turned.reserve(parts.size());
-                for (const PartRows& part : parts)
-                    turned.push_back(
-                        {part.law,
-                         {in_basis(part.records.rows, before, basis), part.records.observed, part.records.count}});
-            };
-            turn(from.parts, from.latents, to.parts);
-            turn(from.linked_parts, from.latents + from.next_latents, to.linked_parts);
-            if (from.rows.size() > 0) to.rows = in_basis(from.rows, from.latents, basis);
-            if (from.link.size() > 0) to.link = in_basis(from.link, from.link.cols() - basis.rows() - 1, basis);
-        }
+    for_blocks(rows.size(), [&](std::size_t b) {
+        const BlockRows& from = rows[b];
+        BlockRows& to = result[b];
+        to.latents = from.latents;
+        to.next_latents = from.next_latents;
+        to.next = from.next;
+        to.cholesky = from.cholesky;
+        to.channel = from.channel;
+        const auto turn = [&](const std::vector<PartRows>& parts, Eigen::Index before, std::vector<PartRows>& turned) {
+            turned.reserve(parts.size());
+            for (const PartRows& part : parts)
+                turned.push_back(
+                    {part.law,
+                     {in_basis(part.records.rows, before, basis), part.records.observed, part.records.count}});
+        };
+        turn(from.parts, from.latents, to.parts);
+        turn(from.linked_parts, from.latents + from.next_latents, to.linked_parts);
+        if (from.rows.size() > 0) to.rows = in_basis(from.rows, from.latents, basis);
+        if (from.link.size() > 0) to.link = in_basis(from.link, from.link.cols() - basis.rows() - 1, basis);
     });
     return result;
-}
-
-int rows_per_record(const NoiseModel& law) {
-    return std::holds_alternative<RelativeErrors>(law.distribution) ? 2 : 1;
 }
 
 WhitenedRows<double> standard_rows(const BlockRows& block, const std::vector<NoiseModel>& laws,
@@ -170,12 +150,12 @@ WhitenedRows<double> standard_rows(const std::vector<PartRows>& from, const std:
     WhitenedRows<double> result;
     if (from.size() == 1) {
         const PartRows& part = from.front();
-        return whitened_rows<double>(laws[part.law], part.records, own(laws[part.law], psi), curvature);
+        return whitened_rows<double>(laws[part.law], part.records, laws[part.law].own(psi), curvature);
     }
     std::vector<WhitenedRows<double>> parts;
     Eigen::Index count = 0;
     for (const PartRows& part : from) {
-        parts.push_back(whitened_rows<double>(laws[part.law], part.records, own(laws[part.law], psi), curvature));
+        parts.push_back(whitened_rows<double>(laws[part.law], part.records, laws[part.law].own(psi), curvature));
         count += parts.back().rows.rows();
         result.value += parts.back().value;
     }
@@ -189,48 +169,44 @@ WhitenedRows<double> standard_rows(const std::vector<PartRows>& from, const std:
     return result;
 }
 
-WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<NoiseModel>& laws,
-                                              const Eigen::VectorXd& psi, Eigen::Index k, Curvature curvature,
-                                              const WhitenedRows<double>& at) {
+namespace {
+
+/// With a covariance shape: d(L^-1 D^-1 A) = -L^-1 E_g L (L^-1 D^-1 A), E_g picks the rows of the channel.
+void shaped_derivative(const BlockRows& block, const std::vector<NoiseModel>& laws, Eigen::Index k,
+                       const WhitenedRows<double>& at, WhitenedRows<double>& result) {
+    const auto lower = block.cholesky->triangularView<Eigen::Lower>();
+    Eigen::MatrixXd picked = lower * at.rows;
+    for (std::size_t i = 0; i < block.channel.size(); ++i) {
+        const bool own_row = std::any_of(laws.begin(), laws.end(), [&](const NoiseModel& law) {
+            return law.first == k && law.channels.front() == block.channel[i];
+        });
+        if (own_row)
+            result.value += 1.0;
+        else
+            picked.row(static_cast<Eigen::Index>(i)).setZero();
+    }
+    if (!(result.value > 0.0)) return;
+    lower.solveInPlace(picked);
+    result.rows = -picked;
+    result.value += result.rows.rightCols(1).col(0).dot(at.rows.rightCols(1).col(0));
+}
+
+}  // namespace
+
+WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<PartRows>& parts,
+                                              const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
+                                              Eigen::Index k, Curvature curvature, const WhitenedRows<double>& at) {
     WhitenedRows<double> result;
     result.rows = Eigen::MatrixXd::Zero(at.rows.rows(), at.rows.cols());
     if (block.rows.size() > 0) {
-        // d(L^-1 D^-1 A) = -L^-1 E_g L (L^-1 D^-1 A), E_g picks the rows of the channel.
-        const auto lower = block.cholesky->triangularView<Eigen::Lower>();
-        bool present = false;
-        Eigen::MatrixXd picked = lower * at.rows;
-        for (std::size_t i = 0; i < block.channel.size(); ++i) {
-            const auto row = static_cast<Eigen::Index>(i);
-            const bool own_row = std::any_of(laws.begin(), laws.end(), [&](const NoiseModel& law) {
-                return law.first == k && law.channels.front() == block.channel[i];
-            });
-            if (own_row) {
-                present = true;
-                result.value += 1.0;
-            } else {
-                picked.row(row).setZero();
-            }
-        }
-        if (!present) return result;
-        lower.solveInPlace(picked);
-        result.rows = -picked;
-        result.value += result.rows.rightCols(1).col(0).dot(at.rows.rightCols(1).col(0));
+        shaped_derivative(block, laws, k, at, result);
         return result;
     }
-    return standard_rows_derivative(block.parts, laws, psi, k, curvature, at);
-}
-
-WhitenedRows<double> standard_rows_derivative(const std::vector<PartRows>& parts, const std::vector<NoiseModel>& laws,
-                                              const Eigen::VectorXd& psi, Eigen::Index k, Curvature curvature,
-                                              const WhitenedRows<double>& at) {
-    WhitenedRows<double> result;
-    result.rows = Eigen::MatrixXd::Zero(at.rows.rows(), at.rows.cols());
     Eigen::Index row = 0;
     for (const PartRows& part : parts) {
         const NoiseModel& law = laws[part.law];
-        const auto size = static_cast<Eigen::Index>(law.coordinates.size());
-        if (k < law.first || k >= law.first + size) {
-            row += part.records.rows.rows() * rows_per_record(law);
+        if (!law.has(k)) {
+            row += part.records.rows.rows() * law.rows_per_record();
             continue;
         }
         if (law.compressible()) {
@@ -242,7 +218,7 @@ WhitenedRows<double> standard_rows_derivative(const std::vector<PartRows>& parts
             return result;
         }
         constexpr double h = 1e-30;
-        Eigen::VectorXcd shifted = own(law, psi).cast<std::complex<double>>();
+        Eigen::VectorXcd shifted = law.own(psi).cast<std::complex<double>>();
         shifted[k - law.first] += std::complex<double>(0.0, h);
         const auto derivative = whitened_rows<std::complex<double>>(law, part.records, shifted, curvature);
         result.rows.middleRows(row, derivative.rows.rows()) = derivative.rows.imag() / h;

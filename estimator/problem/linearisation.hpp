@@ -46,9 +46,6 @@ struct BlockRows {
 /// The same rows in other parameters y, u = u_0 + basis y: shape of basis (parameters, columns).
 [[nodiscard]] std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen::MatrixXd& basis);
 
-/// Whitened rows per record: relative errors have two, first all of the mean and then all of the variance.
-[[nodiscard]] int rows_per_record(const NoiseModel& law);
-
 /// One block's rows divided by the errors (without constraints and linked records), and -ln p of its records without
 /// ln|Sigma_b| and known sds.
 [[nodiscard]] WhitenedRows<double> standard_rows(const BlockRows& block, const std::vector<NoiseModel>& laws,
@@ -58,11 +55,9 @@ struct BlockRows {
                                                  const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
                                                  Curvature curvature);
 
-/// Derivative of standard_rows() with respect to psi[k]; rows that do not depend on it are zero.
-[[nodiscard]] WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<NoiseModel>& laws,
-                                                            const Eigen::VectorXd& psi, Eigen::Index k,
-                                                            Curvature curvature, const WhitenedRows<double>& at);
-[[nodiscard]] WhitenedRows<double> standard_rows_derivative(const std::vector<PartRows>& parts,
+/// Derivative of standard_rows() of a block, or of these parts of it, with respect to psi[k]; rows that do not depend
+/// on it are zero.
+[[nodiscard]] WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<PartRows>& parts,
                                                             const std::vector<NoiseModel>& laws,
                                                             const Eigen::VectorXd& psi, Eigen::Index k,
                                                             Curvature curvature, const WhitenedRows<double>& at);

@@ -40,6 +40,22 @@ struct State {
     bool errors_known = false;  ///< false: scales without a start value are taken from the first residuals
 };
 
+/// Checks the whole call and converts it to coordinates.
+///
+/// @throws std::invalid_argument naming value and rule: see estimate().
+[[nodiscard]] Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+                             const std::vector<DerivedQuantity>& derived, const EstimateOptions& options);
+
+/// Starts of parameters, latent states and scales.
+/// @throws std::invalid_argument when a residual's latent states do not fit its layout.
+[[nodiscard]] State initial_state(const Problem& problem);
+
+/// The group of a channel.
+[[nodiscard]] const Group& group_of(const Problem& problem, int channel);
+
+/// Parameters in natural units, kept within bounds that coordinates and back may leave by rounding.
+[[nodiscard]] Eigen::VectorXd natural_parameters(const Problem& problem, const Eigen::VectorXd& u);
+
 /// The parameter prior at u to second order.
 [[nodiscard]] PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u);
 

@@ -130,34 +130,26 @@ std::vector<DerivedQuantity> TiedProblem::derived(const std::vector<DerivedQuant
 
 void TiedProblem::expand(Estimate& estimate) const {
     if (!any()) return;
-    const std::vector<ParameterSource>& sources = map.sources();
-    const auto rows = [&](const Eigen::VectorXd& reduced) {
-        Eigen::VectorXd result(map.full_size());
-        for (Eigen::Index i = 0; i < result.size(); ++i)
-            result[i] = reduced[sources[static_cast<std::size_t>(i)].reduced];
-        return result;
-    };
-    // Element by element: undetermined rows are nan, which a matrix product would spread.
-    const auto square = [&](const Eigen::MatrixXd& reduced, bool signs_only) {
-        Eigen::MatrixXd result(map.full_size(), map.full_size());
-        for (Eigen::Index i = 0; i < result.rows(); ++i)
-            for (Eigen::Index j = 0; j < result.cols(); ++j) {
-                const ParameterSource& a = sources[static_cast<std::size_t>(i)];
-                const ParameterSource& b = sources[static_cast<std::size_t>(j)];
-                const double factor =
-                    signs_only ? std::copysign(1.0, a.value) * std::copysign(1.0, b.value) : a.value * b.value;
-                result(i, j) = factor * reduced(a.reduced, b.reduced);
-            }
-        return result;
-    };
+    std::vector<Eigen::Index> source;
+    Eigen::VectorXd factor(map.full_size());
+    for (const ParameterSource& one : map.sources()) {
+        factor[static_cast<Eigen::Index>(source.size())] = one.value;
+        source.push_back(one.reduced);
+    }
     const std::vector<Estimated> reduced = std::move(estimate.parameters);
     estimate.parameters.clear();
     for (std::size_t i = 0; i < full.size(); ++i)
         estimate.parameters.push_back(
-            follow(reduced[static_cast<std::size_t>(sources[i].reduced)], full[i], sources[i].value));
+            follow(reduced[static_cast<std::size_t>(source[i])], full[i], factor[static_cast<Eigen::Index>(i)]));
+    const auto rows = [&](const Eigen::VectorXd& values) { return Eigen::VectorXd(values(source)); };
+    // Element by element: undetermined rows are nan, which a matrix product would spread.
+    const auto square = [&](const Eigen::MatrixXd& values, const Eigen::VectorXd& factors) {
+        return Eigen::MatrixXd((factors * factors.transpose()).cwiseProduct(values(source, source)));
+    };
+    const Eigen::VectorXd sign = factor.unaryExpr([](double x) { return std::copysign(1.0, x); });
     const Eigen::Index count = map.reduced_size();
-    if (estimate.covariance.rows() == count) estimate.covariance = square(estimate.covariance, false);
-    if (estimate.correlation.rows() == count) estimate.correlation = square(estimate.correlation, true);
+    if (estimate.covariance.rows() == count) estimate.covariance = square(estimate.covariance, factor);
+    if (estimate.correlation.rows() == count) estimate.correlation = square(estimate.correlation, sign);
     if (estimate.hessian_ratio.size() == count) estimate.hessian_ratio = rows(estimate.hessian_ratio);
     // Relative changes: a follower changes by the same fraction as the parameter it follows.
     for (NullDirection& direction : estimate.null_directions)

@@ -21,8 +21,7 @@ bool useless(const Eigen::MatrixXd& draws) {
     return draws.rows() < fewest || draws.cols() == 0 || !draws.allFinite() || !(draws.maxCoeff() > draws.minCoeff());
 }
 
-/// Splits every chain in two, so that a drifting chain disagrees with itself; the middle draw of an odd number is left
-/// out.
+/// Splits every chain in two, without the middle one of odd draws: a drifting chain then disagrees with itself.
 Eigen::MatrixXd halves(const Eigen::MatrixXd& draws) {
     const Eigen::Index half = draws.rows() / 2;
     Eigen::MatrixXd split(half, 2 * draws.cols());
@@ -110,14 +109,6 @@ std::vector<double> sorted(const Eigen::MatrixXd& draws) {
     return values;
 }
 
-double quantile_of(const std::vector<double>& ordered, double probability) {
-    const double place = static_cast<double>(ordered.size() - 1) * probability;
-    const auto below = static_cast<std::size_t>(place);
-    const double share = place - static_cast<double>(below);
-    if (!(share > 0.0)) return ordered[below];
-    return (1.0 - share) * ordered[below] + share * ordered[below + 1];
-}
-
 }  // namespace
 
 double rank_normalised_rhat(const Eigen::MatrixXd& draws) {
@@ -177,7 +168,13 @@ double quantile_standard_error(const Eigen::MatrixXd& draws, double probability)
 }
 
 double sample_quantile(const Eigen::MatrixXd& draws, double probability) {
-    return draws.size() == 0 ? nan_value : quantile_of(sorted(draws), probability);
+    if (draws.size() == 0) return nan_value;
+    const std::vector<double> ordered = sorted(draws);
+    const double place = static_cast<double>(ordered.size() - 1) * probability;
+    const auto below = static_cast<std::size_t>(place);
+    const double share = place - static_cast<double>(below);
+    if (!(share > 0.0)) return ordered[below];
+    return (1.0 - share) * ordered[below] + share * ordered[below + 1];
 }
 
 }  // namespace orbid::estimator

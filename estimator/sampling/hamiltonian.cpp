@@ -1,7 +1,8 @@
 #include "estimator/sampling/hamiltonian.hpp"
 
 #include <cmath>
-#include <limits>
+
+#include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
@@ -9,8 +10,7 @@ void evaluate(const NegativeLogDensity& density, PhasePoint& point) {
     point.gradient.resize(point.x.size());
     point.potential = density(point.x, &point.gradient);
     // A density that cannot be differentiated there cannot be followed either.
-    if (!std::isfinite(point.potential) || !point.gradient.allFinite())
-        point.potential = std::numeric_limits<double>::infinity();
+    if (!std::isfinite(point.potential) || !point.gradient.allFinite()) point.potential = infinity;
 }
 
 void leapfrog(const NegativeLogDensity& density, const Eigen::MatrixXd& factor, double step, PhasePoint& point) {

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include "estimator/problem/linearisation.hpp"
 #include "estimator/uncertainty/identifiability.hpp"
 #include "models/arithmetic/orthogonal_factor.hpp"
@@ -110,7 +112,36 @@ void check_scale(const Problem& problem, const BlockSet& set, const std::vector<
         refuse_improper(who + "its records can be fitted exactly: as the scale goes to zero the likelihood does not");
 }
 
+[[noreturn]] void refuse_estimate(const std::string& what) {
+    throw std::invalid_argument("posterior sample: " + what);
+}
+
 }  // namespace
+
+void refuse_unfit(const Problem& problem, const Estimate& start) {
+    // A singular estimate may still have a proper posterior: see refuse_improper().
+    if (start.status != EstimateStatus::converged && start.status != EstimateStatus::singular)
+        refuse_estimate(
+            fmt::format("the estimate must have converged, its status is {}: {}", name(start.status), start.message));
+    bool fits = start.parameters.size() == problem.parameters.size() &&
+                start.scales.size() == problem.channels.size() && start.latents.size() == problem.residuals.size();
+    for (std::size_t i = 0; fits && i < problem.parameters.size(); ++i)
+        fits = start.parameters[i].name == problem.parameters[i].name;
+    for (std::size_t r = 0; fits && r < problem.residuals.size(); ++r) {
+        const auto& layout = problem.residuals[r]->layout();
+        fits = start.latents[r].size() == layout.size();
+        for (std::size_t b = 0; fits && b < layout.size(); ++b)
+            fits = !layout[b].active || start.latents[r][b].size() == layout[b].latents;
+    }
+    if (!fits) refuse_estimate("the estimate does not belong to these parameters and residuals");
+    for (const Residual* residual : problem.residuals)
+        for (const BlockLayout& block : residual->layout())
+            if (block.active && block.constraints > 0)
+                refuse_estimate(
+                    fmt::format("block \"{}\" has equality constraints, on which no density can be walked; give its "
+                                "matching errors a small sd instead",
+                                block.label));
+}
 
 void refuse_improper(const Problem& problem, const BlockSet& set, const Estimate& estimate) {
     check_parameters(problem, estimate);

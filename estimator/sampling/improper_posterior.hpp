@@ -6,19 +6,19 @@
 
 namespace orbid::estimator {
 
+/// Refuses an estimate from which no samples can be drawn.
+/// @throws std::invalid_argument when it has not converged, does not belong to the problem, or has equality
+///         constraints.
+void refuse_unfit(const Problem& problem, const Estimate& estimate);
+
 /// Refuses a posterior whose integral is infinite, as far as can be seen at the estimate. A sampler would drift without
 /// end, and all its results would depend on its length.
 ///
-/// @throws std::invalid_argument naming the parameter, group or block:
-///   - parameters in a direction that leaves the data unchanged, which neither a proper prior nor two bounds of a
-///   member
-///     close;
-///   - a block whose latent states its records do not determine;
-///   - a scale without prior and floor whose group has no records, can be fitted exactly by parameters and latent
-///   states
-///     (its rows have full row rank: integrated over them, the likelihood stays finite as s -> 0), is fitted exactly,
-///     or has relative errors, which carry all of the error as s -> 0;
-///   - a full covariance without prior of more responses than records.
+/// @throws std::invalid_argument naming the parameter, group or block. Parameters: in a direction that leaves the data
+///         unchanged, which neither a proper prior nor two bounds of a member close. Latent states: of a block whose
+///         records do not determine them. Scales without prior and floor: of a group without records; one that has
+///         relative errors, which carry all of the error as s -> 0; one that is fitted exactly, or can be (its rows
+///         have full row rank). A full covariance without prior: of more responses than records.
 void refuse_improper(const Problem& problem, const BlockSet& set, const Estimate& estimate);
 
 }  // namespace orbid::estimator

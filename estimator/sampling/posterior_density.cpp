@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <utility>
 
 #include "estimator/interface/not_finite.hpp"
@@ -156,17 +155,6 @@ PosteriorPlace PosteriorDensity::place(const Eigen::VectorXd& x) const {
     return place;
 }
 
-Eigen::VectorXd PosteriorDensity::natural(const PosteriorPlace& place) const {
-    Eigen::VectorXd theta(parameters());
-    for (Eigen::Index i = 0; i < parameters(); ++i) {
-        const auto index = static_cast<std::size_t>(i);
-        // Coordinates and back may leave a bound by rounding.
-        theta[i] = std::clamp(problem_.coordinates[index].natural(place.u[i]), problem_.parameters[index].lower,
-                              problem_.parameters[index].upper);
-    }
-    return theta;
-}
-
 double PosteriorDensity::operator()(const Eigen::VectorXd& x, Eigen::VectorXd* gradient) const {
     if (!x.allFinite()) return infinity;
     Eigen::VectorXd slope(x.size());
@@ -202,7 +190,9 @@ double PosteriorDensity::value(const PosteriorPlace& place, Eigen::VectorXd& gra
         const WhitenedRows<double> at{standard.rows.rightCols(1), standard.value};
         for (std::size_t k = 0; k < free_errors_.size(); ++k)
             gradient[q + set_.latents + static_cast<Eigen::Index>(k)] +=
-                standard_rows_derivative(errors, problem_.laws, place.psi, free_errors_[k], Curvature::step, at).value;
+                standard_rows_derivative(errors, errors.parts, problem_.laws, place.psi, free_errors_[k],
+                                         Curvature::step, at)
+                    .value;
     };
     for (std::size_t b = 0; b < rows.size(); ++b) {
         add(b, rows[b].parts, standard_rows(rows[b], problem_.laws, place.psi, Curvature::step));
@@ -213,18 +203,12 @@ double PosteriorDensity::value(const PosteriorPlace& place, Eigen::VectorXd& gra
     result += prior.value;
     gradient.head(q) += prior.gradient;
     for (const NoiseModel& law : problem_.laws) {
-        const auto size = static_cast<Eigen::Index>(law.coordinates.size());
-        const Eigen::VectorXd psi = place.psi.segment(law.first, size);
+        const Eigen::VectorXd psi = law.own(place.psi);
         result += prior_term<double>(law, psi);
-        for (std::size_t k = 0; k < free_errors_.size(); ++k) {
-            const Eigen::Index own = free_errors_[k] - law.first;
-            if (own < 0 || own >= size) continue;
-            constexpr double h = 1e-30;
-            Eigen::VectorXcd shifted = psi.cast<std::complex<double>>();
-            shifted[own] += std::complex<double>(0.0, h);
-            gradient[q + set_.latents + static_cast<Eigen::Index>(k)] +=
-                prior_term<std::complex<double>>(law, shifted).imag() / h;
-        }
+        for (std::size_t k = 0; k < free_errors_.size(); ++k)
+            if (law.has(free_errors_[k]))
+                gradient[q + set_.latents + static_cast<Eigen::Index>(k)] +=
+                    prior_slope(law, psi, free_errors_[k] - law.first);
     }
     return std::isnan(result) ? infinity : result;
 }
@@ -254,13 +238,11 @@ Eigen::MatrixXd PosteriorDensity::information(const PosteriorPlace& place) const
     for (std::size_t k = 0; k < free_errors_.size(); ++k) {
         // Coordinates are logarithms, or of the size of the errors: a ten-thousandth changes the gradient enough.
         const Eigen::Index own = free_errors_[k];
-        const auto of_law = [&](const NoiseModel& law) {
-            return law.first <= own && own < law.first + static_cast<Eigen::Index>(law.coordinates.size());
-        };
         double step = 1e-4;
         if (problem_.errors[static_cast<std::size_t>(own)].kind == ErrorCoordinate::Kind::linear) {
-            const NoiseModel& law = *std::find_if(problem_.laws.begin(), problem_.laws.end(), of_law);
-            step *= law.scale(place.psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size())), 0);
+            const NoiseModel& law = *std::find_if(problem_.laws.begin(), problem_.laws.end(),
+                                                  [own](const NoiseModel& candidate) { return candidate.has(own); });
+            step *= law.scale(law.own(place.psi), 0);
         }
         PosteriorPlace ahead = place;
         PosteriorPlace behind = place;

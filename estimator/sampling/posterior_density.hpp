@@ -35,7 +35,10 @@ public:
     /// -ln p at x with gradient (unless null); +infinity where a block cannot be evaluated. Thread-safe.
     [[nodiscard]] double operator()(const Eigen::VectorXd& x, Eigen::VectorXd* gradient) const;
     [[nodiscard]] PosteriorPlace place(const Eigen::VectorXd& x) const;
-    [[nodiscard]] Eigen::VectorXd natural(const PosteriorPlace& place) const;  ///< theta, shape (parameters)
+    /// theta, shape (parameters).
+    [[nodiscard]] Eigen::VectorXd natural(const PosteriorPlace& place) const {
+        return natural_parameters(problem_, place.u);
+    }
 
     [[nodiscard]] const Eigen::VectorXd& start() const { return start_; }
     /// Laplace covariance of x at the start: expected information of parameters and latent states with the priors'

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "estimator/problem/problem_setup.hpp"
+#include "estimator/problem/problem.hpp"
 #include "estimator/sampling/chain_diagnostic.hpp"
 #include "estimator/sampling/improper_posterior.hpp"
 #include "estimator/sampling/posterior_density.hpp"
@@ -21,35 +21,6 @@ namespace {
 constexpr double largest_rhat = 1.01;
 constexpr double least_effective_size = 400.0;
 
-[[noreturn]] void refuse_options(const std::string& what) {
-    throw std::invalid_argument("posterior sample: " + what);
-}
-
-void check_estimate(const Problem& problem, const Estimate& start) {
-    // A singular estimate may still have a proper posterior: see refuse_improper().
-    if (start.status != EstimateStatus::converged && start.status != EstimateStatus::singular)
-        refuse_options(
-            fmt::format("the estimate must have converged, its status is {}: {}", name(start.status), start.message));
-    bool fits = start.parameters.size() == problem.parameters.size() &&
-                start.scales.size() == problem.channels.size() && start.latents.size() == problem.residuals.size();
-    for (std::size_t i = 0; fits && i < problem.parameters.size(); ++i)
-        fits = start.parameters[i].name == problem.parameters[i].name;
-    for (std::size_t r = 0; fits && r < problem.residuals.size(); ++r) {
-        const auto& layout = problem.residuals[r]->layout();
-        fits = start.latents[r].size() == layout.size();
-        for (std::size_t b = 0; fits && b < layout.size(); ++b)
-            fits = !layout[b].active || start.latents[r][b].size() == layout[b].latents;
-    }
-    if (!fits) refuse_options("the estimate does not belong to these parameters and residuals");
-    for (const Residual* residual : problem.residuals)
-        for (const BlockLayout& block : residual->layout())
-            if (block.active && block.constraints > 0)
-                refuse_options(
-                    fmt::format("block \"{}\" has equality constraints, on which no density can be walked; give its "
-                                "matching errors a small sd instead",
-                                block.label));
-}
-
 PosteriorPlace place_of(const Problem& problem, const Estimate& start) {
     PosteriorPlace place = {{}, start.latents, Eigen::VectorXd(static_cast<Eigen::Index>(problem.errors.size()))};
     place.u.resize(static_cast<Eigen::Index>(problem.parameters.size()));
@@ -59,8 +30,7 @@ PosteriorPlace place_of(const Problem& problem, const Estimate& start) {
             problem.lower[i], problem.upper[i]);
     for (const NoiseModel& law : problem.laws) {
         const EstimatedScale& scale = start.scales[static_cast<std::size_t>(law.channels.front())];
-        const auto size = static_cast<Eigen::Index>(law.coordinates.size());
-        for (Eigen::Index k = 0; k < size; ++k) {
+        for (Eigen::Index k = 0; k < law.size(); ++k) {
             const ErrorCoordinate& coordinate = law.coordinates[static_cast<std::size_t>(k)];
             double natural = k == 0 ? scale.value : coordinate.start;
             for (const Estimated& shape : scale.shape)
@@ -77,46 +47,37 @@ PosteriorPlace place_of(const Problem& problem, const Estimate& start) {
         for (const EstimatedCovariance& estimated : start.covariances)
             if (!estimated.groups.empty() && estimated.groups.front() == scale.group && estimated.value.rows() == m)
                 covariance = estimated.value;
-        const Eigen::MatrixXd triangle = models::CholeskyFactor(covariance).lower();
-        Eigen::Index k = law.first;
-        for (Eigen::Index j = 0; j < m; ++j)
-            for (Eigen::Index i = j; i < m; ++i, ++k)
-                place.psi[k] = i == j ? std::log(triangle(i, j)) : triangle(i, j);
+        place.psi.segment(law.first, law.size()) = root_coordinates(models::CholeskyFactor(covariance).lower());
     }
     return place;
 }
 
 /// What is shown of a place: names and values of the columns of PosteriorSample::draws.
-class Shown {
-public:
-    Shown(const Problem& problem, const PosteriorDensity& density, const std::vector<DerivedQuantity>& derived)
-        : problem_(problem), density_(density), derived_(derived) {}
+struct Shown {
+    const Problem& problem;
+    const PosteriorDensity& density;
+    const std::vector<DerivedQuantity>& derived;
 
     void name(PosteriorSample& sample) const {
-        const auto quantity = [](std::string label, std::string unit) {
-            SampledQuantity result;
-            result.name = std::move(label);
-            result.unit = std::move(unit);
-            return result;
-        };
-        for (const FreeParameter& parameter : problem_.parameters)
-            sample.parameters.push_back(quantity(parameter.name, parameter.unit));
-        for (const DerivedQuantity& one : derived_)
-            sample.derived.push_back(quantity(one.name, ""));
-        for (const NoiseModel& law : problem_.laws) {
+        for (const FreeParameter& parameter : problem.parameters)
+            sample.parameters.push_back({parameter.name, parameter.unit});
+        for (const DerivedQuantity& one : derived)
+            sample.derived.push_back({one.name, ""});
+        for (const NoiseModel& law : problem.laws) {
             if (law.joint()) {
                 for (std::size_t j = 0; j < law.channels.size(); ++j)
                     for (std::size_t i = j; i < law.channels.size(); ++i)
-                        sample.errors.push_back(quantity(
-                            fmt::format("covariance({}, {})", group(law.channels[i]).name, group(law.channels[j]).name),
-                            ""));
+                        sample.errors.push_back(
+                            {fmt::format("covariance({}, {})", group_of(problem, law.channels[i]).name,
+                                         group_of(problem, law.channels[j]).name),
+                             ""});
                 continue;
             }
-            const Group& own = group(law.channels.front());
+            const Group& own = group_of(problem, law.channels.front());
             for (const ErrorCoordinate& coordinate : law.coordinates)
                 if (coordinate.estimate)
                     sample.errors.push_back(
-                        quantity(own.name + ":" + coordinate.name, coordinate.name == "scale" ? own.unit : ""));
+                        {own.name + ":" + coordinate.name, coordinate.name == "scale" ? own.unit : ""});
         }
         for (const auto* list : {&sample.parameters, &sample.derived, &sample.errors})
             for (const SampledQuantity& one : *list)
@@ -124,42 +85,27 @@ public:
     }
 
     [[nodiscard]] std::vector<double> values(const Eigen::VectorXd& x) const {
-        const PosteriorPlace place = density_.place(x);
-        const Eigen::VectorXd theta = density_.natural(place);
+        const PosteriorPlace place = density.place(x);
+        const Eigen::VectorXd theta = density.natural(place);
         std::vector<double> result(theta.begin(), theta.end());
-        for (const DerivedQuantity& one : derived_)
+        for (const DerivedQuantity& one : derived)
             result.push_back(one.value(theta));
-        for (const NoiseModel& law : problem_.laws) {
-            const Eigen::VectorXd psi = place.psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size()));
+        for (const NoiseModel& law : problem.laws) {
             if (!law.joint()) {
                 for (std::size_t k = 0; k < law.coordinates.size(); ++k)
                     if (law.coordinates[k].estimate)
-                        result.push_back(law.coordinates[k].natural(psi[static_cast<Eigen::Index>(k)]));
+                        result.push_back(
+                            law.coordinates[k].natural(place.psi[law.first + static_cast<Eigen::Index>(k)]));
                 continue;
             }
-            const auto m = static_cast<Eigen::Index>(law.channels.size());
-            Eigen::MatrixXd triangle = Eigen::MatrixXd::Zero(m, m);
-            Eigen::Index k = 0;
-            for (Eigen::Index j = 0; j < m; ++j)
-                for (Eigen::Index i = j; i < m; ++i, ++k)
-                    triangle(i, j) = i == j ? std::exp(psi[k]) : psi[k];
+            const Eigen::MatrixXd triangle = covariance_root(law, place.psi);
             const Eigen::MatrixXd covariance = triangle * triangle.transpose();
-            for (Eigen::Index j = 0; j < m; ++j)
-                for (Eigen::Index i = j; i < m; ++i)
+            for (Eigen::Index j = 0; j < covariance.cols(); ++j)
+                for (Eigen::Index i = j; i < covariance.rows(); ++i)
                     result.push_back(covariance(i, j));
         }
         return result;
     }
-
-private:
-    [[nodiscard]] const Group& group(int channel) const {
-        const Channel& place = problem_.channels[static_cast<std::size_t>(channel)];
-        return problem_.residuals[place.residual]->groups()[static_cast<std::size_t>(place.group)];
-    }
-
-    const Problem& problem_;
-    const PosteriorDensity& density_;
-    const std::vector<DerivedQuantity>& derived_;
 };
 
 /// Collects the reasons for distrust while quantities are summed up.
@@ -237,6 +183,64 @@ void judge(PosteriorSample& sample, const Verdict& verdict) {
             fmt::format("; {} trajectories reached the maximum depth: longer ones would mix faster", saturated);
 }
 
+/// One coordinate of the density, shape (count, chains).
+Eigen::MatrixXd coordinate_draws(const NutsResult& result, Eigen::Index coordinate, Eigen::Index count) {
+    Eigen::MatrixXd draws(count, static_cast<Eigen::Index>(result.chains.size()));
+    for (Eigen::Index c = 0; c < draws.cols(); ++c)
+        draws.col(c) = result.chains[static_cast<std::size_t>(c)].draws.row(coordinate).head(count).transpose();
+    return draws;
+}
+
+/// The first draws of all chains in natural units, and what the chains say of themselves.
+void take_draws(const NutsResult& result, const Shown& shown, Eigen::Index count, PosteriorSample& sample) {
+    const auto columns = static_cast<Eigen::Index>(sample.names.size());
+    for (const NutsChain& chain : result.chains) {
+        Eigen::MatrixXd values(count, columns);
+        for (Eigen::Index i = 0; i < count; ++i) {
+            const std::vector<double> row = shown.values(chain.draws.col(i));
+            values.row(i) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), columns);
+        }
+        sample.draws.push_back(std::move(values));
+        sample.potential.push_back(chain.potential.head(count));
+        sample.chains.push_back({chain.step, chain.acceptance, chain.divergences, chain.saturated,
+                                 energy_mixing(chain.energy), chain.warm_up_evaluations, chain.evaluations});
+    }
+}
+
+/// Parameters, derived quantities and error parameters from all draws.
+void sum_up_columns(PosteriorSample& sample, Verdict& verdict) {
+    Eigen::Index column = 0;
+    for (auto* list : {&sample.parameters, &sample.derived, &sample.errors})
+        for (SampledQuantity& quantity : *list) {
+            Eigen::MatrixXd draws(sample.draws.front().rows(), static_cast<Eigen::Index>(sample.draws.size()));
+            for (Eigen::Index c = 0; c < draws.cols(); ++c)
+                draws.col(c) = sample.draws[static_cast<std::size_t>(c)].col(column);
+            sum_up(quantity, draws);
+            verdict.look(quantity.name, draws);
+            ++column;
+        }
+}
+
+/// Means and sds of the latent states, which are coordinates of the density after the parameters.
+void sum_up_latents(const Problem& problem, const BlockSet& set, const NutsResult& result, Eigen::Index count,
+                    PosteriorSample& sample, Verdict& verdict) {
+    auto coordinate = static_cast<Eigen::Index>(problem.parameters.size());
+    for (const ActiveBlock& block : set.blocks) {
+        Eigen::VectorXd mean(block.latents);
+        Eigen::VectorXd sd(block.latents);
+        for (Eigen::Index i = 0; i < block.latents; ++i) {
+            const Eigen::MatrixXd draws = coordinate_draws(result, coordinate++, count);
+            mean[i] = draws.mean();
+            sd[i] = std::sqrt((draws.array() - mean[i]).square().sum() / static_cast<double>(draws.size() - 1));
+            verdict.look(fmt::format("latent state {} of block \"{}\"", i,
+                                     problem.residuals[block.residual]->layout()[block.block].label),
+                         draws);
+        }
+        sample.latents[block.residual][block.block] = mean;
+        sample.latent_sds[block.residual][block.block] = sd;
+    }
+}
+
 }  // namespace
 
 PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
@@ -244,16 +248,17 @@ PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters, c
                                  const Estimate& start, const SampleOptions& options) {
     validate(options);
     const Problem problem = set_up(parameters, residuals, derived, estimate_options);
-    check_estimate(problem, start);
+    refuse_unfit(problem, start);
     const BlockSet set = freeze(residuals, problem.channels, problem.laws);
     refuse_improper(problem, set, start);
     const PosteriorDensity density(problem, set, place_of(problem, start));
 
     PosteriorSample sample;
-    const Shown shown(problem, density, derived);
+    const Shown shown{problem, density, derived};
     shown.name(sample);
     if (density.dimension() == 0 || density.covariance().size() == 0) {
-        if (parameters.empty() && set.latents == 0 && sample.errors.empty()) refuse_options("nothing is estimated");
+        if (parameters.empty() && set.latents == 0 && sample.errors.empty())
+            throw std::invalid_argument("posterior sample: nothing is estimated");
         sample.message = "the posterior cannot be evaluated around the estimate";
         return sample;
     }
@@ -265,59 +270,21 @@ PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters, c
     Eigen::Index count = options.draws;
     for (const NutsChain& chain : result.chains)
         count = std::min(count, chain.draws.cols());
-    const auto chains = static_cast<Eigen::Index>(result.chains.size());
-    const auto columns = static_cast<Eigen::Index>(sample.names.size());
-    Eigen::MatrixXd potential(count, chains);
-    std::vector<Eigen::MatrixXd> latent(static_cast<std::size_t>(set.latents), Eigen::MatrixXd(count, chains));
-    for (Eigen::Index c = 0; c < chains; ++c) {
-        const NutsChain& chain = result.chains[static_cast<std::size_t>(c)];
-        Eigen::MatrixXd values(count, columns);
-        for (Eigen::Index i = 0; i < count; ++i) {
-            const std::vector<double> row = shown.values(chain.draws.col(i));
-            values.row(i) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), columns);
-            for (Eigen::Index k = 0; k < set.latents; ++k)
-                latent[static_cast<std::size_t>(k)](i, c) =
-                    chain.draws(static_cast<Eigen::Index>(problem.parameters.size()) + k, i);
-        }
-        sample.draws.push_back(std::move(values));
-        sample.potential.push_back(chain.potential.head(count));
-        potential.col(c) = sample.potential.back();
-        sample.chains.push_back({chain.step, chain.acceptance, chain.divergences, chain.saturated,
-                                 energy_mixing(chain.energy), chain.warm_up_evaluations, chain.evaluations});
-    }
-    for (std::size_t r = 0; r < residuals.size(); ++r) {
-        sample.latents.emplace_back(residuals[r]->layout().size());
-        sample.latent_sds.emplace_back(residuals[r]->layout().size());
+    take_draws(result, shown, count, sample);
+    for (const Residual* residual : residuals) {
+        sample.latents.emplace_back(residual->layout().size());
+        sample.latent_sds.emplace_back(residual->layout().size());
     }
     if (count < 2) {
         sample.message = sample.distrust = "interrupted before there were draws";
         return sample;
     }
     Verdict verdict;
-    Eigen::Index column = 0;
-    for (auto* list : {&sample.parameters, &sample.derived, &sample.errors})
-        for (SampledQuantity& quantity : *list) {
-            Eigen::MatrixXd draws(count, chains);
-            for (Eigen::Index c = 0; c < chains; ++c)
-                draws.col(c) = sample.draws[static_cast<std::size_t>(c)].col(column);
-            sum_up(quantity, draws);
-            verdict.look(quantity.name, draws);
-            ++column;
-        }
-    std::size_t k = 0;
-    for (const ActiveBlock& block : set.blocks) {
-        Eigen::VectorXd mean(block.latents);
-        Eigen::VectorXd sd(block.latents);
-        for (Eigen::Index i = 0; i < block.latents; ++i, ++k) {
-            mean[i] = latent[k].mean();
-            sd[i] = std::sqrt((latent[k].array() - mean[i]).square().sum() / static_cast<double>(count * chains - 1));
-            verdict.look(fmt::format("latent state {} of block \"{}\"", i,
-                                     residuals[block.residual]->layout()[block.block].label),
-                         latent[k]);
-        }
-        sample.latents[block.residual][block.block] = mean;
-        sample.latent_sds[block.residual][block.block] = sd;
-    }
+    sum_up_columns(sample, verdict);
+    sum_up_latents(problem, set, result, count, sample, verdict);
+    Eigen::MatrixXd potential(count, static_cast<Eigen::Index>(result.chains.size()));
+    for (Eigen::Index c = 0; c < potential.cols(); ++c)
+        potential.col(c) = sample.potential[static_cast<std::size_t>(c)];
     verdict.look("the density", potential);
     judge(sample, verdict);
     return sample;

@@ -3,16 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimator/problem/coordinate.hpp"
+
 namespace orbid::estimator {
 
 namespace {
-
-/// 1 / (1 + e^-v), accurate where it is small.
-double logistic(double v) {
-    if (v >= 0.0) return 1.0 / (1.0 + std::exp(-v));
-    const double e = std::exp(v);
-    return e / (1.0 + e);
-}
 
 /// ln(1 + e^v) without overflow, and the v at which it is `value`.
 double softplus(double v) {
@@ -45,10 +40,6 @@ double UnboundedCoordinate::ln_slope(double v) const {
     if (has_lower()) return std::log(width) - softplus(-v);
     if (has_upper()) return std::log(width) - softplus(v);
     return 0.0;
-}
-
-double UnboundedCoordinate::slope(double v) const {
-    return std::exp(ln_slope(v));
 }
 
 double UnboundedCoordinate::ln_slope_first(double v) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <limits>
 
 namespace orbid::estimator {
@@ -21,7 +22,7 @@ struct UnboundedCoordinate {
     [[nodiscard]] double at(double u) const;        ///< v(u), u strictly inside
     [[nodiscard]] double bounded(double v) const;   ///< u(v); may round to a limit far out
     [[nodiscard]] double ln_slope(double v) const;  ///< ln du/dv
-    [[nodiscard]] double slope(double v) const;     ///< du/dv
+    [[nodiscard]] double slope(double v) const { return std::exp(ln_slope(v)); }  ///< du/dv
     /// First and second derivative of ln du/dv with respect to v.
     [[nodiscard]] double ln_slope_first(double v) const;
     [[nodiscard]] double ln_slope_second(double v) const;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,15 @@ namespace {
 
 /// A component below this fraction of the largest is noise of the derivatives, not part of the direction.
 constexpr double tiny_component = 1e-6;
+
+/// Largest component 1; of components equal to rounding the first sets the sign.
+Eigen::VectorXd scaled_to_largest(const Eigen::VectorXd& components) {
+    const double largest = components.lpNorm<Eigen::Infinity>();
+    Eigen::Index first = 0;
+    while (std::abs(components[first]) < (1.0 - tiny_component) * largest)
+        ++first;
+    return components / components[first];
+}
 
 /// Reduced echelon form of the directions (rows), so that each has as few components as possible; largest component 1.
 std::vector<NullDirection> sparse_basis(Eigen::MatrixXd rows) {
@@ -32,13 +42,7 @@ std::vector<NullDirection> sparse_basis(Eigen::MatrixXd rows) {
     }
     std::vector<NullDirection> directions;
     for (Eigen::Index k = 0; k < count; ++k) {
-        Eigen::VectorXd components = rows.row(k).transpose();
-        const double largest = components.lpNorm<Eigen::Infinity>();
-        // Of components equal to rounding the first sets the sign.
-        Eigen::Index first = 0;
-        while (std::abs(components[first]) < (1.0 - tiny_component) * largest)
-            ++first;
-        components /= components[first];
+        Eigen::VectorXd components = scaled_to_largest(rows.row(k).transpose());
         for (double& component : components)
             if (std::abs(component) < tiny_component) component = 0.0;
         directions.push_back({components});
@@ -48,8 +52,7 @@ std::vector<NullDirection> sparse_basis(Eigen::MatrixXd rows) {
 
 /// sd of a relative change from which on a direction is sloppy: the parameters are known within a factor e at best.
 constexpr double sloppy_sd = 1.0;
-/// Only where some direction is better determined by this factor: otherwise the data determine little at all, as the
-/// sds show.
+/// Only where some direction is better determined by this factor: otherwise the sds show that all are poor.
 constexpr double sloppy_gap = 10.0;
 /// A simpler direction may stand for the exact one when the data notice it this much more at most.
 constexpr double simplification = 1.1;
@@ -87,12 +90,7 @@ public:
 
     /// Direction k with its largest component 1, exponents rounded to simple fractions where the data allow it.
     [[nodiscard]] Eigen::VectorXd direction(Eigen::Index k) const {
-        Eigen::VectorXd exact = directions_.col(k);
-        const double largest = exact.lpNorm<Eigen::Infinity>();
-        Eigen::Index first = 0;
-        while (std::abs(exact[first]) < (1.0 - tiny_component) * largest)
-            ++first;
-        exact /= exact[first];
+        Eigen::VectorXd exact = scaled_to_largest(directions_.col(k));
         const double noticed = std::max(values_[k], values_[0] * tiny_component * tiny_component);
         const auto good = [&](const Eigen::VectorXd& candidate) {
             return (sensitivities_ * candidate).norm() <= simplification * noticed * candidate.norm();
@@ -105,8 +103,7 @@ public:
             if (good(candidate)) return candidate;
         }
         std::vector<Eigen::Index> order(static_cast<std::size_t>(exact.size()));
-        for (std::size_t i = 0; i < order.size(); ++i)
-            order[i] = static_cast<Eigen::Index>(i);
+        std::iota(order.begin(), order.end(), Eigen::Index{0});
         std::stable_sort(order.begin(), order.end(),
                          [&](Eigen::Index a, Eigen::Index b) { return std::abs(exact[a]) < std::abs(exact[b]); });
         for (const Eigen::Index i : order) {
@@ -169,19 +166,16 @@ Identifiability identifiability(const Eigen::MatrixXd& r, const BoundedStep& ste
     result.undetermined.assign(static_cast<std::size_t>(q), false);
     result.data_variance = Eigen::VectorXd::Constant(q, std::numeric_limits<double>::infinity());
 
-    Eigen::MatrixXd scaled(r.rows(), free);
-    for (Eigen::Index k = 0; k < free; ++k) {
-        const Eigen::Index i = step.free[static_cast<std::size_t>(k)];
-        scaled.col(k) = r.col(i) * column_size[i];
-    }
-    if (free > 0) result.singular_values = models::singular_values(scaled);
+    const Eigen::MatrixXd own = r(Eigen::all, step.free);
+    const Eigen::VectorXd own_size = column_size(step.free);
+    if (free > 0) result.singular_values = models::singular_values(own * own_size.asDiagonal());
 
+    // Relative changes of the parameters along a direction of the free ones.
+    const Eigen::VectorXd free_size = size(step.free);
+    const Eigen::ArrayXd unit = space.unit.cwiseProduct(free_size).array();
     const auto relative = [&](const Eigen::MatrixXd& directions) {
         Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(directions.cols(), q);
-        for (Eigen::Index k = 0; k < free; ++k) {
-            const Eigen::Index i = step.free[static_cast<std::size_t>(k)];
-            rows.col(i) = directions.row(k).transpose() / (space.unit[k] * size[i]);
-        }
+        rows(Eigen::all, step.free) = (directions.array().colwise() / unit).matrix().transpose();
         return rows;
     };
     Eigen::MatrixXd null(free, space.prior.cols() + space.flat.cols());
@@ -204,13 +198,8 @@ Identifiability identifiability(const Eigen::MatrixXd& r, const BoundedStep& ste
             (space.unit[k] * space.unit[k]);
     }
 
-    Eigen::MatrixXd sensitivities(r.rows(), free);
-    Eigen::MatrixXd unseen(free, null.cols());
-    for (Eigen::Index k = 0; k < free; ++k) {
-        const Eigen::Index i = step.free[static_cast<std::size_t>(k)];
-        sensitivities.col(k) = r.col(i) * size[i];
-        unseen.row(k) = null.row(k) / (space.unit[k] * size[i]);
-    }
+    const Eigen::MatrixXd sensitivities = own * free_size.asDiagonal();
+    const Eigen::MatrixXd unseen = null.array().colwise() / unit;
     result.sloppy_directions = sloppy_directions(RelativeData(sensitivities, unseen), step.free, q);
     return result;
 }

@@ -19,10 +19,6 @@ double below(double z) {
     return 0.5 * std::erfc(-z / std::numbers::sqrt2);
 }
 
-double two_sided(double z) {
-    return std::erfc(std::abs(z) / std::numbers::sqrt2);
-}
-
 /// Values that differ by rounding only have no shape.
 bool spreads(const Eigen::VectorXd& sample) {
     if (sample.size() < 2 || !sample.allFinite()) return false;
@@ -100,6 +96,10 @@ double shapiro_probability(double one_minus_w, int n) {
 }
 
 }  // namespace
+
+double two_sided(double z) {
+    return std::erfc(std::abs(z) / std::numbers::sqrt2);
+}
 
 double sample_skewness(const Eigen::VectorXd& sample) {
     return spreads(sample) ? central_moment(sample, 3) / std::pow(central_moment(sample, 2), 1.5) : nan_value;

@@ -15,6 +15,9 @@ struct TestResult {
 
 inline constexpr TestResult undefined_test{nan_value, nan_value};
 
+/// Probability of a standard normal deviate at least as far from zero.
+[[nodiscard]] double two_sided(double z);
+
 /// Anderson-Darling distance from the normal distribution with the sample's mean and variance (divisor n - 1). The
 /// statistic includes the factor 1 + 0.75/n + 2.25/n^2. Needs n >= 8. Source: D'Agostino and Stephens, Goodness-of-fit
 /// techniques (1986), table 4.9 (p within about 1 % of itself).

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <utility>
 
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
@@ -114,10 +113,7 @@ void Posterior::error_parameters() {
     const bool definite = factor.succeeded() && factor.positive_semidefinite() && pivots.minCoeff() > 0.0;
     const Eigen::MatrixXd inverse = definite ? factor.inverse() : Eigen::MatrixXd::Constant(count, count, nan_value);
     ln_error_determinant_ = definite ? pivots.array().log().sum() : nan_value;
-    for (Eigen::Index i = 0; i < count; ++i)
-        for (Eigen::Index j = 0; j < count; ++j)
-            error_covariance_(free_errors_[static_cast<std::size_t>(i)], free_errors_[static_cast<std::size_t>(j)]) =
-                inverse(i, j);
+    error_covariance_(free_errors_, free_errors_) = inverse;
     add_error_uncertainty();
 }
 
@@ -132,10 +128,8 @@ void Posterior::add_error_uncertainty() {
     bool any = false;
     for (std::size_t i = 0; i < free_errors_.size(); ++i) {
         const Eigen::Index k = free_errors_[i];
-        const auto law = std::find_if(problem_.laws.begin(), problem_.laws.end(), [k](const NoiseModel& candidate) {
-            return k >= candidate.first &&
-                   k < candidate.first + static_cast<Eigen::Index>(candidate.coordinates.size());
-        });
+        const auto law = std::find_if(problem_.laws.begin(), problem_.laws.end(),
+                                      [k](const NoiseModel& candidate) { return candidate.has(k); });
         if (!integrated && !std::holds_alternative<RelativeErrors>(law->distribution)) continue;
         any = true;
         // Gradient of the reduced problem with respect to y, by its change with psi: central differences of S_y^T s -
@@ -155,12 +149,7 @@ void Posterior::add_error_uncertainty() {
         moved_by_errors_.col(static_cast<Eigen::Index>(i)) = -difference;
     }
     if (!any) return;
-    Eigen::MatrixXd errors(static_cast<Eigen::Index>(free_errors_.size()),
-                           static_cast<Eigen::Index>(free_errors_.size()));
-    for (std::size_t i = 0; i < free_errors_.size(); ++i)
-        for (std::size_t j = 0; j < free_errors_.size(); ++j)
-            errors(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) =
-                error_covariance_(free_errors_[i], free_errors_[j]);
+    const Eigen::MatrixXd errors = error_covariance_(free_errors_, free_errors_);
     const Eigen::MatrixXd through = minimum_.step.decided * moved_by_errors_;
     laplace_ += through * errors * through.transpose();
     covariance_ = laplace_;
@@ -219,27 +208,18 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
         for (std::size_t i = 0; i < free_errors_.size(); ++i) {
             const Eigen::Index k = free_errors_[i];
             double& slope = sums[static_cast<Eigen::Index>(i)];
-            if (block.rows.size() > 0) {
-                const WhitenedRows<double> derivative =
-                    standard_rows_derivative(block, problem_.laws, state_.psi, k, Curvature::expected, {at, 0.0});
-                slope -= 2.0 * here.dot(derivative.rows.leftCols(step.size()) * step);
+            Eigen::Index first = 0;
+            auto part = parts.begin();
+            for (; part != parts.end() && !problem_.laws[part->law].has(k); ++part)
+                first += part->records.rows.rows() * problem_.laws[part->law].rows_per_record();
+            if (block.rows.size() == 0 && part == parts.end()) continue;
+            if (block.rows.size() == 0 && problem_.laws[part->law].compressible()) {
+                slope += 2.0 * here.segment(first, part->records.rows.rows()).squaredNorm();  // dS = -S
                 continue;
             }
-            Eigen::Index row = 0;
-            for (const PartRows& part : parts) {
-                const NoiseModel& law = problem_.laws[part.law];
-                const Eigen::Index rows = part.records.rows.rows() * rows_per_record(law);
-                const Eigen::Index first = std::exchange(row, row + rows);
-                if (k < law.first || k >= law.first + static_cast<Eigen::Index>(law.coordinates.size())) continue;
-                if (law.compressible()) {
-                    slope += 2.0 * here.segment(first, rows).squaredNorm();  // dS = -S
-                    continue;
-                }
-                const WhitenedRows<double> derivative =
-                    standard_rows_derivative(parts, problem_.laws, state_.psi, k, Curvature::expected, {at, 0.0});
-                slope -= 2.0 * here.dot(derivative.rows.leftCols(step.size()) * step);
-                break;
-            }
+            const WhitenedRows<double> derivative =
+                standard_rows_derivative(block, parts, problem_.laws, state_.psi, k, Curvature::expected, {at, 0.0});
+            slope -= 2.0 * here.dot(derivative.rows.leftCols(step.size()) * step);
         }
     };
     std::vector<Eigen::VectorXd> sums(pieces_of(errors_.rows.size()), slopes);
@@ -305,13 +285,12 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
     } else {
         // Satterthwaite: 2 variance^2 / var(variance).
         const Eigen::VectorXd slopes = variance_slopes(y);
+        const Eigen::MatrixXd errors = error_covariance_(free_errors_, free_errors_);
         const auto count = slopes.size();
         double spread = 0.0;
         for (Eigen::Index i = 0; i < count; ++i)
             for (Eigen::Index j = 0; j < count; ++j)
-                spread += slopes[i] * slopes[j] *
-                          error_covariance_(free_errors_[static_cast<std::size_t>(i)],
-                                            free_errors_[static_cast<std::size_t>(j)]);
+                spread += slopes[i] * slopes[j] * errors(i, j);
         result.method = "satterthwaite";
         result.quantile = quantile_975(2.0 * variance * variance / spread);
     }

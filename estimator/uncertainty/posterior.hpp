@@ -36,8 +36,6 @@ public:
     [[nodiscard]] double objective() const;
     [[nodiscard]] double log_likelihood() const;  ///< ln p(y | theta, z, psi)
     [[nodiscard]] double degrees_of_freedom() const { return degrees_of_freedom_; }
-    [[nodiscard]] bool has_sandwich() const { return sandwich_ != nullptr; }
-    [[nodiscard]] std::size_t clusters() const { return sandwich_ ? sandwich_->clusters() : 0; }
     /// A remark on the sandwich, or why there is none although it was requested; may be empty.
     [[nodiscard]] const std::string& sandwich_note() const { return sandwich_note_; }
     /// Error parameters on a logarithmic scale that reached where they no longer matter (the absolute part of errors
@@ -61,6 +59,7 @@ private:
     [[nodiscard]] std::vector<Eigen::VectorXd> innovations(int channel) const;
     void make_sandwich();
     void widen(std::size_t clusters);
+    [[nodiscard]] double longest_correlation() const;
     void widen_along_chains();
     double correlated_clusters(std::vector<std::vector<int>>& clusters) const;
     [[nodiscard]] Eigen::VectorXd variance_slopes(const Eigen::VectorXd& y) const;

@@ -33,8 +33,7 @@ std::vector<std::vector<std::size_t>> rows_of_blocks(const BlockSet& set) {
 void Posterior::look_for_autocorrelation() {
     std::vector<std::vector<std::size_t>> rows;
     for (std::size_t c = 0; c < problem_.channels.size(); ++c) {
-        const Channel& channel = problem_.channels[c];
-        const Group& group = problem_.residuals[channel.residual]->groups()[static_cast<std::size_t>(channel.group)];
+        const Group& group = group_of(problem_, static_cast<int>(c));
         if (!group.ordered) {
             autocorrelations_.emplace_back();
             unexplained_.emplace_back();
@@ -70,9 +69,7 @@ std::vector<Eigen::VectorXd> Posterior::innovations(int channel) const {
                 const NoiseModel& law = problem_.laws[part.law];
                 if (law.channels.front() != channel || part.records.empty()) continue;
                 const Eigen::VectorXd e = law_errors(set_.blocks[b], part, law, minimum_.evaluation.values[b].e);
-                const Eigen::VectorXd psi =
-                    state_.psi.segment(law.first, static_cast<Eigen::Index>(law.coordinates.size()));
-                sequences.push_back(standard_errors(law, e, part.observed, psi));
+                sequences.push_back(standard_errors(law, e, part.observed, law.own(state_.psi)));
             }
     }
     return sequences;
@@ -83,14 +80,23 @@ void Posterior::make_sandwich() {
     if (choice == Clusters::none || point_.triangle.rows() == 0) return;
     std::vector<std::vector<int>> clusters;
     double inflation = 1.0;
+    const bool linked = set_.constraints > 0 || set_.linked;
     if (choice == Clusters::blocks) {
-        std::size_t count = 0;
-        for (const ActiveBlock& block : set_.blocks) {
+        for (const ActiveBlock& block : set_.blocks)
             clusters.emplace_back(block.channel.size(), 0);
-            if (!block.channel.empty()) ++count;
-        }
-        const auto least = static_cast<std::size_t>(point_.triangle.rows()) + 1;
-        if (set_.constraints > 0 || set_.linked || count < least) {
+    } else if (linked) {
+        widen_along_chains();
+        return;
+    } else {
+        inflation = correlated_clusters(clusters);
+        if (clusters.empty()) return;
+    }
+    std::size_t count = 0;
+    for (const std::vector<int>& cluster : clusters)
+        if (!cluster.empty()) count += 1 + static_cast<std::size_t>(*std::max_element(cluster.begin(), cluster.end()));
+    const auto least = static_cast<std::size_t>(point_.triangle.rows()) + 1;
+    if (choice == Clusters::blocks) {
+        if (linked || count < least) {
             sandwich_note_ = (set_.constraints > 0 ? std::string("constraints link the blocks")
                               : set_.linked        ? std::string("records link the blocks")
                                                    : "blocks are too few (" + std::to_string(count) + ", at least " +
@@ -99,22 +105,10 @@ void Posterior::make_sandwich() {
             return;
         }
         sandwich_note_ = "intervals from " + std::to_string(count) + " blocks as clusters";
-    } else {
-        if (set_.constraints > 0 || set_.linked) {
-            widen_along_chains();
-            return;
-        }
-        inflation = correlated_clusters(clusters);
-        if (clusters.empty()) return;
-        std::size_t count = 0;
-        for (const std::vector<int>& cluster : clusters)
-            if (!cluster.empty())
-                count += 1 + static_cast<std::size_t>(*std::max_element(cluster.begin(), cluster.end()));
+    } else if (count < least) {
         // Scores of all clusters add up to zero: of so few some direction would have no scatter, and so no uncertainty.
-        if (count <= static_cast<std::size_t>(point_.triangle.rows())) {
-            widen(count);
-            return;
-        }
+        widen(count);
+        return;
     }
     const auto rows =
         linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false);
@@ -126,24 +120,26 @@ void Posterior::make_sandwich() {
                          " clusters of consecutive records";
 }
 
+/// Integrated correlation time of the channel that is correlated longest, in records; 0: none is significantly.
+double Posterior::longest_correlation() const {
+    double longest = 0.0;
+    for (const Autocorrelation& correlation : unexplained_)
+        if (correlation.significant) longest = std::max(longest, correlation.records);
+    return longest;
+}
+
 /// Latent states of a chain absorb part of every residual, so that clusters of its records have no scores of their own.
 /// Covariances are widened where readings are correlated along it.
 void Posterior::widen_along_chains() {
-    for (const Autocorrelation& correlation : unexplained_)
-        if (correlation.significant && correlation.records > 1.0) {
-            widen(0);
-            sandwich_note_ =
-                "residuals are autocorrelated along a chain: intervals from the number of independent records";
-            return;
-        }
+    if (!(longest_correlation() > 1.0)) return;
+    widen(0);
+    sandwich_note_ = "residuals are autocorrelated along a chain: intervals from the number of independent records";
 }
 
 /// Laplace's covariance as if each of the records that are worth an independent one stood for all that repeat it.
 void Posterior::widen(std::size_t clusters) {
     const auto n = static_cast<double>(set_.records);
-    double longest = 1.0;
-    for (const Autocorrelation& correlation : unexplained_)
-        if (correlation.significant) longest = std::max(longest, std::min(correlation.records, n));
+    const double longest = std::max(1.0, std::min(longest_correlation(), n));
     widening_ = longest;
     covariance_ *= widening_;
     widened_degrees_of_freedom_ = std::max(1.0, n / longest - static_cast<double>(point_.triangle.rows()));
@@ -155,18 +151,14 @@ void Posterior::widen(std::size_t clusters) {
 /// Clusters of consecutive records where residuals are more autocorrelated than their law allows; none otherwise.
 /// @return factor on the covariance for correlation across the borders of clusters.
 double Posterior::correlated_clusters(std::vector<std::vector<int>>& clusters) const {
-    double longest = 0.0;
-    for (const Autocorrelation& correlation : unexplained_)
-        if (correlation.significant) longest = std::max(longest, correlation.records);
+    const double longest = longest_correlation();
     if (!(longest > 0.0)) return 1.0;
     // Clusters of twice the integrated correlation time: about four times the decay time of an AR(1).
     const double length = 2.0 * longest;
     for (const ActiveBlock& block : set_.blocks) {
         double most = 0.0;
         for (std::size_t c = 0; c < problem_.channels.size(); ++c) {
-            const Group& group = problem_.residuals[problem_.channels[c].residual]
-                                     ->groups()[static_cast<std::size_t>(problem_.channels[c].group)];
-            if (group.ordered)
+            if (group_of(problem_, static_cast<int>(c)).ordered)
                 most = std::max(most, static_cast<double>(
                                           std::count(block.channel.begin(), block.channel.end(), static_cast<int>(c))));
         }

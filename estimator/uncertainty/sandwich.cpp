@@ -14,17 +14,13 @@ namespace {
 /// A direction that one cluster alone decides is fitted by it: it has no residual left, and nothing to correct.
 constexpr double alone = 1e-6;
 
-}  // namespace
-
-namespace {
-
 /// The cluster of each standard row of a block: rows follow the records law by law.
 std::vector<int> row_clusters(const ActiveBlock& block, const std::vector<NoiseModel>& laws,
                               const std::vector<int>& cluster) {
     if (block.parts.empty()) return cluster;
     std::vector<int> result;
     for (const LawPart& part : block.parts)
-        for (int copy = 0; copy < rows_per_record(laws[part.law]); ++copy)
+        for (int copy = 0; copy < laws[part.law].rows_per_record(); ++copy)
             for (const Eigen::Index record : part.records)
                 result.push_back(cluster[static_cast<std::size_t>(record)]);
     return result;
@@ -66,11 +62,8 @@ Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
                 score += q.row(i).transpose() * whitened_rows(i, whitened_rows.cols() - 1);
             }
             const models::SymmetricEigen eigen = models::symmetric_eigen(part.gram);
-            Eigen::VectorXd root(l + rank_);
-            for (Eigen::Index k = 0; k < root.size(); ++k) {
-                const double left = 1.0 - eigen.values[k];
-                root[k] = left > alone ? 1.0 / std::sqrt(left) : 0.0;
-            }
+            const Eigen::VectorXd root = eigen.values.unaryExpr(
+                [](double value) { return 1.0 - value > alone ? 1.0 / std::sqrt(1.0 - value) : 0.0; });
             part.root = eigen.vectors * root.asDiagonal() * eigen.vectors.transpose();
             const Eigen::VectorXd own = (part.root * score).tail(rank_);
             meat.noalias() += own * own.transpose();

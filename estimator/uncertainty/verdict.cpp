@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "estimator/interface/not_finite.hpp"
@@ -20,8 +19,7 @@ constexpr double reach = 2.0;
 /// of 1.6 and 2.9). 10 % for the heavy tail of a Michaelis-Menten constant even on a log scale.
 constexpr double least_outside = 0.01;
 constexpr double most_outside = 0.075;
-/// With the others moved linearly the objective is higher than at their best (by 0.15 for that tail): only this close
-/// to 1 is that accurate enough.
+/// With the others moved linearly the objective is too high (by 0.15 for that tail): accurate enough this close to 1.
 constexpr double linear_margin = 0.1;
 /// sd from the full Hessian over the Gauss-Newton one that is still called the same.
 constexpr double most_ratio = 2.0;
@@ -31,23 +29,13 @@ State moved(const Problem& problem, const BlockSet& set, const State& state, con
             const Eigen::VectorXd& d) {
     State trial = state;
     trial.u = (state.u + d).cwiseMax(problem.lower).cwiseMin(problem.upper);
-    for (Eigen::Index k = 0; k < d.size(); ++k) {
-        const auto index = static_cast<std::size_t>(k);
-        trial.theta[k] = std::clamp(problem.coordinates[index].natural(trial.u[k]), problem.parameters[index].lower,
-                                    problem.parameters[index].upper);
-    }
+    trial.theta = natural_parameters(problem, trial.u);
     const std::vector<Eigen::VectorXd> still =
         latent_steps(posterior.arrow(), posterior.reduced_problem(), Eigen::VectorXd::Zero(d.size()));
     const std::vector<Eigen::VectorXd> steps = latent_steps(posterior.arrow(), posterior.reduced_problem(), d);
     for (std::size_t b = 0; b < set.blocks.size(); ++b)
         trial.latents[set.blocks[b].residual][set.blocks[b].block] += steps[b] - still[b];
     return trial;
-}
-
-std::string two_figures(double value) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.2g", value);
-    return text;
 }
 
 /// Twice the rise of Phi from the minimum to `values` at u; nan when it cannot be computed.
@@ -64,8 +52,7 @@ Problem held(const Problem& problem, Eigen::Index parameter, double u) {
     for (NoiseModel& law : result.laws)
         for (ErrorCoordinate& coordinate : law.coordinates)
             coordinate.estimate = false;
-    // A few Gauss-Newton steps bring the others close enough: the remaining distance changes the rise to second order
-    // only.
+    // A few Gauss-Newton steps suffice: the remaining distance changes the rise to second order only.
     result.options.maximum_iterations = 10;
     result.options.step_tolerance = 0.05;
     result.options.progress = nullptr;
@@ -143,17 +130,10 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
         hessian.col(j) = difference / length;
     }
     hessian = 0.5 * (hessian + hessian.transpose()).eval();
-    Eigen::MatrixXd gauss_newton(count, count);
     const Eigen::MatrixXd curvature = posterior.reduced_problem().r.transpose() * posterior.reduced_problem().r +
                                       minimum.prior.rows.transpose() * minimum.prior.rows;
-    for (Eigen::Index i = 0; i < count; ++i)
-        for (Eigen::Index j = 0; j < count; ++j) {
-            const Eigen::Index a = free[static_cast<std::size_t>(i)];
-            const Eigen::Index b = free[static_cast<std::size_t>(j)];
-            hessian(i, j) += minimum.prior.second(a, b);
-            gauss_newton(i, j) = curvature(a, b);
-        }
-    compare_curvatures(hessian, gauss_newton, free, result);
+    hessian += minimum.prior.second(free, free);
+    compare_curvatures(hessian, curvature(free, free), free, result);
     return result;
 }
 

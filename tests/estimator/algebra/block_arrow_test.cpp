@@ -30,6 +30,24 @@ struct Difference {
     double covariance = 0.0;
 };
 
+/// All that visit_covariance() passes.
+struct SelectedCovariance {
+    std::vector<Eigen::MatrixXd> block;
+    std::vector<Eigen::MatrixXd> link;
+};
+
+SelectedCovariance selected_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
+                                       const Eigen::MatrixXd& triangle) {
+    SelectedCovariance result;
+    result.block.resize(arrow.blocks.size());
+    result.link.resize(arrow.blocks.size());
+    const auto into = [](std::vector<Eigen::MatrixXd>& places) {
+        return [&places](std::size_t b, const Eigen::Ref<const Eigen::MatrixXd>& p) { places[b] = p; };
+    };
+    visit_covariance(arrow, reduced_problem, inverse_square(triangle), into(result.block), into(result.link));
+    return result;
+}
+
 Difference difference(const StackedProblem& problem, double mu = 0.0) {
     const BlockArrow arrow = factorise(problem.blocks(), problem.parameters);
     const ReducedProblem reduced_problem = condense(arrow, mu);

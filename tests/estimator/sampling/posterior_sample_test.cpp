@@ -15,7 +15,7 @@
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
 
-#include "estimator/problem/problem_setup.hpp"
+#include "estimator/problem/problem.hpp"
 #include "estimator/sampling/posterior_density.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
