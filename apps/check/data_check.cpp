@@ -1,7 +1,6 @@
 #include "apps/check/data_check.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include "apps/estimation/estimate_residuals.hpp"
 #include "apps/estimation/estimate_setup.hpp"

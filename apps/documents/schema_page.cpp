@@ -1,7 +1,6 @@
 #include "apps/documents/schema_page.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include <fmt/format.h>

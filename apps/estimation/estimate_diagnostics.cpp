@@ -1,8 +1,5 @@
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
-
-#include <fmt/format.h>
 
 #include "apps/estimation/estimated_values.hpp"
 #include "apps/estimation/posterior_stage.hpp"

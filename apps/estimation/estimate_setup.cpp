@@ -1,7 +1,6 @@
 #include "apps/estimation/estimate_setup.hpp"
 
 #include <algorithm>
-#include <functional>
 #include <limits>
 
 #include <fmt/format.h>

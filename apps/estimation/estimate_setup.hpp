@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "apps/job/job.hpp"
-#include "estimator/estimate/estimate.hpp"
+#include "estimator/interface/estimate_options.hpp"
 #include "estimator/interface/residual.hpp"
 #include "models/system/system.hpp"
 

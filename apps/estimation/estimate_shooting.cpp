@@ -1,6 +1,5 @@
 #include "apps/estimation/estimate_shooting.hpp"
 
-#include <algorithm>
 #include <stdexcept>
 
 #include <fmt/format.h>

@@ -1,6 +1,5 @@
 #include "apps/job/evaluated_model.hpp"
 
-#include <algorithm>
 #include <system_error>
 
 #include <fmt/format.h>

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 
 #include "apps/job/job_parts.hpp"
 

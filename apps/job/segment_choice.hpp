@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/job/job.hpp"
+#include "apps/job/data_job.hpp"
 #include "orbits/records/series.hpp"
 
 namespace orbid::apps {

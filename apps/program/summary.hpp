@@ -2,7 +2,6 @@
 
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "apps/results/result_file.hpp"
 #include "estimator/estimate/estimate.hpp"

@@ -1,7 +1,6 @@
 #include "apps/results/invariants_file.hpp"
 
 #include <cmath>
-#include <vector>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>

@@ -1,6 +1,5 @@
 #include "apps/results/orbit_file.hpp"
 
-#include <array>
 #include <cmath>
 #include <limits>
 

@@ -1,7 +1,6 @@
 #include "apps/results/posterior_results.hpp"
 
 #include <array>
-#include <cmath>
 #include <iterator>
 
 #include <fmt/format.h>

@@ -1,6 +1,5 @@
 #include "apps/results/strategy_results.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>

@@ -9,7 +9,6 @@
 #include "apps/documents/atomic_file.hpp"
 #include "apps/drawing/branch_plot.hpp"
 #include "apps/results/branch_file.hpp"
-#include "apps/results/cycle_reader.hpp"
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/periodic_stage.hpp"
 #include "apps/stages/workspace.hpp"

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "apps/results/result_file.hpp"
 #include "apps/stages/input_record.hpp"
 #include "apps/stages/workspace.hpp"
 #include "orbits/records/series.hpp"

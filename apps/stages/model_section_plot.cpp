@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "apps/drawing/section_plot.hpp"
-#include "apps/results/cycle_reader.hpp"
+#include "apps/results/cycle_file.hpp"
 #include "apps/stages/periodic_stage.hpp"
 #include "periodic/search/model_section.hpp"
 

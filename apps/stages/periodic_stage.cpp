@@ -8,7 +8,6 @@
 #include <tbb/parallel_for.h>
 
 #include "apps/documents/atomic_file.hpp"
-#include "apps/results/cycle_reader.hpp"
 #include "apps/results/orbit_file.hpp"
 #include "apps/stages/model_section_plot.hpp"
 #include "apps/stages/orbits_stage.hpp"

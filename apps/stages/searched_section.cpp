@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "apps/results/cycle_reader.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/sections/sampled_section.hpp"
 

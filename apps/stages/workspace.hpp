@@ -11,12 +11,10 @@
 #include "apps/documents/fingerprint.hpp"
 #include "apps/job/job.hpp"
 #include "apps/results/output_folder.hpp"
-#include "apps/results/result_file.hpp"
 #include "apps/stages/departure.hpp"
 #include "apps/stages/interruption.hpp"
 #include "apps/stages/progress.hpp"
 #include "apps/stages/run_options.hpp"
-#include "orbits/records/series.hpp"
 
 namespace orbid::apps {
 

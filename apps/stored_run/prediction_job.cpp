@@ -1,7 +1,6 @@
 #include "apps/stored_run/prediction_job.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include <fmt/format.h>

@@ -1,6 +1,5 @@
 #include "apps/stored_run/prediction_results.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>

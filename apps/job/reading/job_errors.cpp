@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "apps/job/job_parts.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 
 #include "apps/job/job_parts.hpp"
 #include "apps/job/schema/block_fields.hpp"

@@ -1,5 +1,3 @@
-#include <cmath>
-
 #include "apps/job/job_parts.hpp"
 #include "apps/job/schema/block_fields.hpp"
 
