@@ -145,9 +145,11 @@ Chart multiplier_chart(const StoredRun& run) {
     ChartRange range;
     std::size_t count = 0;
     ChartLayer errors{"intervals", "± 2 sd", 1, "soft"};
-    ChartLayer model{"points", "of the model", 1, "ink"};
+    ChartLayer model{"points", "of the model", 6, "ink"};
     model.open = true;
-    for (const auto& [period, list] : periods) {
+    // Long periods first, as in sections.
+    for (auto entry = periods.rbegin(); entry != periods.rend(); ++entry) {
+        const auto& [period, list] = *entry;
         ChartLayer layer{"points", fmt::format("period {}", period), std::clamp(period, 1, 8), ""};
         for (std::size_t k = 0; k < list.size(); ++k) {
             const Growth& growth = list[k];

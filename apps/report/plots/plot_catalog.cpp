@@ -105,55 +105,49 @@ Chart waveform_of(const StoredRun& run) {
 
 struct Entry {
     std::string_view name;
-    std::string_view title;
     std::string_view description;
     bool (*available)(const StoredRun&);
     Chart (*chart)(const StoredRun&);
 };
 
 constexpr std::array entries{
-    Entry{"section", "Section", "The points of the section, darker where they are dense, with its periodic points.",
-          has_section, section_chart},
-    Entry{"cycles", "Periodic points", "The periodic points by period: measured ones, or those of the model.",
-          has_cycles, cycle_chart},
-    Entry{"multipliers", "Multipliers", "The largest multiplier of each periodic orbit, measured and of the model.",
+    Entry{"section", "The points of the section, darker where they are dense, with its periodic points.", has_section,
+          section_chart},
+    Entry{"cycles", "The periodic points by period: measured ones, or those of the model.", has_cycles, cycle_chart},
+    Entry{"multipliers", "The largest multiplier of each periodic orbit, measured and of the model.",
           has_views<multiplier_chart>, multiplier_chart},
-    Entry{"branch", "Branches", "Periodic orbits over a parameter, stable ones solid, with their bifurcations.",
-          has_branch, branch_chart},
-    Entry{"parameters", "Parameters", "Estimates with their 95 % intervals, as deviations from the known values.",
+    Entry{"branch", "Periodic orbits over a parameter, stable ones solid, with their bifurcations.", has_branch,
+          branch_chart},
+    Entry{"parameters", "Estimates with their 95 % intervals, as deviations from the known values.",
           has_views<parameter_chart>, parameter_chart},
-    Entry{"convergence", "Convergence",
-          "The objective above its last value, step by step; the way from stage to stage.",
+    Entry{"convergence", "The objective above its last value, step by step; the way from stage to stage.",
           has_views<convergence_chart>, convergence_chart},
-    Entry{"correlation", "Correlation", "Correlations of the estimates: near +-1 the data tell a combination only.",
+    Entry{"correlation", "Correlations of the estimates: near +-1 the data tell a combination only.",
           has_views<correlation_chart>, correlation_chart},
-    Entry{"singular_values", "Singular values", "How well each direction of the parameters is determined.",
+    Entry{"singular_values", "How well each direction of the parameters is determined.",
           has_views<singular_value_chart>, singular_value_chart},
-    Entry{"profiles", "Profiles", "Likelihood along each parameter, the others at their best; dashed: normal.",
+    Entry{"profiles", "Likelihood along each parameter, the others at their best; dashed: normal.",
           has_views<profile_chart>, profile_chart},
-    Entry{"marginals", "Marginal densities", "Posterior density of each parameter beside the normal approximation.",
-          has_marginals, of_draws<marginal_chart>},
-    Entry{"posterior", "Posterior", "Draws from the posterior, the parameters in pairs.", has_posterior,
-          of_draws<posterior_chart>},
-    Entry{"residuals", "Residuals",
-          "Residuals over their sd, record by record; 95 % should lie within the dashed lines.", has_residuals,
-          of_records<residual_chart>},
-    Entry{"normal_quantiles", "Normal quantiles", "Distribution of the residuals: normal ones follow the line.",
-          has_residuals, of_records<quantile_chart>},
-    Entry{"prediction", "Predicted against measured", "The records over time, and what the estimate makes of them.",
-          has_prediction, of_records<prediction_chart>},
-    Entry{"waveform", "Steady states", "Measured steady states and computed ones over one turn of the orbit.",
-          has_waveform, waveform_of},
-    Entry{"evidence", "Evidence", "Logarithms of the Bayes factors against the other models.",
-          has_views<evidence_chart>, evidence_chart}};
+    Entry{"marginals", "Posterior density of each parameter beside the normal approximation.", has_marginals,
+          of_draws<marginal_chart>},
+    Entry{"posterior", "Draws from the posterior, the parameters in pairs.", has_posterior, of_draws<posterior_chart>},
+    Entry{"residuals", "Residuals over their sd, record by record; 95 % should lie within the dashed lines.",
+          has_residuals, of_records<residual_chart>},
+    Entry{"normal_quantiles", "Distribution of the residuals: normal ones follow the line.", has_residuals,
+          of_records<quantile_chart>},
+    Entry{"prediction", "The records over time, and what the estimate makes of them.", has_prediction,
+          of_records<prediction_chart>},
+    Entry{"waveform", "Measured steady states and computed ones over one turn of the orbit.", has_waveform,
+          waveform_of},
+    Entry{"evidence", "Logarithms of the Bayes factors against the other models.", has_views<evidence_chart>,
+          evidence_chart}};
 
 }  // namespace
 
 std::vector<AvailablePlot> available_plots(const StoredRun& run) {
     std::vector<AvailablePlot> list;
     for (const Entry& entry : entries)
-        if (entry.available(run))
-            list.push_back({std::string(entry.name), std::string(entry.title), std::string(entry.description)});
+        if (entry.available(run)) list.push_back({std::string(entry.name), std::string(entry.description)});
     return list;
 }
 

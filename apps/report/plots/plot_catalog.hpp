@@ -12,7 +12,6 @@ namespace orbid::apps {
 /// One plot that a stored run has the data for.
 struct AvailablePlot {
     std::string name;         ///< as `orbid plot DIR NAME` takes it
-    std::string title;        ///< "Residuals"
     std::string description;  ///< one sentence: what is shown, and what to look for
 };
 
