@@ -32,7 +32,6 @@ public:
 
     /// @throws std::invalid_argument when the number of cells is not that of the columns.
     void add(std::vector<Cell> cells);
-    [[nodiscard]] bool empty() const { return rows_.empty(); }
     /// Nothing for a table without rows. Tables of three rows and more sort where scripts run.
     [[nodiscard]] std::string html() const;
 

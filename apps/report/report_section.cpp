@@ -158,7 +158,11 @@ ReportChapter section_chapter(const ReportSource& source) {
     if (cycles != nullptr)
         words += fmt::format("{}Coloured marks are points of {}, by period; the cursor tells which.",
                              words.empty() ? "" : " ", grouped_count(cycles->size(), "periodic orbit"));
-    if (chart.views.empty() && cycles != nullptr) chart = cycle_chart(source.run);
+    try {
+        if (chart.views.empty() && cycles != nullptr) chart = cycle_chart(source.run);
+    } catch (const orbits::DataError&) {
+        words.clear();  // a model that this program does not know: the tables are there all the same
+    }
     chapter.html += figure_html(chart, words);
     if (cycles == nullptr) return chapter;
     if (const Json* missing = filled(*source.run.cycles, "missing")) {
