@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -78,6 +79,13 @@ double LogDensitySpline::spline(std::size_t interval, double u) const {
 double LogDensitySpline::mass(std::size_t interval, double from, double to) const {
     if (!(to > from)) return 0.0;
     return Rule::integrate([&](double u) { return std::exp(spline(interval, u)); }, from, to);
+}
+
+double LogDensitySpline::log_density(double u) const {
+    if (!(u >= u_.front()) || !(u <= u_.back())) return -std::numeric_limits<double>::infinity();
+    const auto above = std::upper_bound(u_.begin(), u_.end(), u);
+    const auto index = static_cast<std::size_t>(above - u_.begin());
+    return spline(std::clamp<std::size_t>(index, 1, u_.size() - 1) - 1, u);
 }
 
 double LogDensitySpline::quantile(double p) const {

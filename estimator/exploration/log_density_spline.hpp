@@ -18,6 +18,7 @@ public:
     /// @throws std::invalid_argument when that does not hold.
     LogDensitySpline(std::vector<double> u, std::vector<double> log_density);
 
+    [[nodiscard]] double log_density(double u) const;  ///< normalised; -infinity beyond the ends
     /// u with that cumulative probability. @throws std::invalid_argument unless 0 <= p <= 1.
     [[nodiscard]] double quantile(double p) const;
     /// Mean of a function over the density, by Gauss's rule with ten points per interval.
