@@ -6,8 +6,8 @@
 #include <fmt/format.h>
 
 #include "apps/documents/json_reader.hpp"
-#include "apps/starting/model_listing.hpp"
-#include "apps/starting/starting_job.hpp"
+#include "apps/program/starting/model_listing.hpp"
+#include "apps/program/starting/starting_job.hpp"
 
 namespace orbid::apps {
 

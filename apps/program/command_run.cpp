@@ -8,11 +8,11 @@
 
 #include <fmt/format.h>
 
-#include "apps/check/data_check.hpp"
-#include "apps/check/flow_check.hpp"
-#include "apps/check/job_summary.hpp"
-#include "apps/check/work_estimate.hpp"
 #include "apps/job/reading/job_reader.hpp"
+#include "apps/program/check/data_check.hpp"
+#include "apps/program/check/flow_check.hpp"
+#include "apps/program/check/job_summary.hpp"
+#include "apps/program/check/work_estimate.hpp"
 #include "apps/program/colour.hpp"
 #include "apps/program/run.hpp"
 

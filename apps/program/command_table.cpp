@@ -10,9 +10,9 @@
 #include "apps/program/command_schema.hpp"
 #include "apps/program/command_stored.hpp"
 #include "apps/program/manual_page.hpp"
+#include "apps/program/starting/model_listing.hpp"
+#include "apps/program/starting/starting_job.hpp"
 #include "apps/report/plots/plot_catalog.hpp"
-#include "apps/starting/model_listing.hpp"
-#include "apps/starting/starting_job.hpp"
 
 namespace orbid::apps {
 

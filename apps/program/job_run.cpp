@@ -8,9 +8,9 @@
 #include <stdexcept>
 #include <streambuf>
 
-#include "apps/check/data_check.hpp"
 #include "apps/documents/atomic_file.hpp"
 #include "apps/job/reading/job_reader.hpp"
+#include "apps/program/check/data_check.hpp"
 #include "apps/program/command.hpp"
 #include "apps/program/run.hpp"
 

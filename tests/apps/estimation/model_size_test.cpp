@@ -7,8 +7,8 @@
 
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/writing/job_writer.hpp"
-#include "apps/starting/model_listing.hpp"
-#include "apps/starting/starting_job.hpp"
+#include "apps/program/starting/model_listing.hpp"
+#include "apps/program/starting/starting_job.hpp"
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"

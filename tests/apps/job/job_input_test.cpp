@@ -5,9 +5,9 @@
 
 #include <fmt/format.h>
 
-#include "apps/check/job_summary.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/writing/job_writer.hpp"
+#include "apps/program/check/job_summary.hpp"
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "apps/job/writing/job_writer.hpp"
-#include "apps/starting/model_listing.hpp"
-#include "apps/starting/starting_job.hpp"
+#include "apps/program/starting/model_listing.hpp"
+#include "apps/program/starting/starting_job.hpp"
 #include "models/catalogue/registry.hpp"
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/catch.hpp"

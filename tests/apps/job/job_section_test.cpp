@@ -3,9 +3,9 @@
 #include <cmath>
 #include <sstream>
 
-#include "apps/check/job_summary.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/writing/job_writer.hpp"
+#include "apps/program/check/job_summary.hpp"
 #include "orbits/records/series_file.hpp"
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/apps/program/program.hpp"

@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "apps/check/job_summary.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/writing/job_writer.hpp"
+#include "apps/program/check/job_summary.hpp"
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/catch.hpp"
 

@@ -10,7 +10,7 @@
 #include "apps/program/command_completion.hpp"
 #include "apps/program/command_table.hpp"
 #include "apps/program/manual_page.hpp"
-#include "apps/starting/model_listing.hpp"
+#include "apps/program/starting/model_listing.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 

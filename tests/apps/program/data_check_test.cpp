@@ -2,9 +2,9 @@
 
 #include <string>
 
-#include "apps/check/data_check.hpp"
-#include "apps/check/work_estimate.hpp"
 #include "apps/job/reading/job_reader.hpp"
+#include "apps/program/check/data_check.hpp"
+#include "apps/program/check/work_estimate.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 #include "tests/source_folder.hpp"

@@ -2,8 +2,8 @@
 
 #include <string>
 
-#include "apps/check/flow_check.hpp"
 #include "apps/job/reading/job_reader.hpp"
+#include "apps/program/check/flow_check.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 

@@ -1,4 +1,4 @@
-#include "apps/check/job_summary.hpp"
+#include "apps/program/check/job_summary.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "apps/check/data_check.hpp"
+#include "apps/program/check/data_check.hpp"
 
 #include <algorithm>
 

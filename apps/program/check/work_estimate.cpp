@@ -1,4 +1,4 @@
-#include "apps/check/work_estimate.hpp"
+#include "apps/program/check/work_estimate.hpp"
 
 #include <algorithm>
 #include <cmath>

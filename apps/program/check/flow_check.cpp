@@ -1,4 +1,4 @@
-#include "apps/check/flow_check.hpp"
+#include "apps/program/check/flow_check.hpp"
 
 #include <algorithm>
 #include <array>

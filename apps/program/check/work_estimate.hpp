@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "apps/check/data_check.hpp"
 #include "apps/job/job.hpp"
+#include "apps/program/check/data_check.hpp"
 
 namespace orbid::apps {
 

@@ -1,4 +1,4 @@
-#include "apps/starting/model_listing.hpp"
+#include "apps/program/starting/model_listing.hpp"
 
 #include <algorithm>
 #include <numbers>

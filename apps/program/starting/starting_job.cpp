@@ -1,4 +1,4 @@
-#include "apps/starting/starting_job.hpp"
+#include "apps/program/starting/starting_job.hpp"
 
 #include <algorithm>
 #include <optional>
@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "apps/starting/starting_orbit.hpp"
+#include "apps/program/starting/starting_orbit.hpp"
 #include "models/catalogue/registry.hpp"
 
 namespace orbid::apps {

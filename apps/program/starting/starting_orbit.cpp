@@ -1,4 +1,4 @@
-#include "apps/starting/starting_orbit.hpp"
+#include "apps/program/starting/starting_orbit.hpp"
 
 #include <algorithm>
 #include <cmath>
