@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <string_view>
 
-/// each(sin) each(cos) ...: the functions of formulas that <cmath> has too. The lists of them are made by it.
+/// each(sin) each(cos) ...: the functions of formulas that the standard library has too. Their lists are made by it.
 #define ORBID_FORMULA_FUNCTIONS(each)                                                                         \
     each(sin) each(cos) each(tan) each(asin) each(acos) each(atan) each(sinh) each(cosh) each(tanh) each(exp) \
         each(log) each(sqrt) each(abs)
