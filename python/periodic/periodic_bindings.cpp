@@ -45,8 +45,9 @@ void bind_orbit(py::module_& module) {
         .def_property_readonly(
             "jacobians",
             [](const py::object& self) {
-                return listed(orbit_of(self).jacobians,
-                              [&](const Eigen::MatrixXd& jacobian) { return view(jacobian, self).attr("T"); });
+                return listed(orbit_of(self).jacobians, [&](const Eigen::MatrixXd& jacobian) -> py::object {
+                    return view(jacobian, self).attr("T");
+                });
             },
             "Derivatives from each point to the next, shape (n, n) each.")
         .def_property_readonly(
