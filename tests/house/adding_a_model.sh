@@ -57,7 +57,9 @@ include_first() { sed -i "1i #line 1 \"$1\"" "$2"; }
 include_first "$header" "$copy/$header"
 include_first "$test" "$copy/$test"
 # The test of another model, or a batch of them.
-test_object=$(ninja -C "$build" -t targets all | sed -nE '/models_test\.dir\/catalogue/{s/: .*//p;q}')
+# All of the list is read: a reader that leaves early ends Ninja by a signal.
+test_object=$(ninja -C "$build" -t targets all |
+    awk '/models_test\.dir\/catalogue/ && !found {sub(/: .*/, ""); print; found = 1}')
 # With the flags of what is compiled for the machine, but optimising the model would gain nothing here.
 compile $objects/system/processor_level.cpp.o "$copy/$file.cpp" "$copy/model.o" -O0 &
 model=$!
