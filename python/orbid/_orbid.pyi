@@ -203,10 +203,12 @@ def run_job(text: str, source: Path, out: Path, threads: int,
 # Estimator
 
 class Residual:
+    """A source of errors e = y - yhat(theta, z) with derivatives; subclass it to bring one of your own."""
     def __init__(self) -> None: ...
     def evaluate(self, theta: Array, latents: List[Array], derivatives: bool) -> Any: ...
 
 class Estimated:
+    """One estimated or derived number with its uncertainty."""
     name: Final[str]
     unit: Final[str]
     value: Final[float]
@@ -219,6 +221,7 @@ class Estimated:
     data_share: Final[float]
 
 class EstimatedScale:
+    """Error scale of a group of records."""
     group: Final[str]
     unit: Final[str]
     factor: Final[bool]
@@ -235,6 +238,7 @@ class EstimatedScale:
     shape: Final[Dict[str, Estimated]]
 
 class Estimate:
+    """Result of estimate(); profiles, marginals and samples are asked of it."""
     status: Final[str]
     message: Final[str]
     parameters: Final[Dict[str, Estimated]]
@@ -287,6 +291,7 @@ def multi_start(parameters: Values, residuals: Callable[[], Union[Residual, Sequ
 # Series, cycles, their residuals
 
 class Segment:
+    """One uninterrupted piece of a Series."""
     label: Final[str]
     values: Final[Array]
     times: Final[Array]
@@ -297,6 +302,7 @@ Coordinates = Union[System, Sequence[Union[str, Keys]]]
 Records = Union[ArrayLike, Sequence[ArrayLike]]
 
 class Series:
+    """A measured or simulated record in segments, shape (records, coordinates) each; nan is a missing reading."""
     def __init__(self, values: Records, coordinates: Coordinates, *, times: Optional[Records] = None,
                  deviations: Optional[Records] = None, labels: Texts = None, sampling: str = ..., phase: float = 0.0,
                  origin: str = "") -> None: ...
@@ -318,6 +324,7 @@ def write_csv(file: Path, series: Series) -> None: ...
 def write_hdf5(file: Path, series: Series) -> None: ...
 
 class VirtualExperiment:
+    """A simulated record and what happened."""
     series: Final[Series]
     events: Final[Rows]
     complete: Final[bool]
@@ -331,6 +338,7 @@ def simulate(system: System, parameters: Parameters = None, *, sections: int = .
              maximum_steps: int = ...) -> VirtualExperiment: ...
 
 class Cycle:
+    """An unstable periodic orbit found in a series."""
     def __init__(self, points: ArrayLike, *, covariance: Optional[ArrayLike] = None,
                  multipliers: Optional[Sequence[complex]] = None, ln_multiplier: Optional[ArrayLike] = None,
                  ln_multiplier_covariance: Optional[ArrayLike] = None, time: float = ...,
@@ -350,6 +358,7 @@ class Cycle:
     quality: Final[List[str]]
 
 class CycleSearch:
+    """What a search for cycles found."""
     cycles: Final[List[Cycle]]
     missing: Final[List[int]]
     candidates: Final[int]
@@ -377,6 +386,7 @@ def embed(series: Series, *, coordinate: str = ..., delay: int = 0, dimension: i
 Latents = Optional[Sequence[ArrayLike]]
 
 class SeriesResidual(Residual):
+    """Samples minus their prediction from one initial state per segment (single shooting)."""
     def evaluate(self, theta: ArrayLike, latents: Latents = None, derivatives: bool = False) -> Rows: ...
     def __init__(self, system: System, series: Series, parameters: Sequence[Optional[str]], *,
                  values: Parameters = None, name: str = "series", observe: Texts = None,
@@ -387,6 +397,7 @@ class SeriesResidual(Residual):
     def state(self, block: int, theta: ArrayLike, latents: ArrayLike) -> Array: ...
 
 class ShootingResidual(Residual):
+    """A recorded series by multiple shooting: nodes along every segment, matched exactly or with an error."""
     def evaluate(self, theta: ArrayLike, latents: Latents = None, derivatives: bool = False) -> Rows: ...
     def __init__(self, system: System, series: Series, parameters: Sequence[Optional[str]], *,
                  values: Parameters = None, name: str = "series", observe: Texts = None,
@@ -398,6 +409,7 @@ class ShootingResidual(Residual):
     interval: Final[int]
 
 class CycleResidual(Residual):
+    """Measured cycles against re-solved periodic orbits of the model."""
     def evaluate(self, theta: ArrayLike, latents: Latents = None, derivatives: bool = False) -> Rows: ...
     def __init__(self, system: System, cycles: Sequence[Cycle], parameters: Sequence[Optional[str]], start: ArrayLike,
                  *, values: Parameters = None, phase: float = 0.0, section: Optional[Section] = None,
