@@ -60,6 +60,21 @@ void store_second(const State<Scalar<N, 2>, n>& x, std::size_t first, std::size_
     store_partials<N, n>(partial, first, directions, columns);
 }
 
+/// The state x at the duration of number k, and its derivatives as far as they are asked for.
+template <std::size_t N, std::size_t n, std::size_t order>
+void store_solution(const State<Scalar<N, order>, n>& x, std::size_t k, std::size_t first,
+                    [[maybe_unused]] std::size_t second, std::size_t directions, const FlowOutput& output) {
+    for (std::size_t i = 0; i < n; ++i)
+        output.states[k * n + i] = value_of(x[i]);
+    if constexpr (N > 0) {
+        if (output.sensitivities != nullptr)
+            store_partials<N, n>(x, first, directions, output.sensitivities + k * directions * n);
+    }
+    if constexpr (order == 2)
+        store_second<N, n>(x, first, directions,
+                           output.second_derivatives + (k * directions + second) * directions * n);
+}
+
 /// Calls pass<N>(first) until all free parameters are done.
 template <Model M, class Pass>
 void in_passes(std::size_t free, const Pass& pass) {
@@ -125,15 +140,7 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
     for (std::size_t k = 0; k < durations.size() && end.status == FlowStatus::ok; ++k) {
         end.status = trajectory.advance(durations[k]);
         if (end.status != FlowStatus::ok) break;
-        for (std::size_t i = 0; i < n; ++i)
-            output.states[k * n + i] = value_of(trajectory.state()[i]);
-        if constexpr (N > 0) {
-            if (output.sensitivities != nullptr)
-                store_partials<N, n>(trajectory.state(), first, directions, output.sensitivities + k * directions * n);
-        }
-        if constexpr (order == 2)
-            store_second<N, n>(trajectory.state(), first, directions,
-                               output.second_derivatives + (k * directions + second) * directions * n);
+        store_solution<N, n, order>(trajectory.state(), k, first, second, directions, output);
     }
     if constexpr (N > 0) {
         // Derivatives that were not asked for still take part in the choice of steps. On long chaotic motion they
@@ -180,13 +187,7 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
             end.stopped_after += 1.0;
         }
         if (end.status != FlowStatus::ok) break;
-        for (std::size_t i = 0; i < n; ++i)
-            output.states[k * n + i] = value_of(x[i]);
-        if (output.sensitivities != nullptr)
-            store_partials<N, n>(x, first, directions, output.sensitivities + k * directions * n);
-        if constexpr (order == 2)
-            store_second<N, n>(x, first, directions,
-                               output.second_derivatives + (k * directions + second) * directions * n);
+        store_solution<N, n, order>(x, k, first, second, directions, output);
     }
     for (std::size_t i = 0; i < n; ++i)
         output.stopped_state[i] = value_of(x[i]);
