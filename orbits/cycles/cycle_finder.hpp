@@ -69,7 +69,7 @@ void check_search(const CycleSearchOptions& options, Eigen::Index dimension);
 /// The method of fitting the map that the options name or, with Method::automatic, the data require:
 ///
 /// 1. along a sheet, where the points lie on fewer dimensions within their reading errors (ManifoldMapFits);
-/// 2. the patch map, where reading errors exceed 5e-4 of the range: local fits cannot average them out. Not for more
+/// 2. the patch map, where reading errors exceed 3e-4 of the range: local fits cannot average them out. Not for more
 ///    than 4 coordinates or 2^18 points, for which it would take too long;
 /// 3. local maps otherwise.
 ///
