@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <string_view>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -150,9 +152,10 @@ void check_enough_readings(const Job& job, const EstimateSetup& setup, const Job
     if (residuals.cycles || !counted) return;
     std::size_t readings = 0;
     std::size_t initial_values = 0;
-    std::string names;
+    std::vector<std::string_view> names;
     const auto add_name = [&](std::size_t experiment) {
-        names += (names.empty() ? "" : ", ") + job.data[experiment].name;
+        const std::string_view name = job.data[experiment].name;
+        if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
     };
     const auto add_block = [&](const estimator::BlockLayout& block) {
         // Matched nodes are no unknowns of their own: only those that end a segment are.
@@ -168,8 +171,7 @@ void check_enough_readings(const Job& job, const EstimateSetup& setup, const Job
         std::for_each(residuals.shooting[i]->layout().begin(), residuals.shooting[i]->layout().end(), add_block);
     }
     for (std::size_t b = 0; b < residuals.waveform.places.size(); ++b) {
-        const std::size_t experiment = residuals.waveform.places[b].experiment;
-        if (names.find(job.data[experiment].name) == std::string::npos) add_name(experiment);
+        add_name(residuals.waveform.places[b].experiment);
         add_block(residuals.waveform.residual->layout()[b]);
     }
     const auto free = std::count_if(setup.parameters.begin(), setup.parameters.end(),
@@ -179,7 +181,7 @@ void check_enough_readings(const Job& job, const EstimateSetup& setup, const Job
     throw orbits::DataError(
         fmt::format("{}: too short: {} readings for {} free parameters and {} initial values, phases and offsets; at "
                     "least {} are needed",
-                    names, readings, free, initial_values, unknowns + 1));
+                    fmt::join(names, ", "), readings, free, initial_values, unknowns + 1));
 }
 
 }  // namespace orbid::apps

@@ -138,6 +138,20 @@ TEST_CASE("steady states are simulated, stored and estimated from", "[apps][run]
                WithinRel(result["parameters"]["beta"]["value"].get<double>(), 1e-9));
 }
 
+TEST_CASE("steady states that are too short are refused by the names of all of them", "[apps][run][waveform]") {
+    const TemporaryFolder folder;
+    json job = spring_job();
+    job["data"][0]["name"] = "run10";
+    job["data"][1]["name"] = "run1";
+    for (json& data : job["data"])
+        data["simulate"]["samples"] = {{"step", 4.0}, {"count", 3}};
+    for (const char* name : {"alpha", "gamma"})
+        job["estimate"]["parameters"][name] = {{"start", 0.8}};
+    const Outcome run = orbid_with({"run", write_job(folder.path() / "job.json", job), "--out", folder.path() / "out"});
+    CHECK(run.code == 3);
+    CHECK_THAT(run.error, ContainsSubstring("run10, run1: too short: 6 readings for 4 free parameters"));
+}
+
 TEST_CASE("the example of a waveform job", "[apps][run][waveform]") {
     const TemporaryFolder folder;
     const Outcome run = orbid_with({"run", orbid::tests::source_folder() + "/configs/landing_gear_waveform.json",
