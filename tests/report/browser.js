@@ -1,8 +1,9 @@
 // A headless Chromium of the machine, and pages of it that note everything that goes wrong.
 import { spawn } from "node:child_process";
-import { mkdtempSync, rmSync } from "node:fs";
+import { existsSync, mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
+import { setTimeout as sleep } from "node:timers/promises";
 import { pathToFileURL } from "node:url";
 import { chromium } from "playwright-core";
 
@@ -17,6 +18,8 @@ export async function open_browser() {
   const process_ = spawn(process.env.ORBID_CHROMIUM, [
     ...quiet, "--remote-debugging-port=0", `--user-data-dir=${profile}`, "about:blank",
   ], { stdio: ["ignore", "ignore", "pipe"] });
+  // From the start: a browser that crashes during a test has ended before anybody closes it.
+  const ended = new Promise((resolve) => process_.on("exit", resolve));
   const address = await new Promise((resolve, reject) => {
     let said = "";
     process_.stderr.on("data", (data) => {
@@ -24,18 +27,24 @@ export async function open_browser() {
       const found = said.match(/DevTools listening on (ws:\S+)/);
       if (found) resolve(found[1]);
     });
-    process_.on("exit", (code) => reject(new Error(`Chromium ended with ${code}: ${said}`)));
+    ended.then((code) => reject(new Error(`Chromium ended with ${code}: ${said}`)));
   });
   const browser = await chromium.connectOverCDP(address);
   return {
     browser,
     async close() {
-      const ended = new Promise((resolve) => process_.on("exit", resolve));
       await browser.close();
       process_.kill();
       await ended;
-      // Chromium's children may still write for a moment.
-      rmSync(profile, { recursive: true, force: true, maxRetries: 50, retryDelay: 200 });
+      // Chromium's children may still write for a moment. Node's own repetitions do not see what they added.
+      for (let attempt = 1; existsSync(profile); ++attempt) {
+        try {
+          rmSync(profile, { recursive: true, force: true });
+        } catch (error) {
+          if (attempt === 50) throw error;
+          await sleep(200);
+        }
+      }
     },
   };
 }
