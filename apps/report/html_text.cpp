@@ -2,12 +2,11 @@
 
 #include <cmath>
 #include <cstddef>
-#include <stdexcept>
+#include <vector>
 
 #include <fmt/format.h>
 
 #include "apps/drawing/markup_text.hpp"
-#include "apps/results/summary_table.hpp"
 
 namespace orbid::apps {
 
@@ -16,8 +15,8 @@ namespace {
 /// Fewer rows need no sorting.
 constexpr std::size_t sortable_rows = 3;
 
-std::string attributes_of(const HtmlTable::Column& column, const HtmlTable::Cell& cell) {
-    std::string classes = column.number ? "n" : "";
+std::string attributes_of(const SummaryTable::Column& column, const SummaryTable::Cell& cell) {
+    std::string classes = column.align == SummaryTable::Align::right ? "n" : "";
     if (!cell.mark.empty()) classes += (classes.empty() ? "" : " ") + cell.mark;
     std::string out = classes.empty() ? "" : fmt::format(" class=\"{}\"", markup_text(classes));
     if (cell.value && std::isfinite(*cell.value)) out += fmt::format(" data-value=\"{}\"", *cell.value);
@@ -26,46 +25,31 @@ std::string attributes_of(const HtmlTable::Column& column, const HtmlTable::Cell
 
 }  // namespace
 
-void HtmlTable::add(std::vector<Cell> cells) {
-    if (cells.size() != columns_.size())
-        throw std::invalid_argument(
-            fmt::format("HTML table: {} cells, must be {}, one per column", cells.size(), columns_.size()));
-    rows_.push_back(std::move(cells));
-}
-
-std::string HtmlTable::html() const {
-    if (rows_.empty()) return "";
-    std::vector<bool> shown(columns_.size(), false);
-    for (const auto& row : rows_) {
-        for (std::size_t c = 0; c < row.size(); ++c)
-            shown[c] = shown[c] || !row[c].text.empty();
-    }
+std::string html_table(std::string_view caption, const SummaryTable& table) {
+    if (table.empty()) return "";
     std::string out = fmt::format(
         "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"Table: "
         "{0}\"><table{1}>\n<caption>{0}</caption>\n"
         "<thead><tr>",
-        markup_text(caption_), rows_.size() < sortable_rows ? "" : " class=\"sortable\"");
+        markup_text(caption), table.rows().size() < sortable_rows ? "" : " class=\"sortable\"");
     std::string explanations;
-    for (std::size_t c = 0; c < columns_.size(); ++c) {
-        const Column& column = columns_[c];
-        if (!shown[c]) continue;
-        out += fmt::format("<th scope=\"col\"{}>{}</th>", column.number ? " class=\"n\"" : "",
-                           markup_text(column.heading));
+    std::vector<std::size_t> shown;
+    for (std::size_t c = 0; c < table.columns().size(); ++c) {
+        if (!table.shows(c)) continue;
+        shown.push_back(c);
+        const SummaryTable::Column& column = table.columns()[c];
+        const std::string heading = markup_text(column.heading);
+        out += fmt::format("<th scope=\"col\"{}>{}</th>", attributes_of(column, ""), heading);
         if (!column.explanation.empty())
-            explanations +=
-                fmt::format("<dt>{}</dt><dd>{}</dd>", markup_text(column.heading), markup_text(column.explanation));
+            explanations += fmt::format("<dt>{}</dt><dd>{}</dd>", heading, markup_text(column.explanation));
     }
     out += "</tr></thead>\n<tbody>\n";
-    for (const auto& row : rows_) {
+    for (const SummaryTable::Row& row : table.rows()) {
         out += "<tr>";
-        bool first = true;
-        for (std::size_t c = 0; c < row.size(); ++c) {
-            if (!shown[c]) continue;
-            const std::string attributes = attributes_of(columns_[c], row[c]);
-            out += first ? fmt::format("<th scope=\"row\"{}>{}</th>", attributes, markup_text(row[c].text))
-                         : fmt::format("<td{}>{}</td>", attributes, markup_text(row[c].text));
-            first = false;
-        }
+        for (const std::size_t c : shown)
+            out += fmt::format("<{0}{1}>{2}</{3}>", c == shown.front() ? "th scope=\"row\"" : "td",
+                               attributes_of(table.columns()[c], row[c]), markup_text(row[c].text),
+                               c == shown.front() ? "th" : "td");
         out += "</tr>\n";
     }
     out += "</tbody></table></div>\n";
@@ -73,11 +57,15 @@ std::string HtmlTable::html() const {
     return out;
 }
 
-HtmlTable::Cell number_cell(double value, int digits, std::string mark) {
+SummaryTable::Cell number_cell(double value, int digits, std::string mark) {
     return {significant(value, digits), value, std::move(mark)};
 }
 
-HtmlTable::Cell estimate_cell(double value, double sd) {
+SummaryTable::Cell formatted_cell(std::string_view format, double value, std::string mark) {
+    return {std::isfinite(value) ? fmt::format(fmt::runtime(format), value) : "", value, std::move(mark)};
+}
+
+SummaryTable::Cell estimate_cell(double value, double sd) {
     return {with_digits_of(value, sd), value};
 }
 

@@ -15,97 +15,70 @@ namespace {
 using namespace detail;
 
 std::string stages_table(const Json& stages) {
-    std::vector<HtmlTable::Column> columns{{"stage", false}, {"status", false}, {"iterations"}, {"objective"}};
-    const Json* parameters = filled(stages.back(), "parameters");
-    if (parameters != nullptr) {
-        for (const auto& [name, entry] : parameters->items()) {
-            columns.push_back({name});
-            columns.push_back({"± " + name});
-        }
+    std::vector<SummaryTable::Column> columns{left_aligned("stage"), left_aligned("status"), "iterations", "objective"};
+    if (stages.empty()) return "";
+    const Json& parameters = block_at(stages.back(), "parameters");
+    for (const auto& [name, entry] : parameters.items()) {
+        columns.push_back({name});
+        columns.push_back({"± " + name});
     }
-    HtmlTable table("Stages of the estimate", columns);
+    SummaryTable table(columns);
     for (const Json& stage : stages) {
-        const double objective = number_at(stage, "objective");
-        std::vector<HtmlTable::Cell> cells{text_at(stage, "stage") + (stage.value("chosen", false) ? " (chosen)" : ""),
-                                           text_at(stage, "status"), significant(number_at(stage, "iterations"), 9),
-                                           number_cell(objective, 8)};
-        const Json* own = filled(stage, "parameters");
-        if (parameters != nullptr) {
-            for (const auto& [name, entry] : parameters->items()) {
-                const Json* found = filled(own, name);
-                const bool known = found != nullptr;
-                const double sd = known ? number_at(*found, "sd") : std::nan("");
-                const double value = known ? number_at(*found, "value") : std::nan("");
-                cells.emplace_back(known ? with_digits_of(value, sd) : "", value);
-                cells.emplace_back(significant(sd, 2), sd);
-            }
+        SummaryTable::Row cells{text_at(stage, "stage") + (stage.value("chosen", false) ? " (chosen)" : ""),
+                                text_at(stage, "status"), significant(number_at(stage, "iterations"), 9),
+                                number_cell(number_at(stage, "objective"), 8)};
+        for (const auto& [name, entry] : parameters.items()) {
+            const Json& found = block_at(block_at(stage, "parameters"), name);
+            const double sd = number_at(found, "sd");
+            cells.push_back(found.empty() ? "" : estimate_cell(number_at(found, "value"), sd));
+            cells.push_back(number_cell(sd, 2));
         }
         table.add(std::move(cells));
     }
-    return table.html();
+    return html_table("Stages of the estimate", table);
 }
 
 std::string matching_html(const Json& list) {
-    HtmlTable table("Matching: how far the model's trajectory jumps at the nodes between readings",
-                    {{"experiment", false},
-                     {"coordinate", false},
-                     {"intervals"},
-                     {"sd allowed"},
-                     {"rms"},
-                     {"unit", false},
-                     {"large defects", true, "intervals that the model does not carry"}});
+    SummaryTable table({left_aligned("experiment"), left_aligned("coordinate"), "intervals", "sd allowed", "rms",
+                        left_aligned("unit"), explained("large defects", "intervals that the model does not carry")});
     std::string remarks;
     for (const Json& matching : list) {
-        if (const Json* coordinates = filled(matching, "coordinates")) {
-            for (const auto& [name, entry] : coordinates->items()) {
-                const double large = number_at(matching, "large_defects");
-                table.add({text_at(matching, "experiment"), name, significant(number_at(matching, "intervals"), 9),
-                           number_cell(number_at(entry, "sd"), 3), number_cell(number_at(entry, "rms"), 3),
-                           text_at(entry, "unit"), number_cell(large, 9, large > 0.0 ? "caution" : "")});
-            }
-        }
-        if (const Json* warnings = filled(matching, "warnings")) {
-            for (const Json& warning : *warnings)
-                remarks += html_paragraph(warning.is_string() ? warning.get<std::string>() : "");
-        }
+        const double large = number_at(matching, "large_defects");
+        for (const auto& [name, entry] : block_at(matching, "coordinates").items())
+            table.add({text_at(matching, "experiment"), name, significant(number_at(matching, "intervals"), 9),
+                       number_cell(number_at(entry, "sd"), 3), number_cell(number_at(entry, "rms"), 3),
+                       text_at(entry, "unit"), number_cell(large, 9, large > 0.0 ? "caution" : "")});
+        for (const Json& warning : block_at(matching, "warnings"))
+            remarks += html_paragraph(warning.is_string() ? warning.get<std::string>() : "");
     }
-    return table.html() + remarks;
+    return html_table("Matching: how far the model's trajectory jumps at the nodes between readings", table) + remarks;
 }
 
 std::string score_text(const Json& entry) {
-    const Json* score = filled(entry, "held_out");
-    if (score == nullptr) return "";
-    const double value = number_at(*score, "value");
-    return std::isfinite(value) ? fmt::format("{:.1f} ± {:.1f}", value, number_at(*score, "sd"))
-                                : text_at(*score, "reason");
+    const Json& score = block_at(entry, "held_out");
+    const double value = number_at(score, "value");
+    return std::isfinite(value) ? fmt::format("{:.1f} ± {:.1f}", value, number_at(score, "sd"))
+                                : text_at(score, "reason");
 }
 
 std::string criticism_html(const Json& criticism) {
-    HtmlTable table("Models side by side",
-                    {{"model", false},
-                     {"status", false},
-                     {"ln Bayes factor", true, "of the job's model over this one: above 5 is very strong"},
-                     {"verdict", false},
-                     {"large defects"},
-                     {"held out", false, "log density of data that took no part in the fit: more is better"},
-                     {"remark", false}});
+    SummaryTable table(
+        {left_aligned("model"), left_aligned("status"),
+         explained("ln Bayes factor", "of the job's model over this one: above 5 is very strong"),
+         left_aligned("verdict"), "large defects",
+         explained(left_aligned("held out"), "log density of data that took no part in the fit: more is better"),
+         left_aligned("remark")});
     table.add({text_at(criticism, "model") + " (the job's)", "", "", "",
                significant(number_at(criticism, "large_defects"), 9), score_text(criticism), ""});
-    if (const Json* alternatives = filled(criticism, "alternatives")) {
-        for (const Json& alternative : *alternatives) {
-            const Json* factor = filled(alternative, "ln_bayes_factor");
-            const double value = factor == nullptr ? std::nan("") : number_at(*factor, "value");
-            const std::string reason = factor == nullptr ? "" : text_at(*factor, "reason");
-            table.add({text_at(alternative, "model"),
-                       text_at(alternative, "status"),
-                       {std::isfinite(value) ? fmt::format("{:.1f}", value) : "", value},
-                       text_at(alternative, "verdict"),
-                       significant(number_at(alternative, "large_defects"), 9),
-                       score_text(alternative),
-                       reason.empty() ? text_at(alternative, "message") : reason});
-        }
+    for (const Json& alternative : block_at(criticism, "alternatives")) {
+        const Json& factor = block_at(alternative, "ln_bayes_factor");
+        const std::string reason = text_at(factor, "reason");
+        table.add({text_at(alternative, "model"), text_at(alternative, "status"),
+                   formatted_cell("{:.1f}", number_at(factor, "value")), text_at(alternative, "verdict"),
+                   significant(number_at(alternative, "large_defects"), 9), score_text(alternative),
+                   reason.empty() ? text_at(alternative, "message") : reason});
     }
-    return table.html();
+    return html_table("Models side by side", table);
 }
 
 }  // namespace
@@ -114,25 +87,24 @@ ReportChapter course_chapter(const ReportSource& source) {
     ReportChapter chapter{"course", "Course of the estimate", ""};
     if (!source.run.result) return chapter;
     const Json& result = *source.run.result;
-    if (const Json* stages = filled(result, "stages"))
+    if (const Json& stages = block_at(result, "stages"); !stages.empty())
         chapter.html +=
             html_headed(3, "Stages",
                         figure_html(stage_chart(source.run),
                                     "What each stage said of a parameter, with its 95 % interval. Intervals "
                                     "of later stages should lie within those of earlier ones.") +
-                            stages_table(*stages));
+                            stages_table(stages));
     chapter.html += html_headed(
         3, "Convergence",
         figure_html(convergence_chart(source.run),
                     "The objective before each step, above the value it ended at. A steep fall at the end is the "
                     "convergence of Gauss and Newton."));
-    if (const Json* matching = filled(result, "matching"))
-        chapter.html += html_headed(3, "Matching", matching_html(*matching));
-    if (const Json* criticism = filled(result, "criticism"))
+    chapter.html += html_headed(3, "Matching", matching_html(block_at(result, "matching")));
+    if (const Json& criticism = block_at(result, "criticism"); !criticism.empty())
         chapter.html +=
             html_headed(3, "Other models",
                         figure_html(evidence_chart(source.run), "What the data say of each model against the job's.") +
-                            criticism_html(*criticism));
+                            criticism_html(criticism));
     return chapter;
 }
 

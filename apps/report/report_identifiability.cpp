@@ -26,12 +26,12 @@ std::string shade(double value) {
 }
 
 std::string correlation_table(const Json& names, const Json& matrix) {
-    std::vector<HtmlTable::Column> columns{{"estimate", false}};
+    std::vector<SummaryTable::Column> columns{left_aligned("estimate")};
     for (const Json& name : names)
         columns.push_back({name.get<std::string>()});
-    HtmlTable table("Correlations of the estimates", std::move(columns));
+    SummaryTable table(std::move(columns));
     for (std::size_t i = 0; i < names.size(); ++i) {
-        std::vector<HtmlTable::Cell> cells{names[i].get<std::string>()};
+        SummaryTable::Row cells{names[i].get<std::string>()};
         for (std::size_t j = 0; j < names.size(); ++j) {
             if (!matrix[i][j].is_number())
                 cells.emplace_back("undefined");
@@ -44,7 +44,7 @@ std::string correlation_table(const Json& names, const Json& matrix) {
         }
         table.add(std::move(cells));
     }
-    return table.html();
+    return html_table("Correlations of the estimates", table);
 }
 
 std::string strongest_table(const Json& names, const Json& matrix) {
@@ -59,24 +59,22 @@ std::string strongest_table(const Json& names, const Json& matrix) {
     }
     std::stable_sort(pairs.begin(), pairs.end(),
                      [](const Pair& a, const Pair& b) { return std::abs(a.value) > std::abs(b.value); });
-    HtmlTable table("Strongest correlations of the estimates", {{"first", false}, {"second", false}, {"correlation"}});
+    SummaryTable table({left_aligned("first"), left_aligned("second"), "correlation"});
     for (std::size_t k = 0; k < std::min(readable, pairs.size()); ++k)
         table.add({names[pairs[k].i].get<std::string>(),
                    names[pairs[k].j].get<std::string>(),
                    {fmt::format("{:+.3f}", pairs[k].value), pairs[k].value, shade(pairs[k].value)}});
-    return table.html();
+    return html_table("Strongest correlations of the estimates", table);
 }
 
 std::string correlations(const Json& result) {
-    const Json* correlation = filled(result, "correlation");
-    if (correlation == nullptr) return "";
-    const Json* names = filled(*correlation, "names");
-    const Json* matrix = filled(*correlation, "matrix");
-    if (names == nullptr || matrix == nullptr || names->size() < 2 || matrix->size() != names->size()) return "";
+    const Json& names = block_at(block_at(result, "correlation"), "names");
+    const Json& matrix = block_at(block_at(result, "correlation"), "matrix");
+    if (names.size() < 2 || matrix.size() != names.size()) return "";
     return html_paragraph(
                "Two estimates with a correlation near 1 or −1 are known as a combination far better than each for "
                "itself.") +
-           (names->size() <= readable ? correlation_table(*names, *matrix) : strongest_table(*names, *matrix));
+           (names.size() <= readable ? correlation_table(names, matrix) : strongest_table(names, matrix));
 }
 
 std::string null_directions(const Json& directions) {
@@ -85,8 +83,8 @@ std::string null_directions(const Json& directions) {
         std::string names;
         std::string sizes;
         for (const auto& [name, component] : direction.items()) {
-            names += (names.empty() ? "" : ", ") + name;
-            sizes += fmt::format("{}{:+.3g}", sizes.empty() ? "" : " : ", component.get<double>());
+            append_words(names, name, ", ");
+            append_words(sizes, fmt::format("{:+.3g}", component.get<double>()), " : ");
         }
         const std::string words =
             direction.size() == 1
@@ -106,10 +104,10 @@ ReportChapter identifiability_chapter(const ReportSource& source) {
     ReportChapter chapter{"identifiability", "What the data determine", ""};
     if (!source.run.result) return chapter;
     const Json& result = *source.run.result;
-    const Json* identifiability = filled(result, "identifiability");
-    if (identifiability == nullptr || filled(result, "parameters") == nullptr) return chapter;
-    if (const Json* directions = filled(*identifiability, "null_directions"))
-        chapter.html += html_headed(3, "Not determined", null_directions(*directions));
+    const Json& identifiability = block_at(result, "identifiability");
+    if (identifiability.empty() || block_at(result, "parameters").empty()) return chapter;
+    if (const Json& directions = block_at(identifiability, "null_directions"); !directions.empty())
+        chapter.html += html_headed(3, "Not determined", null_directions(directions));
     chapter.html += html_headed(3, "Correlations", correlations(result));
     chapter.html += html_headed(
         3, "Stiff and sloppy directions",

@@ -27,26 +27,18 @@ double in_sds(const Json& entry) {
 }
 
 std::string estimated_table(const std::string& caption, const Json& list) {
-    HtmlTable table(caption, {{"name", false},
-                              {"value"},
-                              {"± sd"},
-                              {"unit", false},
-                              {"95 % interval", false},
-                              {"method", false, "how the interval was made"},
-                              {"start"},
-                              {"reference"},
-                              {"deviation", true, "of the value from the reference"},
-                              {"in sds", true, "the same in standard deviations: mostly within 2"},
-                              {"data share", true, "of the information; the rest is the prior's"},
-                              {"bound", false}});
+    SummaryTable table({left_aligned("name"), "value", "± sd", left_aligned("unit"), left_aligned("95 % interval"),
+                        explained(left_aligned("method"), "how the interval was made"), "start", "reference",
+                        explained("deviation", "of the value from the reference"),
+                        explained("in sds", "the same in standard deviations: mostly within 2"),
+                        explained("data share", "of the information; the rest is the prior's"), left_aligned("bound")});
     for (const auto& [name, entry] : list.items()) {
-        const double value = number_at(entry, "value");
         const double sd = number_at(entry, "sd");
         const double deviates = in_sds(entry);
         const double share = number_at(entry, "data_share");
         const std::string bound = text_at(entry, "at_bound");
         table.add({name,
-                   estimate_cell(value, sd),
+                   estimate_cell(number_at(entry, "value"), sd),
                    {std::isfinite(sd) ? significant(sd, 2) : "undefined", sd},
                    text_at(entry, "unit"),
                    parameter_interval_text(entry, sd),
@@ -54,28 +46,20 @@ std::string estimated_table(const std::string& caption, const Json& list) {
                    number_cell(number_at(entry, "start"), 4),
                    number_cell(number_at(entry, "reference"), 8),
                    {percent(number_at(entry, "relative_deviation")), number_at(entry, "relative_deviation")},
-                   {std::isfinite(deviates) ? fmt::format("{:+.2f}", deviates) : "", deviates,
-                    std::abs(deviates) > 3.0 ? "caution" : ""},
+                   formatted_cell("{:+.2f}", deviates, std::abs(deviates) > 3.0 ? "caution" : ""),
                    // A full share is the usual case and says nothing.
                    {share < 0.9995 ? fmt::format("{:.3g} %", 100.0 * share) : "", share},
                    {bound.empty() ? "" : "at " + bound, 0.0, "caution"}});
     }
-    return table.html();
+    return html_table(caption, table);
 }
 
 std::string errors_table(const Json& errors) {
-    HtmlTable table(
-        "Errors, as estimated with the parameters",
-        {{"group", false},
-         {"records"},
-         {"rms"},
-         {"unit", false},
-         {"errors", false},
-         {"sd"},
-         {"factor", true, "on the standard deviations that the analysis or the data gave; 1 when they hold"},
-         {"±"},
-         {"lag-1", true, "correlation of neighbouring residuals: near 0 when errors are independent"},
-         {"worth about", true, "independent records"}});
+    SummaryTable table(
+        {left_aligned("group"), "records", "rms", left_aligned("unit"), left_aligned("errors"), "sd",
+         explained("factor", "on the standard deviations that the analysis or the data gave; 1 when they hold"), "±",
+         explained("lag-1", "correlation of neighbouring residuals: near 0 when errors are independent"),
+         explained("worth about", "independent records")});
     for (const auto& [group, entry] : errors.items()) {
         const double factor = number_at(entry, "factor");
         const bool is_factor = std::isfinite(factor);
@@ -85,27 +69,22 @@ std::string errors_table(const Json& errors) {
         const double worth = number_at(entry, "effective_count");
         table.add(
             {group,
-             {fmt::format("{:.0f}", count), count},
+             formatted_cell("{:.0f}", count),
              number_cell(number_at(entry, "rms"), 4),
              text_at(entry, "unit"),
              text_at(entry, "distribution"),
-             is_factor ? HtmlTable::Cell("") : number_cell(number_at(entry, "sd"), 4),
+             is_factor ? "" : number_cell(number_at(entry, "sd"), 4),
              number_cell(factor, 4),
-             estimated ? number_cell(number_at(entry, "uncertainty"), 2) : HtmlTable::Cell("fixed"),
-             {std::isfinite(lag) ? fmt::format("{:.3f}", lag) : "", lag},
+             estimated ? number_cell(number_at(entry, "uncertainty"), 2) : "fixed",
+             formatted_cell("{:.3f}", lag),
              {std::isfinite(lag) ? fmt::format("{:.0f}", worth) : "", worth, worth < 0.5 * count ? "caution" : ""}});
     }
-    return table.html();
+    return html_table("Errors, as estimated with the parameters", table);
 }
 
 std::string states_table(const std::string& caption, const Json& states, const char* member) {
-    HtmlTable table(caption, {{"experiment", false},
-                              {"segment", false},
-                              {"coordinate", false},
-                              {"value"},
-                              {"± sd"},
-                              {"unit", false},
-                              {"treatment", false}});
+    SummaryTable table({left_aligned("experiment"), left_aligned("segment"), left_aligned("coordinate"), "value",
+                        "± sd", left_aligned("unit"), left_aligned("treatment")});
     for (const Json& state : states) {
         const auto add = [&](const std::string& name, const Json& value) {
             const double sd = number_at(value, "sd");
@@ -113,36 +92,31 @@ std::string states_table(const std::string& caption, const Json& states, const c
                        estimate_cell(number_at(value, "value"), sd), number_cell(sd, 2), text_at(value, "unit"),
                        value.value("estimated", true) ? "" : "held"});
         };
-        if (const Json* phase = filled(state, "phase")) add("phase", *phase);
-        if (const Json* values = filled(state, member)) {
-            for (const auto& [name, value] : values->items())
-                add(name, value);
-        }
+        if (const Json& phase = block_at(state, "phase"); !phase.empty()) add("phase", phase);
+        for (const auto& [name, value] : block_at(state, member).items())
+            add(name, value);
     }
-    return table.html();
+    return html_table(caption, table);
 }
 
 std::string covariances_table(const Json& covariances) {
-    HtmlTable table("Covariances of errors", {{"groups", false}, {"covariance"}, {"±"}, {"correlation"}});
+    SummaryTable table({left_aligned("groups"), "covariance", "±", "correlation"});
     for (const Json& covariance : covariances) {
         const Json& groups = covariance.at("groups");
         const Json& v = covariance.at("matrix");
         for (std::size_t j = 0; j < groups.size(); ++j) {
             for (std::size_t i = j; i < groups.size(); ++i) {
-                const double value = v[i][j].is_number() ? v[i][j].get<double>() : std::nan("");
+                const double value = number_of(v[i][j]);
                 const auto row = groups[i].get<std::string>();
                 const std::string name = i == j ? row : groups[j].get<std::string>() + ", " + row;
-                const Json& uncertainty = covariance.at("uncertainty")[i][j];
                 const double correlation =
                     i == j ? std::nan("") : value / std::sqrt(v[i][i].get<double>() * v[j][j].get<double>());
-                table.add({name,
-                           number_cell(value, 5),
-                           number_cell(uncertainty.is_number() ? uncertainty.get<double>() : std::nan(""), 2),
-                           {std::isfinite(correlation) ? fmt::format("{:+.3f}", correlation) : "", correlation}});
+                table.add({name, number_cell(value, 5), number_cell(number_of(covariance.at("uncertainty")[i][j]), 2),
+                           formatted_cell("{:+.3f}", correlation)});
             }
         }
     }
-    return table.html();
+    return html_table("Covariances of errors", table);
 }
 
 }  // namespace
@@ -151,18 +125,18 @@ ReportChapter parameter_chapter(const ReportSource& source) {
     ReportChapter chapter{"parameters", "Parameters", ""};
     if (!source.run.result) return chapter;
     const Json& result = *source.run.result;
-    if (const Json* list = filled(result, "parameters")) chapter.html += estimated_table("Parameters", *list);
-    if (const Json* list = filled(result, "derived")) chapter.html += estimated_table("Derived quantities", *list);
+    chapter.html += estimated_table("Parameters", block_at(result, "parameters"));
+    chapter.html += estimated_table("Derived quantities", block_at(result, "derived"));
     chapter.html += figure_html(parameter_chart(source.run),
                                 "Estimates with their 95 % intervals, seen from the reference values. Intervals should "
                                 "reach the line at 0 in 19 of 20 cases.");
-    if (const Json* list = filled(result, "errors")) chapter.html += html_headed(3, "Errors", errors_table(*list));
-    if (const Json* list = filled(result, "covariances")) chapter.html += covariances_table(*list);
-    if (const Json* list = filled(result, "initial_states"))
-        chapter.html += html_headed(3, "Initial states", states_table("Initial states of segments", *list, "state"));
-    if (const Json* list = filled(result, "steady_states"))
-        chapter.html += html_headed(3, "Steady states",
-                                    states_table("Phase and offsets of measured steady states", *list, "offset"));
+    chapter.html += html_headed(3, "Errors", errors_table(block_at(result, "errors")));
+    chapter.html += covariances_table(block_at(result, "covariances"));
+    chapter.html += html_headed(
+        3, "Initial states", states_table("Initial states of segments", block_at(result, "initial_states"), "state"));
+    chapter.html += html_headed(
+        3, "Steady states",
+        states_table("Phase and offsets of measured steady states", block_at(result, "steady_states"), "offset"));
     return chapter;
 }
 

@@ -19,7 +19,8 @@ std::string plain(const Json& value) {
 }
 
 std::string data_table(const StoredRun& run) {
-    HtmlTable table("Data", {{"experiment", false}, {"kind", false}, {"from", false}, {"SHA-256 of the file", false}});
+    SummaryTable table(
+        {left_aligned("experiment"), left_aligned("kind"), left_aligned("from"), left_aligned("SHA-256 of the file")});
     for (const Json* experiment : run.experiments()) {
         const bool simulated = experiment->contains("simulate");
         std::string kind = text_at(*experiment, "kind");
@@ -29,72 +30,55 @@ std::string data_table(const StoredRun& run) {
         }
         table.add({text_at(*experiment, "name"), kind, simulated ? "the model" : text_at(*experiment, "file"),
                    text_at(*experiment, "sha256")});
-        if (const Json* inputs = filled(*experiment, "inputs"))
-            table.add({text_at(*experiment, "name"), "inputs", text_at(*inputs, "file"), text_at(*inputs, "sha256")});
+        if (const Json& inputs = block_at(*experiment, "inputs"); !inputs.empty())
+            table.add({text_at(*experiment, "name"), "inputs", text_at(inputs, "file"), text_at(inputs, "sha256")});
     }
-    return table.html();
+    return html_table("Data", table);
 }
 
 std::string origin_table(const StoredRun& run) {
-    HtmlTable table("Made by", {{"part", false}, {"version or value", false}});
-    if (const Json* versions = filled(run.job, "versions")) {
-        for (const auto& [name, version] : versions->items())
-            table.add({name, plain(version)});
-    }
+    SummaryTable table({left_aligned("part"), left_aligned("version or value")});
+    for (const auto& [name, version] : block_at(run.job, "versions").items())
+        table.add({name, plain(version)});
     if (run.job.contains("seed")) table.add({"seed", plain(run.job["seed"])});
     const auto add = [&table](const char* name, const std::optional<Json>& file) {
-        if (!file) return;
-        if (const Json* fingerprint = filled(*file, "fingerprint"))
-            table.add({fmt::format("fingerprint of {}", name), text_at(*fingerprint, "sha256")});
+        if (const Json& fingerprint = block_at(file, "fingerprint"); !fingerprint.empty())
+            table.add({fmt::format("fingerprint of {}", name), text_at(fingerprint, "sha256")});
     };
     add("cycles.json", run.cycles);
     add("orbits.json", run.orbits);
     add("branch.json", run.branch);
     add("result.json", run.result);
-    return table.html();
+    return html_table("Made by", table);
 }
 
 std::string times_table(const Json& timing) {
-    HtmlTable table(fmt::format("Times, with {} threads", significant(number_at(timing, "threads"), 6)),
-                    {{"stage", false}, {"seconds"}, {"remark", false}});
-    if (const Json* stages = filled(timing, "stages")) {
-        for (const Json& stage : *stages) {
-            const double seconds = number_at(stage, "seconds");
-            table.add({text_at(stage, "stage"), number_cell(seconds, 3),
-                       stage.value("reused", false) ? "taken from an earlier run" : ""});
-        }
-    }
-    const double all = number_at(timing, "seconds");
-    table.add({"all", number_cell(all, 3), ""});
-    return table.html();
+    SummaryTable table({left_aligned("stage"), "seconds", left_aligned("remark")});
+    for (const Json& stage : block_at(timing, "stages"))
+        table.add({text_at(stage, "stage"), number_cell(number_at(stage, "seconds"), 3),
+                   stage.value("reused", false) ? "taken from an earlier run" : ""});
+    table.add({"all", number_cell(number_at(timing, "seconds"), 3), ""});
+    return html_table(fmt::format("Times, with {} threads", significant(number_at(timing, "threads"), 6)), table);
 }
 
 std::string captured_table(const Json& result) {
-    const Json* data = filled(result, "data");
-    const Json* captured = data == nullptr ? nullptr : filled(*data, "captured");
-    if (captured == nullptr) return "";
-    HtmlTable table("Simulated trajectories that left the chaos",
-                    {{"experiment", false}, {"trajectory"}, {"after point"}, {"what", false}});
-    for (const Json& entry : *captured)
+    SummaryTable table({left_aligned("experiment"), "trajectory", "after point", left_aligned("what")});
+    for (const Json& entry : block_at(block_at(result, "data"), "captured"))
         table.add({text_at(entry, "experiment"), significant(number_at(entry, "trajectory"), 9),
                    significant(number_at(entry, "section"), 12), text_at(entry, "what")});
-    return table.html();
+    return html_table("Simulated trajectories that left the chaos", table);
 }
 
 std::string model_table(const Json& job) {
-    const Json* model = filled(job, "model");
-    if (model == nullptr) return "";
-    const std::string variant = text_at(*model, "variant");
-    HtmlTable table(fmt::format("Model {}{}{}: values of the job", text_at(*model, "name"),
-                                variant.empty() ? "" : ", variant ", variant),
-                    {{"parameter", false}, {"value"}, {"in this run", false}});
-    const Json* estimate = filled(job, "estimate");
-    const Json* free = estimate == nullptr ? nullptr : filled(*estimate, "parameters");
-    if (const Json* values = filled(*model, "parameters")) {
-        for (const auto& [name, value] : values->items())
-            table.add({name, plain(value), free != nullptr && free->contains(name) ? "estimated" : ""});
-    }
-    return table.html();
+    const Json& model = block_at(job, "model");
+    const Json& free = block_at(block_at(job, "estimate"), "parameters");
+    const std::string variant = text_at(model, "variant");
+    SummaryTable table({left_aligned("parameter"), "value", left_aligned("in this run")});
+    for (const auto& [name, value] : block_at(model, "parameters").items())
+        table.add({name, plain(value), free.contains(name) ? "estimated" : ""});
+    return html_table(fmt::format("Model {}{}{}: values of the job", text_at(model, "name"),
+                                  variant.empty() ? "" : ", variant ", variant),
+                      table);
 }
 
 }  // namespace

@@ -17,38 +17,28 @@ namespace {
 
 using namespace detail;
 
-double modulus(const Json& pair) {
-    if (!pair.is_array() || pair.size() != 2 || !pair[0].is_number() || !pair[1].is_number()) return std::nan("");
-    return std::hypot(pair[0].get<double>(), pair[1].get<double>());
-}
-
 /// "-175.8", or "0.2 ± 1.1 i" for one of a pair.
 std::string multiplier_text(const Json& pair) {
-    if (!std::isfinite(modulus(pair))) return "undefined";
-    const double re = pair[0].get<double>();
-    const double im = pair[1].get<double>();
+    const double re = pair.is_array() && pair.size() == 2 ? number_of(pair[0]) : std::nan("");
+    const double im = std::isnan(re) ? re : number_of(pair[1]);
+    if (!std::isfinite(std::hypot(re, im))) return "undefined";
     if (im == 0.0) return fmt::format("{:.4g}", re);
     return fmt::format("{:.4g} {} {:.4g} i", re, im < 0.0 ? "−" : "+", std::abs(im));
 }
 
 std::string multipliers_text(const Json& cycle) {
-    const Json* list = filled(cycle, "multipliers");
     std::string out;
-    if (list == nullptr) return out;
-    for (const Json& pair : *list)
-        out += (out.empty() ? "" : ", ") + multiplier_text(pair);
+    for (const Json& pair : block_at(cycle, "multipliers"))
+        append_words(out, multiplier_text(pair), ", ");
     return out;
 }
 
 /// Largest sd of a coordinate of a point.
 double worst_sd(const Json& cycle) {
-    const Json* rows = filled(cycle, "covariance");
+    const Json& rows = block_at(cycle, "covariance");
     double worst = std::nan("");
-    if (rows == nullptr) return worst;
-    for (std::size_t i = 0; i < rows->size(); ++i) {
-        const Json& variance = (*rows)[i][i];
-        if (variance.is_number()) worst = std::fmax(worst, std::sqrt(variance.get<double>()));
-    }
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        worst = std::fmax(worst, std::sqrt(number_of(rows[i][i])));
     return worst;
 }
 
@@ -77,53 +67,37 @@ std::map<std::size_t, double> fit_of_cycles(const std::vector<ResidualRow>& rows
 }
 
 std::string rotation_text(const Json& cycle) {
-    const Json* list = filled(cycle, "rotation");
     std::string out;
-    if (list == nullptr) return out;
-    for (const Json& turns : *list)
-        out += (out.empty() ? "" : ", ") + turns.dump();
+    for (const Json& turns : block_at(cycle, "rotation"))
+        append_words(out, turns.dump(), ", ");
     return out;
 }
 
 std::string cycles_table(const Json& cycles, const std::vector<ResidualRow>& rows) {
     const auto fits = fit_of_cycles(rows);
-    HtmlTable table("Unstable periodic orbits found in the data",
-                    {{"cycle"},
-                     {"period"},
-                     {"code", false},
-                     {"rotation", false},
-                     {"largest |multiplier|", true, "growth of a small distance over one turn"},
-                     {"multipliers", false},
-                     {"sd of ln |multiplier|"},
-                     {"worst sd of a point"},
-                     {"time [s]"},
-                     {"recurrences", true, "near returns of the record that show the cycle"},
-                     {"mirror", true, "number of the cycle that symmetry makes of this one"},
-                     {"fit", true, "rms of its residuals in standard deviations: near 1; empty when it took no part"},
-                     {"remarks", false}});
+    SummaryTable table(
+        {"cycle", "period", left_aligned("code"), left_aligned("rotation"),
+         explained("largest |multiplier|", "growth of a small distance over one turn"), left_aligned("multipliers"),
+         "sd of ln |multiplier|", "worst sd of a point", "time [s]",
+         explained("recurrences", "near returns of the record that show the cycle"),
+         explained("mirror", "number of the cycle that symmetry makes of this one"),
+         explained("fit", "rms of its residuals in standard deviations: near 1; empty when it took no part"),
+         left_aligned("remarks")});
     std::size_t number = 0;
     for (const Json& cycle : cycles) {
-        const double largest = largest_multiplier(cycle);
-        const double worst = worst_sd(cycle);
-        const double sd = largest_multiplier_sd(cycle);
         const auto fit = fits.find(number);
-        const double time = number_at(cycle, "time");
-        const double recurrences = number_at(cycle, "recurrences");
-        const double mirror = number_at(cycle, "mirror");
         std::string remarks;
-        if (const Json* quality = filled(cycle, "quality")) {
-            for (const Json& remark : *quality)
-                remarks += (remarks.empty() ? "" : ", ") + (remark.is_string() ? remark.get<std::string>() : "");
-        }
-        table.add(
-            {std::to_string(number), std::to_string(cycle.at("period").get<int>()), text_at(cycle, "code"),
-             rotation_text(cycle), number_cell(largest, 4), multipliers_text(cycle), number_cell(sd, 2),
-             number_cell(worst, 2), number_cell(time, 6), number_cell(recurrences, 6), number_cell(mirror, 9),
-             fit == fits.end() ? HtmlTable::Cell("") : number_cell(fit->second, 3, fit->second > 3.0 ? "caution" : ""),
-             remarks});
+        for (const Json& remark : block_at(cycle, "quality"))
+            append_words(remarks, remark.is_string() ? remark.get<std::string>() : "", ", ");
+        table.add({std::to_string(number), std::to_string(cycle.at("period").get<int>()), text_at(cycle, "code"),
+                   rotation_text(cycle), number_cell(largest_multiplier(cycle), 4), multipliers_text(cycle),
+                   number_cell(largest_multiplier_sd(cycle), 2), number_cell(worst_sd(cycle), 2),
+                   number_cell(number_at(cycle, "time"), 6), number_cell(number_at(cycle, "recurrences"), 6),
+                   number_cell(number_at(cycle, "mirror"), 9),
+                   fit == fits.end() ? "" : number_cell(fit->second, 3, fit->second > 3.0 ? "caution" : ""), remarks});
         ++number;
     }
-    return table.html();
+    return html_table("Unstable periodic orbits found in the data", table);
 }
 
 /// Points of the section that a chart shows.
@@ -139,7 +113,7 @@ std::size_t density_points(const Chart& chart) {
 
 ReportChapter section_chapter(const ReportSource& source) {
     ReportChapter chapter{"section", "Section and periodic orbits", ""};
-    const Json* cycles = source.run.cycles ? filled(*source.run.cycles, "cycles") : nullptr;
+    const Json& cycles = block_at(source.run.cycles, "cycles");
     Chart chart{"section"};
     std::string words;
     try {
@@ -155,30 +129,26 @@ ReportChapter section_chapter(const ReportSource& source) {
         // The report is about what was found; a record that has gone since is said, not fatal.
         chapter.html += html_paragraph(fmt::format("The record itself cannot be shown: {}", error.what()));
     }
-    if (cycles != nullptr)
+    if (!cycles.empty())
         words += fmt::format("{}Coloured marks are points of {}, by period; the cursor tells which.",
-                             words.empty() ? "" : " ", grouped_count(cycles->size(), "periodic orbit"));
+                             words.empty() ? "" : " ", grouped_count(cycles.size(), "periodic orbit"));
     try {
-        if (chart.views.empty() && cycles != nullptr) chart = cycle_chart(source.run);
+        if (chart.views.empty() && !cycles.empty()) chart = cycle_chart(source.run);
     } catch (const orbits::DataError&) {
         words.clear();  // a model that this program does not know: the tables are there all the same
     }
     chapter.html += figure_html(chart, words);
-    if (cycles == nullptr) return chapter;
-    if (const Json* missing = filled(*source.run.cycles, "missing")) {
-        std::string list;
-        for (const Json& period : *missing)
-            list += (list.empty() ? "" : ", ") + period.dump();
-        chapter.html += html_paragraph(fmt::format("No cycle was found of period {}.", list));
-    }
+    if (cycles.empty()) return chapter;
+    std::string missing;
+    for (const Json& period : block_at(source.run.cycles, "missing"))
+        append_words(missing, period.dump(), ", ");
+    if (!missing.empty()) chapter.html += html_paragraph(fmt::format("No cycle was found of period {}.", missing));
     chapter.html += figure_html(multiplier_chart(source.run),
                                 "How fast neighbours leave each cycle: the largest multiplier in absolute value, by "
                                 "period.");
-    chapter.html += cycles_table(*cycles, source.residuals);
-    if (const Json* remarks = filled(*source.run.cycles, "remarks")) {
-        for (const Json& remark : *remarks)
-            chapter.html += html_paragraph(remark.get<std::string>());
-    }
+    chapter.html += cycles_table(cycles, source.residuals);
+    for (const Json& remark : block_at(source.run.cycles, "remarks"))
+        chapter.html += html_paragraph(remark.get<std::string>());
     return chapter;
 }
 

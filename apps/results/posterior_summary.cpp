@@ -14,10 +14,6 @@ std::string interval(double lower, double upper, double sd) {
     return fmt::format("[{}, {}]", end(lower), end(upper));
 }
 
-std::string section(std::string_view heading, const std::string& body) {
-    return body.empty() ? "" : fmt::format("\n{}\n{}", heading, body);
-}
-
 std::string sample_table(const estimator::PosteriorSample& sample) {
     SummaryTable table({left_aligned("name"), left_aligned("unit"), "mean", "sd", left_aligned("95 % interval"),
                         "R-hat", "bulk", "tail"});
@@ -68,7 +64,7 @@ std::string optima_table(const PosteriorResults& results) {
         columns.push_back({name});
     SummaryTable table(columns);
     for (const estimator::Optimum& optimum : results.optima) {
-        std::vector<std::string> cells{fmt::format("{:.6g}", optimum.objective), std::to_string(optimum.starts.size())};
+        SummaryTable::Row cells{fmt::format("{:.6g}", optimum.objective), std::to_string(optimum.starts.size())};
         for (Eigen::Index i = 0; i < optimum.theta.size(); ++i)
             cells.push_back(significant(optimum.theta[i], 5));
         table.add(std::move(cells));
@@ -96,15 +92,15 @@ std::string diagnostic_table(const std::vector<GroupDiagnostic>& groups) {
 }  // namespace
 
 std::string posterior_summary(const PosteriorResults& results) {
-    std::string out = section("Residuals", diagnostic_table(results.diagnostics));
-    out += section("Optima", optima_table(results));
-    out += section("Profile likelihood", profile_table(results.profiles));
-    out += section("Marginal densities (nested Laplace)", marginal_table(results.marginals));
-    if (results.sample) out += section("Posterior sample", sample_table(*results.sample));
+    std::string out = titled("Residuals", diagnostic_table(results.diagnostics));
+    out += titled("Optima", optima_table(results));
+    out += titled("Profile likelihood", profile_table(results.profiles));
+    out += titled("Marginal densities (nested Laplace)", marginal_table(results.marginals));
+    if (results.sample) out += titled("Posterior sample", sample_table(*results.sample));
     std::string refused;
     for (const auto& [block, reason] : results.refused)
         refused += fmt::format("  {}: {}\n", block, reason);
-    return out + section("Not done", refused);
+    return out + titled("Not done", refused);
 }
 
 }  // namespace orbid::apps

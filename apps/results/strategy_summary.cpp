@@ -43,14 +43,14 @@ std::string matching_summary(const StrategyResults& results) {
                         left_aligned("coordinate"), "sd", "rms", "typical", left_aligned("unit")});
     std::string warnings;
     for (const MatchingResult& matching : results.matching) {
-        std::vector<std::string> head{matching.experiment, std::to_string(matching.interval),
-                                      std::to_string(matching.intervals), std::to_string(matching.large)};
+        SummaryTable::Row head{matching.experiment, std::to_string(matching.interval),
+                               std::to_string(matching.intervals), std::to_string(matching.large)};
         for (const auto& coordinate : matching.coordinates) {
-            std::vector<std::string> cells = head;
+            SummaryTable::Row cells = head;
             cells.insert(cells.end(), {coordinate.name, significant(coordinate.sd, 2), significant(coordinate.rms, 2),
                                        significant(coordinate.typical, 2), coordinate.unit});
             table.add(std::move(cells));
-            std::fill(head.begin(), head.end(), "");
+            head.assign(head.size(), "");
         }
         for (const std::string& warning : matching.warnings)
             warnings += fmt::format("  {}: {}\n", matching.experiment, warning);

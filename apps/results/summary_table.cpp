@@ -42,20 +42,24 @@ std::string with_digits_of(double value, double sd) {
     return fmt::format("{:.{}e}", value, digits);
 }
 
-void SummaryTable::add(std::vector<std::string> cells) {
+void SummaryTable::add(Row cells) {
     if (cells.size() != columns_.size())
         throw std::invalid_argument(
-            fmt::format("summary table: {} cells, must be {}, one per column", cells.size(), columns_.size()));
+            fmt::format("table: {} cells, must be {}, one per column", cells.size(), columns_.size()));
     rows_.push_back(std::move(cells));
+}
+
+bool SummaryTable::shows(std::size_t column) const {
+    return std::any_of(rows_.begin(), rows_.end(), [column](const Row& row) { return !row[column].text.empty(); });
 }
 
 std::string SummaryTable::text() const {
     if (rows_.empty()) return "";
     std::vector<std::size_t> widths(columns_.size(), 0);
     for (std::size_t c = 0; c < columns_.size(); ++c) {
-        for (const auto& row : rows_)
-            widths[c] = std::max(widths[c], shown_width(row[c]));
-        if (widths[c] > 0) widths[c] = std::max(widths[c], shown_width(columns_[c].heading));
+        if (shows(c)) widths[c] = shown_width(columns_[c].heading);
+        for (const Row& row : rows_)
+            widths[c] = std::max(widths[c], shown_width(row[c].text));
     }
     std::string out;
     const auto line = [&](const auto& cell_of) {
@@ -70,8 +74,8 @@ std::string SummaryTable::text() const {
         out += text + '\n';
     };
     line([&](std::size_t c) -> const std::string& { return columns_[c].heading; });
-    for (const auto& row : rows_)
-        line([&](std::size_t c) -> const std::string& { return row[c]; });
+    for (const Row& row : rows_)
+        line([&](std::size_t c) -> const std::string& { return row[c].text; });
     return out;
 }
 

@@ -208,7 +208,7 @@ std::string flow_table(const Job& job, const FlowCheck& check) {
     }
     SummaryTable table(columns);
     for (Eigen::Index j = 0; check.starts > 0 && j < check.differences.cols(); ++j) {
-        std::vector<std::string> cells{
+        SummaryTable::Row cells{
             j == 0 ? "value"
                    : "by " + std::string(static_cast<std::size_t>(j) <= coordinates.size() ? "the start's " : "") +
                          check.directions[static_cast<std::size_t>(j - 1)]};
@@ -218,7 +218,7 @@ std::string flow_table(const Job& job, const FlowCheck& check) {
             cells.push_back(fmt::format("{:.1e}", check.differences(i, j)));
         if (!wide) {
             cells.push_back(fmt::format("{:.1e}", check.differences(worst, j)));
-            cells.emplace_back(coordinates[static_cast<std::size_t>(worst)].name);
+            cells.emplace_back(std::string(coordinates[static_cast<std::size_t>(worst)].name));
         }
         table.add(std::move(cells));
     }

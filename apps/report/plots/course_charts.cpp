@@ -78,10 +78,8 @@ ChartView distances_view(const Json& parameters, const Json& stages) {
             line.add(static_cast<double>(line.x.size()), distance > 0.0 ? distance : std::nan(""));
         };
         add(number_at(entry, "start"));
-        for (const Json& stage : stages) {
-            const Json* own = filled(filled(stage, "parameters"), name);
-            add(own != nullptr ? number_at(*own, "value") : std::nan(""));
-        }
+        for (const Json& stage : stages)
+            add(number_at(block_at(block_at(stage, "parameters"), name), "value"));
         range.include(line.y);
         ChartLayer points = line;
         points.kind = "points";
@@ -106,12 +104,12 @@ ChartView stages_view(const Json& stages, const std::string& name, const Json& f
     for (const Json& stage : stages) {
         const auto height = static_cast<double>(names.size());
         names.push_back(text_at(stage, "stage"));
-        const Json* entry = filled(filled(stage, "parameters"), name);
-        if (entry == nullptr) continue;
-        values.add(number_at(*entry, "value"), height);
+        const Json& entry = block_at(block_at(stage, "parameters"), name);
+        if (entry.empty()) continue;
+        values.add(number_at(entry, "value"), height);
         values.labels.push_back(text_at(stage, "stage"));
-        intervals.lower.push_back(interval_end(*entry, 0));
-        intervals.upper.push_back(interval_end(*entry, 1));
+        intervals.lower.push_back(interval_end(entry, 0));
+        intervals.upper.push_back(interval_end(entry, 1));
         intervals.y.push_back(height);
     }
     if (values.x.size() < 2) return view;
@@ -131,30 +129,26 @@ ChartView stages_view(const Json& stages, const std::string& name, const Json& f
 
 Chart convergence_chart(const StoredRun& run) {
     Chart chart{"convergence", "Objective after each step", "Block", {}, Chart::Arrangement::stacked};
-    const Json* history = run.result ? filled(*run.result, "history") : nullptr;
-    if (history == nullptr) return chart;
+    const Json& history = block_at(run.result, "history");
     for (const char* block : {"theta", "scales"})
-        chart.add(steps_view(*history, block));
+        chart.add(steps_view(history, block));
     if (chart.views.empty()) return chart;
-    const Json* stages = filled(*run.result, "stages");
-    const Json* parameters = filled(*run.result, "parameters");
-    if (stages != nullptr && parameters != nullptr) chart.add(distances_view(*parameters, *stages));
-    const auto refused = std::count_if(history->begin(), history->end(),
-                                       [](const Json& step) { return !step.value("accepted", false); });
-    chart.description = fmt::format("{} steps of the minimisation, {} of them refused", history->size(), refused);
+    const Json& stages = block_at(run.result, "stages");
+    if (!stages.empty()) chart.add(distances_view(block_at(run.result, "parameters"), stages));
+    const auto refused =
+        std::count_if(history.begin(), history.end(), [](const Json& step) { return !step.value("accepted", false); });
+    chart.description = fmt::format("{} steps of the minimisation, {} of them refused", history.size(), refused);
     return chart;
 }
 
 Chart stage_chart(const StoredRun& run) {
     Chart chart{
         "stages", "Parameters after each stage, relative to the last", "Parameter", {}, Chart::Arrangement::tiles};
-    const Json* stages = run.result ? filled(*run.result, "stages") : nullptr;
-    if (stages == nullptr || stages->size() < 2) return chart;
-    const Json* last = filled(stages->back(), "parameters");
-    if (last == nullptr) return chart;
-    for (const auto& [name, entry] : last->items())
-        chart.add(stages_view(*stages, name, entry));
-    chart.description = fmt::format("{} parameters after each of {} stages", chart.views.size(), stages->size());
+    const Json& stages = block_at(run.result, "stages");
+    if (stages.size() < 2) return chart;
+    for (const auto& [name, entry] : block_at(stages.back(), "parameters").items())
+        chart.add(stages_view(stages, name, entry));
+    chart.description = fmt::format("{} parameters after each of {} stages", chart.views.size(), stages.size());
     return chart;
 }
 

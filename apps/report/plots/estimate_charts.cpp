@@ -19,9 +19,7 @@ using namespace detail;
 std::vector<std::pair<std::string, const Json*>> estimated_quantities(const Json& result) {
     std::vector<std::pair<std::string, const Json*>> list;
     for (const char* block : {"parameters", "derived"}) {
-        const Json* entries = filled(result, block);
-        if (entries == nullptr) continue;
-        for (const auto& [name, entry] : entries->items())
+        for (const auto& [name, entry] : block_at(result, block).items())
             list.emplace_back(name, &entry);
     }
     return list;
@@ -56,8 +54,7 @@ ChartView matrix_view(const std::vector<std::string>& names, const Json& matrix,
     ChartLayer cells{"cells", "", 1, ""};
     for (std::size_t i = 0; i < names.size(); ++i) {
         for (std::size_t j = 0; j < names.size(); ++j) {
-            const Json& cell = matrix.at(i).at(j);
-            const double value = cell.is_number() ? cell.get<double>() : std::nan("");
+            const double value = number_of(matrix.at(i).at(j));
             cells.add(static_cast<double>(j), static_cast<double>(i));
             cells.shade.push_back(value);
             cells.labels.push_back(!std::isfinite(value) ? "–"
@@ -125,23 +122,21 @@ Chart parameter_chart(const StoredRun& run) {
 
 Chart correlation_chart(const StoredRun& run) {
     Chart chart{"correlation", "Correlations of the estimates"};
-    const Json* correlation = run.result ? filled(*run.result, "correlation") : nullptr;
-    const Json* list = filled(correlation, "names");
-    const Json* matrix = filled(correlation, "matrix");
-    if (list == nullptr || matrix == nullptr || list->size() < 2 || matrix->size() != list->size()) return chart;
+    const Json& correlation = block_at(run.result, "correlation");
+    const Json& list = block_at(correlation, "names");
+    const Json& matrix = block_at(correlation, "matrix");
+    if (list.size() < 2 || matrix.size() != list.size()) return chart;
     std::vector<std::string> names;
-    for (const Json& name : *list)
+    for (const Json& name : list)
         names.push_back(display_name(name.get<std::string>()));
-    chart.views.push_back(matrix_view(names, *matrix, chart.description));
+    chart.views.push_back(matrix_view(names, matrix, chart.description));
     return chart;
 }
 
 Chart singular_value_chart(const StoredRun& run) {
     Chart chart{"singular_values", "Singular values of the scaled sensitivities"};
-    const Json* block = run.result ? filled(*run.result, "identifiability") : nullptr;
-    const Json* list = filled(block, "singular_values");
-    if (list == nullptr) return chart;
-    const Json& values = *list;
+    const Json& block = block_at(run.result, "identifiability");
+    const Json& values = block_at(block, "singular_values");
     ChartLayer points{"points", "", 2, ""};
     ChartRange range;
     for (std::size_t i = 0; i < values.size(); ++i) {
@@ -159,10 +154,9 @@ Chart singular_value_chart(const StoredRun& run) {
     view.layers = {std::move(points)};
     chart.views.push_back(std::move(view));
     chart.description = fmt::format("singular values from {:.3g} to {:.3g}", range.highest, range.lowest);
-    const Json* directions = filled(block, "null_directions");
-    for (std::size_t k = 0; directions != nullptr && k < directions->size(); ++k) {
+    for (const Json& direction : block_at(block, "null_directions")) {
         std::string words;
-        for (const auto& [name, component] : (*directions)[k].items())
+        for (const auto& [name, component] : direction.items())
             append_words(words, fmt::format("{} {:+.2g}", display_name(name), component.get<double>()), ", ");
         chart.remarks.push_back("not determined: " + words);
         append_words(chart.description, chart.remarks.back());
@@ -172,9 +166,6 @@ Chart singular_value_chart(const StoredRun& run) {
 
 Chart evidence_chart(const StoredRun& run) {
     Chart chart{"evidence", "Logarithms of the Bayes factors against other models"};
-    const Json* criticism = run.result ? filled(*run.result, "criticism") : nullptr;
-    const Json* alternatives = filled(criticism, "alternatives");
-    if (alternatives == nullptr) return chart;
     ChartView view;
     std::vector<std::string> names;
     ChartRange range;
@@ -184,9 +175,8 @@ Chart evidence_chart(const StoredRun& run) {
     std::array sides{ChartLayer{"intervals", "for the job's model", 2, ""},
                      ChartLayer{"intervals", "for the other one", 4, ""}};
     ChartLayer points{"points", "", 7, "ink"};
-    for (const Json& one : *alternatives) {
-        const Json* factor = filled(one, "ln_bayes_factor");
-        const double value = factor == nullptr ? std::nan("") : number_at(*factor, "value");
+    for (const Json& one : block_at(block_at(run.result, "criticism"), "alternatives")) {
+        const double value = number_at(block_at(one, "ln_bayes_factor"), "value");
         if (!std::isfinite(value)) continue;
         const auto height = static_cast<double>(names.size());
         const std::string model = text_at(one, "model");

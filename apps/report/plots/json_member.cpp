@@ -4,10 +4,13 @@
 
 namespace orbid::apps::detail {
 
+double number_of(const Json& value) {
+    return value.is_number() ? value.get<double>() : std::numeric_limits<double>::quiet_NaN();
+}
+
 double number_at(const Json& object, std::string_view key) {
     const auto found = object.find(key);
-    return found != object.end() && found->is_number() ? found->get<double>()
-                                                       : std::numeric_limits<double>::quiet_NaN();
+    return found != object.end() ? number_of(*found) : std::numeric_limits<double>::quiet_NaN();
 }
 
 std::string text_at(const Json& object, std::string_view key) {
@@ -15,15 +18,24 @@ std::string text_at(const Json& object, std::string_view key) {
     return found != object.end() && found->is_string() ? found->get<std::string>() : std::string();
 }
 
-const Json* filled(const Json& object, std::string_view key) {
+const Json& block_at(const Json& object, std::string_view key) {
+    static const Json empty = Json::object();
     const auto found = object.find(key);
-    return found != object.end() && found->is_structured() && !found->empty() ? &*found : nullptr;
+    return found != object.end() && found->is_structured() ? *found : empty;
+}
+
+const Json& block_at(const std::optional<Json>& object, std::string_view key) {
+    return block_at(object ? &*object : nullptr, key);
+}
+
+const Json& block_at(const Json* object, std::string_view key) {
+    static const Json none;
+    return block_at(object == nullptr ? none : *object, key);
 }
 
 double interval_end(const Json& entry, std::size_t end) {
-    const Json* ends = filled(entry, "interval95");
-    return ends != nullptr && ends->size() == 2 && (*ends)[end].is_number() ? (*ends)[end].get<double>()
-                                                                            : std::numeric_limits<double>::quiet_NaN();
+    const Json& ends = block_at(entry, "interval95");
+    return ends.is_array() && ends.size() == 2 ? number_of(ends[end]) : std::numeric_limits<double>::quiet_NaN();
 }
 
 }  // namespace orbid::apps::detail

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -10,16 +11,17 @@ namespace orbid::apps::detail {
 
 using Json = nlohmann::ordered_json;
 
+/// A number; nan where it is null or something else.
+[[nodiscard]] double number_of(const Json& value);
 /// A member of an object as a number: nan where it is absent, null or no number.
 [[nodiscard]] double number_at(const Json& object, std::string_view key);
 /// As text; empty where it is absent, null or no text.
 [[nodiscard]] std::string text_at(const Json& object, std::string_view key);
-/// A member that is an object or a list with something in it, else null.
-[[nodiscard]] const Json* filled(const Json& object, std::string_view key);
+/// A member that is an object or a list; an empty object where it is absent or something else.
+[[nodiscard]] const Json& block_at(const Json& object, std::string_view key);
 /// The same of an object that may not be there.
-[[nodiscard]] inline const Json* filled(const Json* object, std::string_view key) {
-    return object == nullptr ? nullptr : filled(*object, key);
-}
+[[nodiscard]] const Json& block_at(const std::optional<Json>& object, std::string_view key);
+[[nodiscard]] const Json& block_at(const Json* object, std::string_view key);
 
 /// An end of "interval95", 0 or 1; nan where it is not known.
 [[nodiscard]] double interval_end(const Json& entry, std::size_t end);

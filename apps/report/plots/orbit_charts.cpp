@@ -67,11 +67,8 @@ struct Growth {
 /// By period and size. Measured cycles meet the computed orbits that they became: nearest pairs first, so that cycles
 /// which took no part in the estimate are left over.
 std::map<int, std::vector<Growth>> growths(const StoredRun& run) {
-    const Json* cycles = run.cycles ? filled(*run.cycles, "cycles") : nullptr;
-    const Json* orbits = filled(run.orbits_of_estimate(), "cycles");
-    static const Json none = Json::array();
-    const Json& measured = cycles == nullptr ? none : *cycles;
-    const Json& computed = orbits == nullptr ? none : *orbits;
+    const Json& measured = block_at(run.cycles, "cycles");
+    const Json& computed = block_at(run.orbits_of_estimate(), "cycles");
     std::map<int, std::vector<Growth>> periods;
     const auto add = [&periods](const Json& cycle, const Growth& growth) {
         if (growth.size() > 0.0) periods[cycle.at("period").get<int>()].push_back(growth);
@@ -98,17 +95,15 @@ std::map<int, std::vector<Growth>> growths(const StoredRun& run) {
 }  // namespace
 
 double largest_multiplier(const Json& cycle) {
-    const Json* list = filled(cycle, "multipliers");
-    if (list == nullptr) return std::nan("");
-    const Json& first = list->front();
-    if (!first.is_array() || first.size() != 2 || !first[0].is_number() || !first[1].is_number()) return std::nan("");
-    return std::hypot(first[0].get<double>(), first[1].get<double>());
+    const Json& list = block_at(cycle, "multipliers");
+    if (list.empty() || !list.front().is_array() || list.front().size() != 2) return std::nan("");
+    const Json& first = list.front();
+    return first[1].is_number() ? std::hypot(number_of(first[0]), number_of(first[1])) : std::nan("");
 }
 
 double largest_multiplier_sd(const Json& cycle) {
-    const Json* variances = filled(cycle, "ln_multiplier_covariance");
-    return variances != nullptr && (*variances)[0][0].is_number() ? std::sqrt((*variances)[0][0].get<double>())
-                                                                  : std::nan("");
+    const Json& variances = block_at(cycle, "ln_multiplier_covariance");
+    return variances.empty() ? std::nan("") : std::sqrt(number_of(variances[0][0]));
 }
 
 Chart section_chart(const StoredRun& run) {
@@ -116,22 +111,22 @@ Chart section_chart(const StoredRun& run) {
     if (!points) return {"section"};
     SectionPicture picture{
         std::move(*points), {}, "", "The section of the record and its periodic points by period", ""};
-    const Json* cycles = run.cycles ? filled(*run.cycles, "cycles") : nullptr;
-    if (cycles != nullptr && run.cycles->at("coordinates").size() >= 2) picture.periods = points_by_period(*cycles);
+    const Json& cycles = block_at(run.cycles, "cycles");
+    if (!cycles.empty() && run.cycles->at("coordinates").size() >= 2) picture.periods = points_by_period(cycles);
     return section_chart(picture);
 }
 
 Chart cycle_chart(const StoredRun& run) {
     const Json* list = run.cycles ? &*run.cycles : run.orbits ? &*run.orbits : nullptr;
-    const Json* cycles = filled(list, "cycles");
-    if (cycles == nullptr || list->at("coordinates").size() < 2) return {"cycles"};
+    const Json& cycles = block_at(list, "cycles");
+    if (cycles.empty() || list->at("coordinates").size() < 2) return {"cycles"};
     const ModelJob model = stored_model(run);
     SectionPicture picture;
     for (std::size_t i = 0; i < 2; ++i)
         picture.section.coordinates[i] = catalog::coordinate_of(model, list->at("coordinates")[i].get<std::string>());
-    picture.periods = points_by_period(*cycles);
+    picture.periods = points_by_period(cycles);
     picture.title = "Periodic points by period";
-    picture.description = fmt::format("points of {} periodic orbits, by period", cycles->size());
+    picture.description = fmt::format("points of {} periodic orbits, by period", cycles.size());
     Chart chart = section_chart(picture);
     chart.name = "cycles";
     return chart;
@@ -188,7 +183,7 @@ Chart multiplier_chart(const StoredRun& run) {
 
 Chart branch_chart(const StoredRun& run) {
     Chart chart{"branch", "Branches of periodic orbits over the parameter", "Coordinate"};
-    if (!run.branch || filled(*run.branch, "branches") == nullptr) return chart;
+    if (block_at(run.branch, "branches").empty()) return chart;
     const Json& file = *run.branch;
     const auto stored = stored_branches(file.dump());
     if (!stored) return chart;

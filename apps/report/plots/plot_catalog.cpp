@@ -20,21 +20,17 @@ namespace {
 
 using namespace detail;
 
-const Json* estimate_block(const StoredRun& run, const char* block) {
-    return run.result ? filled(*run.result, block) : nullptr;
-}
-
 bool has_section(const StoredRun& run) {
     const auto experiments = run.experiments();
     if (run.cycles && run.cycles->at("coordinates").size() < 2) return false;
     // Samples show a section only where the job says which.
     const bool cut = run.job.contains("orbits") && !run.job["orbits"].contains("file");
     for (const Json* experiment : experiments) {
-        if (const Json* simulate = filled(*experiment, "simulate")) {
+        if (const Json& simulate = block_at(*experiment, "simulate"); !simulate.empty()) {
             const std::string name =
                 experiments.size() == 1 ? std::string("series") : "series_" + text_at(*experiment, "name");
-            if ((simulate->contains("sections") || cut) && (std::filesystem::exists(run.folder / (name + ".h5")) ||
-                                                            std::filesystem::exists(run.folder / (name + ".csv"))))
+            if ((simulate.contains("sections") || cut) && (std::filesystem::exists(run.folder / (name + ".h5")) ||
+                                                           std::filesystem::exists(run.folder / (name + ".csv"))))
                 return true;
         } else if (experiment->contains("file") && (text_at(*experiment, "kind") == "section" || cut)) {
             if (std::filesystem::exists(run.folder / text_at(*experiment, "file"))) return true;
@@ -45,18 +41,18 @@ bool has_section(const StoredRun& run) {
 
 bool has_cycles(const StoredRun& run) {
     const Json* list = run.cycles ? &*run.cycles : run.orbits ? &*run.orbits : nullptr;
-    return filled(list, "cycles") != nullptr && list->at("coordinates").size() >= 2;
+    return !block_at(list, "cycles").empty() && list->at("coordinates").size() >= 2;
 }
 
 bool has_branch(const StoredRun& run) {
-    return run.branch && filled(*run.branch, "branches") != nullptr;
+    return !block_at(run.branch, "branches").empty();
 }
 
 bool has_marginals(const StoredRun& run) {
-    const Json* list = estimate_block(run, "marginals");
-    return list != nullptr && list->is_object() && std::any_of(list->begin(), list->end(), [](const Json& one) {
-               return one.is_object() && one.value("known", false) && filled(one, "points") != nullptr;
-           });
+    const Json& list = block_at(run.result, "marginals");
+    return std::any_of(list.begin(), list.end(), [](const Json& one) {
+        return one.is_object() && one.value("known", false) && !block_at(one, "points").empty();
+    });
 }
 
 bool has_posterior(const StoredRun& run) {
@@ -73,13 +69,13 @@ bool has_residuals(const StoredRun& run) {
 
 bool has_prediction(const StoredRun& run) {
     // A job of cycles alone has no series to show.
-    const Json* list = run.job.contains("estimate") ? filled(run.job["estimate"], "residuals") : nullptr;
-    return has_residuals(run) && list != nullptr &&
-           std::any_of(list->begin(), list->end(), [](const Json& one) { return text_at(one, "type") != "cycles"; });
+    const Json& list = block_at(block_at(run.job, "estimate"), "residuals");
+    return has_residuals(run) &&
+           std::any_of(list.begin(), list.end(), [](const Json& one) { return text_at(one, "type") != "cycles"; });
 }
 
 bool has_waveform(const StoredRun& run) {
-    return has_residuals(run) && estimate_block(run, "steady_states") != nullptr;
+    return has_residuals(run) && !block_at(run.result, "steady_states").empty();
 }
 
 /// What result.json or a list of cycles holds is looked at itself.

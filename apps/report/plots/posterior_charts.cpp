@@ -16,29 +16,26 @@ namespace {
 
 using namespace detail;
 
-/// The entry of an estimated parameter or derived quantity; null when there is none.
-const Json* estimated_entry(const Json& result, const std::string& name) {
-    for (const char* list : {"parameters", "derived"})
-        if (const Json* found = filled(filled(result, list), name)) return found;
-    return nullptr;
+/// The entry of an estimated parameter or derived quantity; an empty one when there is none.
+const Json& estimated_entry(const Json& result, const std::string& name) {
+    const Json& found = block_at(block_at(result, "parameters"), name);
+    return found.empty() ? block_at(block_at(result, "derived"), name) : found;
 }
 
-void add_reference(const Json* entry, ChartView& view) {
-    const double reference = entry == nullptr ? std::nan("") : number_at(*entry, "reference");
+void add_reference(const Json& entry, ChartView& view) {
+    const double reference = number_at(entry, "reference");
     if (std::isfinite(reference)) view.layers.push_back(upright_rule(reference, "reference", "ink"));
 }
 
 /// No layers for fewer than two points.
 ChartView profile_view(const Json& result, const std::string& name, const Json& profile) {
     ChartView view;
-    const Json* points = filled(profile, "points");
-    if (points == nullptr) return view;
     ChartLayer curve{"line", "profile", 1, ""};
     ChartRange x;
     ChartRange y;
     y.include(-2.5);
     y.include(2.5);
-    for (const Json& point : *points) {
+    for (const Json& point : block_at(profile, "points")) {
         const double root = number_at(point, "signed_root");
         if (!std::isfinite(root)) continue;
         curve.add(number_at(point, "value"), root);
@@ -50,8 +47,7 @@ ChartView profile_view(const Json& result, const std::string& name, const Json& 
     view.x = x.axis(display_name(name), text_at(profile, "unit"));
     view.y = y.axis("signed root", "");
     view.height = 0.45;
-    const Json* parameter = filled(filled(result, "parameters"), name);
-    const double sd = parameter == nullptr ? std::nan("") : number_at(*parameter, "sd");
+    const double sd = number_at(block_at(block_at(result, "parameters"), name), "sd");
     const double best = number_at(profile, "value");
     if (sd > 0.0) {
         ChartLayer normal{"line", "normal approximation", 2, ""};
@@ -155,7 +151,7 @@ ChartLayer normal_density(const Json& entry, const ChartRange& x) {
 }
 
 /// No layers where there are neither draws nor a density.
-ChartView marginal_view(const Json& result, const std::string& name, const Json* marginal,
+ChartView marginal_view(const Json& result, const std::string& name, const Json& marginal,
                         const std::vector<double>* values) {
     ChartView view;
     ChartRange x;
@@ -168,17 +164,13 @@ ChartView marginal_view(const Json& result, const std::string& name, const Json*
         view.layers.push_back(std::move(layer));
     };
     if (values != nullptr) add(draw_columns(*values));
-    if (marginal != nullptr) {
-        const Json* points = filled(*marginal, "points");
-        if (points != nullptr) add(laplace_density(*points));
-    }
+    add(laplace_density(block_at(marginal, "points")));
     if (view.layers.empty()) return view;
-    const Json* entry = estimated_entry(result, name);
-    if (entry != nullptr) add(normal_density(*entry, x));
+    const Json& entry = estimated_entry(result, name);
+    add(normal_density(entry, x));
     add_reference(entry, view);
     view.label = name;
-    const Json* described = marginal != nullptr ? marginal : entry;
-    view.x = x.axis(display_name(name), described == nullptr ? std::string() : text_at(*described, "unit"));
+    view.x = x.axis(display_name(name), text_at(marginal.empty() ? entry : marginal, "unit"));
     view.y = y.axis("density", "");
     view.y.lower = 0.0;
     view.height = 0.45;
@@ -200,23 +192,20 @@ ChartAxis draws_axis(const Json& result, const std::string& name, std::vector<do
     ChartRange range;
     range.include(values[cut]);
     range.include(values[values.size() - 1 - cut]);
-    const Json* entry = estimated_entry(result, name);
-    return range.axis(display_name(name), entry == nullptr ? std::string() : text_at(*entry, "unit"));
+    return range.axis(display_name(name), text_at(estimated_entry(result, name), "unit"));
 }
 
 }  // namespace
 
 Chart profile_chart(const StoredRun& run) {
     Chart chart{"profiles", "Profile likelihood", "Parameter", {}, Chart::Arrangement::tiles};
-    const Json* profiles = run.result ? filled(*run.result, "profile") : nullptr;
-    if (profiles == nullptr || !profiles->is_object()) return chart;
-    for (const auto& [name, profile] : profiles->items()) {
+    for (const auto& [name, profile] : block_at(run.result, "profile").items()) {
         if (!profile.is_object()) continue;
         ChartView view = profile_view(*run.result, name, profile);
-        const Json* ends = filled(profile, "interval95");
-        if (!view.layers.empty() && ends != nullptr)
+        const Json& ends = block_at(profile, "interval95");
+        if (!view.layers.empty() && !ends.empty())
             append_words(chart.description,
-                         fmt::format("{}: 95 % from {} to {}", name, (*ends)[0].dump(), (*ends)[1].dump()));
+                         fmt::format("{}: 95 % from {} to {}", name, ends[0].dump(), ends[1].dump()));
         chart.add(std::move(view));
     }
     return chart;
@@ -225,18 +214,16 @@ Chart profile_chart(const StoredRun& run) {
 Chart marginal_chart(const StoredRun& run, const std::optional<StoredDraws>& draws) {
     Chart chart{"marginals", "Marginal posterior densities", "Quantity", {}, Chart::Arrangement::tiles};
     if (!run.result) return chart;
-    const Json* marginals = filled(*run.result, "marginals");
+    const Json& marginals = block_at(run.result, "marginals");
     std::vector<std::string> names;
-    if (marginals != nullptr) {
-        for (const auto& [name, marginal] : marginals->items())
-            names.push_back(name);
-    }
+    for (const auto& [name, marginal] : marginals.items())
+        names.push_back(name);
     if (draws) {
         for (const std::string& name : draws->names)
             if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
     }
     for (const std::string& name : names)
-        chart.add(marginal_view(*run.result, name, filled(marginals, name), column_of(draws, name)));
+        chart.add(marginal_view(*run.result, name, block_at(marginals, name), column_of(draws, name)));
     chart.description = fmt::format("densities of {} quantities", chart.views.size());
     return chart;
 }
@@ -248,7 +235,7 @@ Chart posterior_chart(const StoredRun& run, const std::optional<StoredDraws>& dr
     constexpr std::size_t most = 6;
     std::vector<std::size_t> shown;
     for (std::size_t c = 0; c < draws->names.size() && shown.size() < most; ++c)
-        if (estimated_entry(*run.result, draws->names[c]) != nullptr) shown.push_back(c);
+        if (!estimated_entry(*run.result, draws->names[c]).empty()) shown.push_back(c);
     if (shown.empty()) shown.push_back(0);
     std::vector<ChartAxis> axes;
     for (const std::size_t c : shown)

@@ -276,11 +276,11 @@ Chart prediction_chart(const std::vector<RecordGroup>& groups) {
 }
 
 Chart waveform_chart(const StoredRun& run, const std::vector<ResidualRow>& rows) {
-    const Json* states = run.result ? filled(*run.result, "steady_states") : nullptr;
-    if (states == nullptr || rows.empty()) return {"waveform"};
+    const Json& states = block_at(run.result, "steady_states");
+    if (states.empty() || rows.empty()) return {"waveform"};
     const ModelJob model = stored_model(run);
     std::vector<WaveformPanel> panels;
-    for (const Json& state : *states)
+    for (const Json& state : states)
         add_waveforms(state, rows, model, panels);
     return waveform_chart(panels);
 }

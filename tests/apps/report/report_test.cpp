@@ -54,23 +54,24 @@ TEST_CASE("text for HTML cannot leave its place", "[apps][report]") {
     CHECK(markup_text("a < b & c > \"d\" 'e'") == "a &lt; b &amp; c &gt; &quot;d&quot; &#39;e&#39;");
     CHECK(markup_text("line\nnext\ttab\x01\x7f") == "line\nnext\ttab\x7f");
     CHECK(markup_text("\u03c6") == "\u03c6");
-    HtmlTable table("<caption>", {{"<head>", false}, {"number"}});
-    CHECK(table.html().empty());
+    SummaryTable table({left_aligned("<head>"), "number"});
+    CHECK(html_table("<caption>", table).empty());
     table.add({"</td>", {"1 %", 0.01}});
-    CHECK(contains(table.html(), "&lt;caption&gt;</caption>"));
-    CHECK(contains(table.html(), "<th scope=\"row\">&lt;/td&gt;</th><td class=\"n\" data-value=\"0.01\">1 %</td>"));
-    CHECK_THROWS_WITH(table.add({"one"}), "HTML table: 1 cells, must be 2, one per column");
+    const std::string html = html_table("<caption>", table);
+    CHECK(contains(html, "&lt;caption&gt;</caption>"));
+    CHECK(contains(html, "<th scope=\"row\">&lt;/td&gt;</th><td class=\"n\" data-value=\"0.01\">1 %</td>"));
+    CHECK_THROWS_WITH(table.add({"one"}), "table: 1 cells, must be 2, one per column");
 }
 
 TEST_CASE("a table leaves empty columns out, and sorts from three rows on", "[apps][report]") {
-    HtmlTable table("t", {{"a", false}, {"b"}, {"c", true, "explained"}});
+    SummaryTable table({left_aligned("a"), "b", explained("c", "explained")});
     table.add({"1", "", "2"});
     table.add({"3", "", "4"});
-    CHECK(count_of(table.html(), "<th scope=\"col\"") == 2);
-    CHECK(contains(table.html(), "<dt>c</dt><dd>explained</dd>"));
-    CHECK_FALSE(contains(table.html(), "sortable"));
+    CHECK(count_of(html_table("t", table), "<th scope=\"col\"") == 2);
+    CHECK(contains(html_table("t", table), "<dt>c</dt><dd>explained</dd>"));
+    CHECK_FALSE(contains(html_table("t", table), "sortable"));
     table.add({"5", "", "6"});
-    CHECK(contains(table.html(), "class=\"sortable\""));
+    CHECK(contains(html_table("t", table), "class=\"sortable\""));
 }
 
 TEST_CASE("base64 follows the test vectors of RFC 4648", "[apps][report]") {
