@@ -4,7 +4,7 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-set(rooms models estimator periodic orbits apps)
+set(rooms models estimator periodic orbits identification apps)
 
 # A library of all rooms' objects; of those that are compiled for a processor, those of a level.
 function(add_rooms_library target level)

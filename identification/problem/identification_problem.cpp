@@ -1,0 +1,178 @@
+#include "identification/problem/identification_problem.hpp"
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace orbid::identification {
+
+namespace {
+
+using Sampling = orbits::Series::Sampling;
+using Index = Eigen::Index;
+
+void refuse_unless(bool rule, const std::string& text) {
+    if (!rule) throw std::invalid_argument(text);
+}
+
+/// Coordinates of the model that the series has, ascending.
+std::vector<Index> coordinates_of(const models::System& system, const orbits::Series& series) {
+    std::vector<Index> found;
+    const auto all = system.coordinates();
+    for (std::size_t i = 0; i < all.size(); ++i)
+        if (std::any_of(series.coordinates.begin(), series.coordinates.end(),
+                        [&](const orbits::SeriesCoordinate& one) { return one.name == all[i].name; }))
+            found.push_back(static_cast<Index>(i));
+    return found;
+}
+
+void complete(const IdentificationProblem& problem, Experiment& experiment) {
+    const auto dimension = static_cast<std::size_t>(problem.system->dimension());
+    refuse_unless(experiment.series != nullptr, fmt::format("experiment {}: has no series", experiment.name));
+    if (experiment.observe.empty()) experiment.observe = coordinates_of(*problem.system, *experiment.series);
+    refuse_unless(!experiment.observe.empty(),
+                  fmt::format("experiment {}: its series has no coordinate of the model {}", experiment.name,
+                              problem.system->name()));
+    for (const Index coordinate : experiment.observe)
+        refuse_unless(coordinate >= 0 && coordinate < problem.system->dimension(),
+                      fmt::format("experiment {}: observed coordinate {}: must be in [0, {})", experiment.name,
+                                  coordinate, dimension));
+    if (experiment.initial_state.empty()) experiment.initial_state.resize(dimension);
+    refuse_unless(experiment.initial_state.size() == dimension,
+                  fmt::format("experiment {}: {} initial values for {} coordinates", experiment.name,
+                              experiment.initial_state.size(), dimension));
+}
+
+/// Experiments of one sampling.
+std::vector<std::size_t> sampled(const IdentificationProblem& problem, Sampling sampling) {
+    std::vector<std::size_t> found;
+    for (std::size_t e = 0; e < problem.experiments.size(); ++e)
+        if (problem.experiments[e].series->sampling == sampling) found.push_back(e);
+    return found;
+}
+
+/// Errors of every coordinate that one of the experiments observes.
+std::vector<RecordErrors> usual_errors(const IdentificationProblem& problem, const std::vector<std::size_t>& data) {
+    std::vector<RecordErrors> errors;
+    for (Index coordinate = 0; coordinate < problem.system->dimension(); ++coordinate) {
+        const bool observed = std::any_of(data.begin(), data.end(), [&](std::size_t e) {
+            const auto& list = problem.experiments[e].observe;
+            return std::find(list.begin(), list.end(), coordinate) != list.end();
+        });
+        if (observed) errors.emplace_back().coordinate = coordinate;
+    }
+    return errors;
+}
+
+void check_experiments(const IdentificationProblem& problem, const std::vector<std::size_t>& data) {
+    for (const std::size_t index : data)
+        refuse_unless(index < problem.experiments.size(),
+                      fmt::format("experiment {}: there are {}", index, problem.experiments.size()));
+}
+
+void complete_series(const IdentificationProblem& problem, SeriesChoice& series) {
+    // Samples where there are some: sections beside them are usually there to be searched for cycles.
+    if (series.data.empty()) series.data = sampled(problem, Sampling::samples);
+    if (series.data.empty()) series.data = sampled(problem, Sampling::section);
+    refuse_unless(!series.data.empty(), "a series is to be used: there is no experiment");
+    check_experiments(problem, series.data);
+    if (series.errors.empty()) series.errors = usual_errors(problem, series.data);
+    // Sections are followed from one to the next.
+    const bool sections = problem.experiments[series.data.front()].series->sampling == Sampling::section;
+    if (sections && !series.interval) series.interval = SeriesChoice::automatic_interval;
+}
+
+void complete_waveform(const IdentificationProblem& problem, WaveformChoice& waveform) {
+    if (waveform.data.empty()) waveform.data = sampled(problem, Sampling::samples);
+    refuse_unless(!waveform.data.empty(), "waveforms are to be used: there is no sampled experiment");
+    check_experiments(problem, waveform.data);
+    if (waveform.errors.empty()) waveform.errors = usual_errors(problem, waveform.data);
+    if (waveform.experiments.empty()) waveform.experiments.resize(waveform.data.size());
+    refuse_unless(waveform.experiments.size() == waveform.data.size(),
+                  fmt::format("{} waveforms for {} experiments", waveform.experiments.size(), waveform.data.size()));
+    for (WaveformChoice::Experiment& one : waveform.experiments)
+        if (one.offsets.empty()) one.offsets.resize(waveform.errors.size());
+}
+
+/// What is used when nothing is named.
+void choose_residuals(IdentificationProblem& problem) {
+    if (problem.cycles || problem.series || problem.waveform) return;
+    if (!problem.measured.search.cycles.empty()) {
+        problem.cycles.emplace();
+        if (const auto searched = problem.measured.experiment)
+            problem.cycles->sensor = problem.experiments[*searched].sensor;
+    }
+    if (!problem.experiments.empty()) problem.series.emplace().interval = SeriesChoice::automatic_interval;
+    refuse_unless(problem.cycles || problem.series, "there is nothing to estimate from: no cycles and no experiment");
+}
+
+}  // namespace
+
+FreeModelParameter free_parameter(const models::System& system, const std::string& name, double start) {
+    const auto all = system.parameters();
+    const auto entry =
+        std::find_if(all.begin(), all.end(), [&](const models::Parameter& one) { return one.name == name; });
+    refuse_unless(entry != all.end(), fmt::format("model {}: has no parameter {}", system.name(), name));
+    FreeModelParameter free{static_cast<Index>(entry - all.begin()), {}};
+    free.value.name = name;
+    free.value.unit = entry->unit;
+    free.value.start = start;
+    free.value.typical_size = entry->typical_size;
+    if (entry->domain == models::Domain::positive) free.value.scale = estimator::Scale::log;
+    if (entry->domain != models::Domain::real) free.value.lower = 0.0;
+    return free;
+}
+
+IdentificationProblem completed(IdentificationProblem problem) {
+    refuse_unless(problem.system != nullptr, "a problem needs a system");
+    const models::System& system = *problem.system;
+    const auto count = static_cast<Index>(system.parameters().size());
+    if (problem.values.size() == 0) problem.values = system.default_parameters();
+    refuse_unless(problem.values.size() == count, fmt::format("{} values for {} parameters of the model {}",
+                                                              problem.values.size(), count, system.name()));
+    for (FreeModelParameter& free : problem.parameters) {
+        refuse_unless(free.parameter >= 0 && free.parameter < count,
+                      fmt::format("parameter {}: the model {} has {}", free.parameter, system.name(), count));
+        if (!free.value.name.empty()) continue;
+        free.value.name = problem.parameter(free.parameter).name;
+        free.value.unit = problem.parameter(free.parameter).unit;
+    }
+    for (Experiment& experiment : problem.experiments)
+        complete(problem, experiment);
+    if (const auto searched = problem.measured.experiment) check_experiments(problem, {*searched});
+    choose_residuals(problem);
+    if (problem.series) complete_series(problem, *problem.series);
+    if (problem.waveform) complete_waveform(problem, *problem.waveform);
+    return problem;
+}
+
+std::vector<Stage> automatic_strategy(const IdentificationProblem& problem) {
+    using Kind = Stage::Kind;
+    const bool searched = problem.measured.experiment.has_value();
+    std::vector<Stage> stages;
+    // A prediction starts from states that readings say.
+    if ((problem.series && !problem.series->data.empty()) || (problem.cycles && searched))
+        stages.push_back({Kind::prediction, {}});
+    if (problem.cycles) stages.push_back({Kind::residuals, {ResidualType::cycles}});
+    if (problem.cycles && searched && problem.measured.section)
+        stages.push_back({Kind::harvest, {ResidualType::cycles}});
+    if (problem.series) stages.push_back({Kind::residuals, {ResidualType::series}});
+    if (problem.waveform) stages.push_back({Kind::residuals, {ResidualType::waveform}});
+    return stages;
+}
+
+std::string Stage::name() const {
+    if (kind == Kind::prediction) return "prediction";
+    if (kind == Kind::harvest) return "harvest";
+    static constexpr std::array<std::string_view, 3> words{"cycles", "series", "waveform"};
+    std::string text;
+    for (const ResidualType type : residuals)
+        text += fmt::format("{}{}", text.empty() ? "" : " + ", words[static_cast<std::size_t>(type)]);
+    return text;
+}
+
+}  // namespace orbid::identification

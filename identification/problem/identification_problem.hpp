@@ -1,0 +1,81 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/estimate_options.hpp"
+#include "estimator/interface/prior.hpp"
+#include "identification/problem/experiment.hpp"
+#include "identification/problem/residual_choice.hpp"
+#include "models/formulas/expression.hpp"
+#include "models/system/system.hpp"
+#include "orbits/cycle_residuals/cycle_target.hpp"
+#include "orbits/cycles/cycle_search.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::identification {
+
+/// A parameter of the model that is estimated.
+struct FreeModelParameter {
+    Eigen::Index parameter;          ///< index into System::parameters()
+    estimator::FreeParameter value;  ///< start, scale, bounds, prior, tie; an empty name: that of the model
+};
+
+/// The parameter `name` from this start, with scale and bounds of its domain: logarithmic where it must be positive.
+/// @throws std::invalid_argument for an unknown name.
+[[nodiscard]] FreeModelParameter free_parameter(const models::System& system, const std::string& name, double start);
+
+/// A quantity of interest that is computed from parameters.
+struct ModelQuantity {
+    std::string name;
+    models::Expression expression;  ///< in System::parameters(), in that order
+};
+
+/// Cycles that were measured, and where more of them may be found.
+struct MeasuredCycles {
+    orbits::CycleSearch search;                     ///< as orbits::find_cycles() returns it; one list of cycles will do
+    std::optional<std::size_t> experiment;          ///< whose record was searched; nothing: the points are states
+    double section_phase = 0.0;                     ///< [rad] of the section, forced models
+    std::shared_ptr<const orbits::Series> section;  ///< what was searched; null: no more are searched for
+    orbits::CycleSearchOptions options;             ///< of that search
+};
+
+/// What is to be identified from what. At least one of `cycles`, `series` and `waveform` is used.
+struct IdentificationProblem {
+    std::shared_ptr<const models::System> system;
+    Eigen::VectorXd values;  ///< shape (q): all parameters, those that are not estimated hold; empty: the defaults
+    std::vector<FreeModelParameter> parameters;
+    std::vector<estimator::JointNormalPrior> joint_priors;
+    std::vector<ModelQuantity> derived;
+    std::vector<Experiment> experiments;
+
+    MeasuredCycles measured;
+    std::optional<orbits::CycleTargetOptions> cycles;  ///< `measured` is used, in this way
+    std::optional<SeriesChoice> series;
+    std::optional<WaveformChoice> waveform;
+
+    [[nodiscard]] const models::Coordinate& coordinate(Eigen::Index index) const {
+        return system->coordinates()[static_cast<std::size_t>(index)];
+    }
+    [[nodiscard]] const models::Parameter& parameter(Eigen::Index index) const {
+        return system->parameters()[static_cast<std::size_t>(index)];
+    }
+};
+
+/// The problem with every default filled in: parameters, names, observed coordinates, errors, initial states. Without
+/// any of `cycles`, `series` and `waveform`, measured cycles and all series of samples or sections are used.
+/// @throws std::invalid_argument naming value and rule where the problem contradicts itself.
+[[nodiscard]] IdentificationProblem completed(IdentificationProblem problem);
+
+/// Prediction, where a start can be predicted; cycles; more cycles, where they can be searched for; series; waveforms.
+[[nodiscard]] std::vector<Stage> automatic_strategy(const IdentificationProblem& problem);
+
+}  // namespace orbid::identification
+
+#pragma GCC visibility pop

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "identification/problem/record_errors.hpp"
+#include "periodic/waveforms/waveform_record.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::identification {
+
+/// How closely the end of an interval of a series must agree with the beginning of the next.
+struct Matching {
+    enum class Kind {
+        automatic,  ///< exact for an experiment that follows the model, estimated for others
+        exact,      ///< to far below the errors of the readings
+        given,      ///< normal errors of a known sd
+        estimated   ///< normal errors, their sd estimated
+    };
+    Kind kind = Kind::automatic;
+    double sd = 0.0;  ///< given: share of each coordinate's range, > 0
+};
+
+/// Recorded series, by single or multiple shooting.
+struct SeriesChoice {
+    static constexpr std::size_t automatic_interval = 0;  ///< chosen by how errors grow
+    /// Sampling intervals (sections) from node to node. Nothing: one free initial state per segment (single shooting).
+    std::optional<std::size_t> interval;
+    Matching matching;                 ///< ignored without an interval
+    std::vector<std::size_t> data;     ///< indices of experiments
+    std::vector<RecordErrors> errors;  ///< one per coordinate observed in any of them, ascending
+    std::vector<JointErrors> covariances;
+};
+
+/// Measured periodic steady states, one per fitted segment.
+struct WaveformChoice {
+    struct Experiment {
+        int period = 1;     ///< in periods of the forcing
+        double time = 0.0;  ///< autonomous: a guess of T [s]
+        periodic::WaveformUnknown phase{true, 0.0};
+        std::vector<periodic::WaveformUnknown> offsets;  ///< one per entry of `errors`
+        Eigen::MatrixXd start;                           ///< shape (n, period): states at phase 0; empty: found
+    };
+    std::vector<std::size_t> data;        ///< indices of experiments
+    std::vector<Experiment> experiments;  ///< one per entry of `data`
+    std::vector<RecordErrors> errors;     ///< one per coordinate observed in any of them, ascending
+    std::vector<JointErrors> covariances;
+};
+
+enum class ResidualType { cycles, series, waveform };
+
+/// One stage of a strategy; it starts from the best earlier one.
+struct Stage {
+    enum class Kind {
+        prediction,  ///< parameters only, by predictions over one interval from measured states
+        residuals,   ///< the residuals named, together
+        harvest      ///< adds cycles found with the present model, then as the stage of the cycles
+    };
+    Kind kind = Kind::residuals;
+    std::vector<ResidualType> residuals;  ///< in their order; empty for `prediction`
+
+    [[nodiscard]] bool uses(ResidualType type) const {
+        return std::find(residuals.begin(), residuals.end(), type) != residuals.end();
+    }
+    /// "prediction", "harvest", "series", "cycles + series".
+    [[nodiscard]] std::string name() const;
+};
+
+}  // namespace orbid::identification
+
+#pragma GCC visibility pop
