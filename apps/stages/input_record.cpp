@@ -1,7 +1,5 @@
 #include "apps/stages/input_record.hpp"
 
-#include <stdexcept>
-
 #include <fmt/format.h>
 
 #include "orbits/records/data_error.hpp"
@@ -48,7 +46,7 @@ Inputs load_inputs(const Job& job, const DataJob& data) {
             inputs.push_back(std::make_shared<models::InputSignal>(
                 std::span<const double>(segment.times.data(), points),
                 std::span<const double>(segment.values.data(), count * points), count, data.inputs->interpolation));
-        } catch (const std::invalid_argument& error) {
+        } catch (const models::DataError& error) {
             throw orbits::DataError(fmt::format("{}, segment {}: {}", file.string(), segment.label, error.what()));
         }
     }

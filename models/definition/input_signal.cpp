@@ -6,18 +6,21 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "models/definition/wrong_data.hpp"
+
 namespace orbid::models {
 
 InputSignal::InputSignal(std::span<const double> times, std::span<const double> values, std::size_t count,
                          Interpolation interpolation)
     : times_(times.begin(), times.end()), count_(count), interpolation_(interpolation) {
+    if (count == 0) throw std::invalid_argument("input signal: number of inputs is 0, must be > 0");
+    if (values.size() != count * times.size())
+        throw std::invalid_argument(
+            fmt::format("input signal: number of values is {}, must be {}", values.size(), count * times.size()));
     const auto require = [](bool rule, const std::string& message) {
-        if (!rule) throw std::invalid_argument("input signal: " + message);
+        if (!rule) throw DataError("input signal: " + message);
     };
-    require(count > 0, "number of inputs is 0, must be > 0");
     require(times.size() >= 2, fmt::format("number of instants is {}, must be >= 2", times.size()));
-    require(values.size() == count * times.size(),
-            fmt::format("number of values is {}, must be {}", values.size(), count * times.size()));
     for (std::size_t k = 0; k < times.size(); ++k) {
         require(std::isfinite(times[k]), fmt::format("time {} is {}, must be a finite number", k, times[k]));
         require(k == 0 || times[k] > times[k - 1],

@@ -21,7 +21,8 @@ public:
     /// @param times   [s], at least two, strictly ascending, finite
     /// @param values  count x times.size() finite numbers, the inputs of one instant beside each other
     /// @param count   number of inputs, > 0
-    /// @throws std::invalid_argument naming the entry that breaks a rule
+    /// @throws DataError naming the instant or value that breaks a rule
+    /// @throws std::invalid_argument when count is 0 or does not suit the number of values
     InputSignal(std::span<const double> times, std::span<const double> values, std::size_t count,
                 Interpolation interpolation);
 

@@ -4,6 +4,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "models/definition/wrong_data.hpp"
 #include "tests/catch.hpp"
 
 namespace orbid::models::input_signal_test {
@@ -126,19 +127,25 @@ TEST_CASE("order of interpolation: two for lines, four for cubics inside", "[mod
 }
 
 TEST_CASE("signals that are refused", "[models][fast]") {
-    const auto refused = [](const std::vector<double>& times, const std::vector<double>& values, std::size_t count,
-                            const std::string& message) {
+    const auto wrong_call = [](const std::vector<double>& times, const std::vector<double>& values, std::size_t count,
+                               const std::string& message) {
         CHECK_THROWS_AS(InputSignal(times, values, count, cubic), std::invalid_argument);
         CHECK_THROWS_WITH(InputSignal(times, values, count, cubic), ContainsSubstring(message));
     };
+    wrong_call({0.0, 1.0}, {}, 0, "number of inputs is 0");
+    wrong_call({0.0, 1.0}, {1.0, 2.0, 3.0}, 1, "number of values is 3, must be 2");
+
+    const auto wrong_data = [](const std::vector<double>& times, const std::vector<double>& values, std::size_t count,
+                               const std::string& message) {
+        CHECK_THROWS_AS(InputSignal(times, values, count, cubic), DataError);
+        CHECK_THROWS_WITH(InputSignal(times, values, count, cubic), ContainsSubstring(message));
+    };
     const double nan = std::numeric_limits<double>::quiet_NaN();
-    refused({0.0, 1.0}, {}, 0, "number of inputs is 0");
-    refused({0.0}, {1.0}, 1, "number of instants is 1, must be >= 2");
-    refused({0.0, 1.0}, {1.0, 2.0, 3.0}, 1, "number of values is 3, must be 2");
-    refused({0.0, 1.0, 1.0}, {1.0, 2.0, 3.0}, 1, "time 2 is 1 s, must be > 1 s");
-    refused({0.0, 1.0, 0.5}, {1.0, 2.0, 3.0}, 1, "time 2 is 0.5 s, must be > 1 s");
-    refused({0.0, nan}, {1.0, 2.0}, 1, "time 1 is nan");
-    refused({0.0, 1.0}, {1.0, 2.0, 3.0, nan}, 2, "value 1 of input 1 is nan");
+    wrong_data({0.0}, {1.0}, 1, "number of instants is 1, must be >= 2");
+    wrong_data({0.0, 1.0, 1.0}, {1.0, 2.0, 3.0}, 1, "time 2 is 1 s, must be > 1 s");
+    wrong_data({0.0, 1.0, 0.5}, {1.0, 2.0, 3.0}, 1, "time 2 is 0.5 s, must be > 1 s");
+    wrong_data({0.0, nan}, {1.0, 2.0}, 1, "time 1 is nan");
+    wrong_data({0.0, 1.0}, {1.0, 2.0, 3.0, nan}, 2, "value 1 of input 1 is nan");
 }
 
 }  // namespace orbid::models::input_signal_test
