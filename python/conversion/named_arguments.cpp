@@ -60,7 +60,7 @@ py::dict mapping(py::handle given, const std::string& where) {
     return dict;
 }
 
-long long whole_number(py::handle value, const std::string& place) {
+long long whole_number(py::handle value, const std::string& place, long long least) {
     // Python's own integers and NumPy's have __index__; a float has none, whatever its value.
     if (py::isinstance<py::bool_>(value) || !PyIndex_Check(value.ptr()))
         wrong_type(place, value, "a whole number (int)");
@@ -68,7 +68,11 @@ long long whole_number(py::handle value, const std::string& place) {
     if (!index) throw py::error_already_set();
     int overflow = 0;
     const long long whole = PyLong_AsLongLongAndOverflow(index.ptr(), &overflow);
-    if (overflow != 0) throw py::value_error(place + " = " + std::string(py::str(index)) + " is out of range");
+    constexpr long long most = 1LL << 53;
+    if (overflow != 0 || whole > most)
+        throw py::value_error(place + " = " + std::string(py::str(index)) + " is out of range");
+    if (whole < least)
+        throw py::value_error(place + " = " + std::to_string(whole) + ", must be at least " + std::to_string(least));
     return whole;
 }
 
@@ -131,13 +135,18 @@ std::optional<double> NamedArguments::optional_number(const char* name) {
 
 long long NamedArguments::integer(const char* name, long long otherwise, long long least) {
     const py::object value = find(name);
-    if (!value) return otherwise;
-    const long long whole = whole_number(value, place(name));
-    constexpr long long most = 1LL << 53;
-    if (whole < least || whole > most)
-        throw py::value_error(place(name) + " = " + std::to_string(whole) + ", must be at least " +
-                              std::to_string(least));
-    return whole;
+    return value ? whole_number(value, place(name), least) : otherwise;
+}
+
+std::vector<long long> NamedArguments::integers(const char* name, long long least) {
+    const py::object value = find_value(name);
+    std::vector<long long> numbers;
+    if (!value) return numbers;
+    if (!py::isinstance<py::iterable>(value) || py::isinstance<py::str>(value))
+        wrong_type(place(name), value, "a list of whole numbers");
+    for (const py::handle item : value)
+        numbers.push_back(whole_number(item, place(name), least));
+    return numbers;
 }
 
 bool NamedArguments::flag(const char* name, bool otherwise) {

@@ -45,15 +45,16 @@ estimator::FreeParameter free_parameter(const std::string& name, py::handle desc
             how.finish();
             if (result.tied_to.empty()) throw py::type_error(where + ": tied: 'to' is missing");
         }
-        result.unit = given.text("unit", "");
+        given.take("unit", result.unit);
         given.finish();
         return result;
     }
     result.start = given.required_number("start");
-    result.unit = given.text("unit", "");
-    constexpr estimator::Scale scales[] = {estimator::Scale::linear, estimator::Scale::log, estimator::Scale::log10,
-                                           estimator::Scale::logit};
-    result.scale = scales[given.choice("scale", {"linear", "log", "log10", "logit"})];
+    given.take("unit", result.unit);
+    using estimator::Scale;
+    result.scale = given.word<Scale>(
+        "scale", {{"linear", Scale::linear}, {"log", Scale::log}, {"log10", Scale::log10}, {"logit", Scale::logit}},
+        result.scale);
     if (const py::object bounds = given.find_value("bounds")) {
         if (!is_list(bounds) || py::len(bounds) != 2)
             throw py::value_error(where + ": bounds: needs [lower, upper], None where there is none");
@@ -70,7 +71,7 @@ estimator::FreeParameter free_parameter(const std::string& name, py::handle desc
         result.lower = 0.0;
     }
     result.prior = prior(given.find("prior"), where + ": prior");
-    result.typical_size = given.number("typical_size", 1.0);
+    given.take("typical_size", result.typical_size);
     given.finish();
     return result;
 }
@@ -194,21 +195,21 @@ estimator::Group group(py::handle description, std::size_t number) {
     std::string where = "group " + std::to_string(number);
     NamedArguments given(where, description);
     estimator::Group result;
-    result.name = given.text("name", "");
+    given.take("name", result.name);
     if (result.name.empty()) throw py::type_error(where + ": 'name' is missing");
     where = "group '" + result.name + "'";
-    result.unit = given.text("unit", "");
+    given.take("unit", result.unit);
     ErrorModel errors = error_model(given, where);
     result.scale = errors.scale;
     result.distribution = errors.distribution;
     result.floor = errors.floor;
-    result.factor = given.flag("factor", false);
+    given.take("factor", result.factor);
     if (const auto interval = given.optional_number("interval")) {
         if (!(*interval > 0.0)) throw py::value_error(where + ": interval must be > 0");
         result.ordered = true;
         result.interval = *interval;
     }
-    result.interval_unit = given.text("interval_unit", "s");
+    given.take("interval_unit", result.interval_unit);
     given.finish();
     return result;
 }

@@ -78,12 +78,12 @@ py::dict profile_dict(const estimator::Profile& profile) {
 py::dict profiles(const EstimateResult& result, const py::kwargs& keywords) {
     NamedArguments given("profiles", keywords);
     estimator::ProfileOptions how;
-    how.names = given.texts("names");
-    how.level = given.number("level", how.level);
-    how.tolerance = given.number("tolerance", how.tolerance);
-    how.reach = given.number("reach", how.reach);
-    how.curve_points = given.whole("curve_points", how.curve_points, 0);
-    how.maximum_points = given.whole("maximum_points", how.maximum_points, 1);
+    given.take({{"names", how.names},
+                {"level", how.level},
+                {"tolerance", how.tolerance},
+                {"reach", how.reach},
+                {"curve_points", how.curve_points},
+                {"maximum_points", how.maximum_points, 1}});
     given.finish();
     Inquiry inquiry(result);
     const auto found = inquiry.answered([&] {
@@ -108,12 +108,12 @@ py::dict marginal_dict(const estimator::Marginal& marginal) {
 py::dict marginals(const EstimateResult& result, const py::kwargs& keywords) {
     NamedArguments given("marginals", keywords);
     estimator::MarginalOptions how;
-    how.names = given.texts("names");
-    how.step = given.number("step", how.step);
-    how.fall = given.number("fall", how.fall);
-    how.reach = given.number("reach", how.reach);
-    how.maximum_points = given.whole("maximum_points", how.maximum_points, 1);
-    if (given.has("full_hessian")) how.full_hessian = given.flag("full_hessian", true);
+    given.take({{"names", how.names},
+                {"step", how.step},
+                {"fall", how.fall},
+                {"reach", how.reach},
+                {"maximum_points", how.maximum_points, 1}});
+    given.take("full_hessian", how.full_hessian);
     given.finish();
     Inquiry inquiry(result);
     const auto found = inquiry.answered([&] {
@@ -153,13 +153,13 @@ py::dict sample_dict(const estimator::PosteriorSample& sample) {
 py::dict sample(const EstimateResult& result, const py::kwargs& keywords) {
     NamedArguments given("sample", keywords);
     estimator::SampleOptions how;
-    how.chains = given.whole("chains", how.chains, 1);
-    how.warm_up = given.whole("warm_up", how.warm_up, 0);
-    how.draws = given.whole("draws", how.draws, 1);
-    how.seed = static_cast<std::uint64_t>(given.integer("seed", 1, 0));
-    how.acceptance = given.number("acceptance", how.acceptance);
-    how.maximum_depth = given.whole("maximum_depth", how.maximum_depth, 1);
-    how.spread = given.number("spread", how.spread);
+    given.take({{"chains", how.chains, 1},
+                {"warm_up", how.warm_up},
+                {"draws", how.draws, 1},
+                {"seed", how.seed},
+                {"acceptance", how.acceptance},
+                {"maximum_depth", how.maximum_depth, 1},
+                {"spread", how.spread}});
     given.finish();
     Inquiry inquiry(result);
     const auto derived = derived_quantities(result.derived, inquiry.call);

@@ -129,20 +129,26 @@ py::handle progress_function(NamedArguments& given) {
     return progress.ptr();
 }
 
+estimator::Variance variance(NamedArguments& given) {
+    using estimator::Variance;
+    return given.word<Variance>(
+        "variance", {{"restricted", Variance::restricted}, {"ml", Variance::ml}, {"integrated", Variance::integrated}},
+        Variance::restricted);
+}
+
 estimator::EstimateOptions estimate_options(NamedArguments& given) {
     estimator::EstimateOptions options;
-    constexpr estimator::Variance variances[] = {estimator::Variance::restricted, estimator::Variance::ml,
-                                                 estimator::Variance::integrated};
-    constexpr estimator::Clusters clusters[] = {estimator::Clusters::automatic, estimator::Clusters::blocks,
-                                                estimator::Clusters::none};
-    options.variance = variances[given.choice("variance", {"restricted", "ml", "integrated"})];
-    options.clusters = clusters[given.choice("clusters", {"automatic", "blocks", "none"})];
-    options.maximum_iterations = given.whole("maximum_iterations", options.maximum_iterations, 1);
-    options.maximum_rounds = given.whole("maximum_rounds", options.maximum_rounds, 1);
-    options.step_tolerance = given.number("step_tolerance", options.step_tolerance);
-    options.relative_singular_value = given.number("relative_singular_value", options.relative_singular_value);
-    options.verdict = given.flag("verdict", options.verdict);
-    options.full_hessian = given.flag("full_hessian", options.full_hessian);
+    using estimator::Clusters;
+    options.variance = variance(given);
+    options.clusters = given.word<Clusters>(
+        "clusters", {{"automatic", Clusters::automatic}, {"blocks", Clusters::blocks}, {"none", Clusters::none}},
+        options.clusters);
+    given.take({{"maximum_iterations", options.maximum_iterations, 1},
+                {"maximum_rounds", options.maximum_rounds, 1},
+                {"step_tolerance", options.step_tolerance},
+                {"relative_singular_value", options.relative_singular_value},
+                {"verdict", options.verdict},
+                {"full_hessian", options.full_hessian}});
     if (const py::object priors = given.find_value("joint_priors")) {
         if (!py::isinstance<py::sequence>(priors)) throw py::type_error("estimate: joint_priors: needs a list");
         for (const py::handle one : priors)

@@ -62,13 +62,13 @@ py::dict multi_start(py::handle parameters, py::object residuals, py::handle der
     NamedArguments given("multi_start", keywords);
     const auto quantities = derived_quantities(best->derived, call);
     estimator::MultiStartOptions options;
-    options.starts = given.whole("starts", options.starts, 1);
-    options.seed = static_cast<std::uint64_t>(given.integer("seed", 1, 0));
-    options.width = given.number("width", options.width);
-    options.screening_iterations = given.whole("screening_iterations", options.screening_iterations, 0);
-    options.kept = given.whole("kept", options.kept, 1);
-    options.distance = given.number("distance", options.distance);
-    options.objective_tolerance = given.number("objective_tolerance", options.objective_tolerance);
+    given.take({{"starts", options.starts, 1},
+                {"seed", options.seed},
+                {"width", options.width},
+                {"screening_iterations", options.screening_iterations},
+                {"kept", options.kept, 1},
+                {"distance", options.distance},
+                {"objective_tolerance", options.objective_tolerance}});
     options.estimate = estimate_options(given);
     if (const py::handle progress = progress_function(given))
         options.progress = [&call, progress](int finished, int total) {

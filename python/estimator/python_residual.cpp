@@ -142,8 +142,7 @@ void PythonResidual::read_groups() {
             if (found == groups_.end()) throw py::value_error("covariance: there is no group '" + name + "'");
             covariance.groups.push_back(static_cast<int>(found - groups_.begin()));
         }
-        covariance.dof = given.number("dof", 0.0);
-        covariance.psi = given.matrix("psi");
+        given.take({{"dof", covariance.dof}, {"psi", covariance.psi}});
         given.finish();
         covariances_.push_back(std::move(covariance));
     }
@@ -245,10 +244,10 @@ estimator::RefreshReport PythonResidual::update_active_set(const Eigen::VectorXd
             update(array(Eigen::VectorXd(theta)), latent_list(latents), array(Eigen::VectorXd(scales)));
         if (answer.is_none()) return;
         NamedArguments given("update_active_set()", answer);
-        report.changed = given.flag("changed", false);
-        report.lost = given.whole("lost", 0, 0);
-        report.rejected = given.whole("rejected", 0, 0);
-        report.added = given.whole("added", 0, 0);
+        given.take({{"changed", report.changed},
+                    {"lost", report.lost},
+                    {"rejected", report.rejected},
+                    {"added", report.added}});
         given.finish();
         read_groups();
         read_layout();

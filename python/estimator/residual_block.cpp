@@ -104,15 +104,15 @@ estimator::BlockLayout block_layout(py::handle description, const std::vector<es
                                   std::to_string(size));
         return values;
     };
-    block.shape = given.matrix("shape");
+    given.take("shape", block.shape);
     block.deviation = optional_vector("deviation", count);
     block.observed = optional_vector("observed", count);
-    block.latents = given.integer("latents", 0, 0);
-    block.constraints = given.integer("constraints", 0, 0);
-    block.linked_from = given.integer("linked_from", -1, -1);
-    block.next = given.integer("next", -1, -1);
-    block.constraint_size = given.vector("constraint_size");
-    block.active = given.flag("active", true);
+    given.take({{"latents", block.latents},
+                {"constraints", block.constraints},
+                {"linked_from", block.linked_from, -1},
+                {"next", block.next, -1},
+                {"constraint_size", block.constraint_size},
+                {"active", block.active}});
     given.finish();
     return block;
 }

@@ -30,7 +30,9 @@ struct EstimateResult {
 /// Options of estimate() as keyword arguments, but for `progress`.
 class NamedArguments;
 [[nodiscard]] estimator::EstimateOptions estimate_options(NamedArguments& given);
-/// That one, which the keyword arguments keep; empty: none. @throws TypeError
+/// "variance" among them.
+[[nodiscard]] estimator::Variance variance(NamedArguments& given);
+/// `progress`, which the keyword arguments keep; empty: none. @throws TypeError
 [[nodiscard]] pybind11::handle progress_function(NamedArguments& given);
 
 /// Functions written in Python, {"name": (value, gradient)}; None: none.

@@ -49,18 +49,6 @@ models::ParameterBinding binding(const models::System& system, const py::object&
     return result;
 }
 
-std::vector<std::size_t> segment_indices(NamedArguments& given) {
-    std::vector<std::size_t> result;
-    const py::object segments = given.find_value("segments");
-    if (!segments) return result;
-    for (const py::handle one : segments) {
-        const long long index = whole_number(one, "segments");
-        if (index < 0) throw py::value_error("segments: must be >= 0");
-        result.push_back(static_cast<std::size_t>(index));
-    }
-    return result;
-}
-
 /// Scales and forms of the errors of these coordinates.
 template <class Options>
 void read_errors(Options& options, NamedArguments& given, const std::vector<std::string>& names, bool known_sds) {
@@ -77,13 +65,11 @@ void read_errors(Options& options, NamedArguments& given, const std::vector<std:
 /// What residuals of a series have in common: name, observe, segments, sensor, errors, known_sds, start and the flow.
 template <class Options>
 void read_common(Options& options, NamedArguments& given, const models::System& system, const orbits::Series& series) {
-    options.name = given.text("name", options.name);
-    options.observe = given.texts("observe");
-    options.segments = segment_indices(given);
+    given.take({{"name", options.name}, {"observe", options.observe}, {"segments", options.segments}});
     options.sensor = sensor(given.find("sensor"), system);
     const bool known_sds = given.flag("known_sds", false);
     read_errors(options, given, options.observe.empty() ? coordinate_names(series) : options.observe, known_sds);
-    options.start = given.vector("start");
+    given.take("start", options.start);
     options.flow = flow_options(given, options.flow);
 }
 
@@ -160,10 +146,10 @@ std::shared_ptr<ShootingResidual> shooting_residual(const py::object& system,
     models::ParameterBinding bound = binding(*model, parameters, given);
     orbits::ShootingOptions options;
     read_common(options, given, *model, *series);
-    options.interval = given.integer("interval", 0, 0);
-    constexpr orbits::Continuity::Kind kinds[] = {orbits::Continuity::Kind::exact, orbits::Continuity::Kind::normal,
-                                                  orbits::Continuity::Kind::student_t};
-    options.matching.kind = kinds[given.choice("matching", {"exact", "normal", "student_t"})];
+    given.take("interval", options.interval);
+    using Kind = orbits::Continuity::Kind;
+    options.matching.kind = given.word<Kind>(
+        "matching", {{"exact", Kind::exact}, {"normal", Kind::normal}, {"student_t", Kind::student_t}}, Kind::exact);
     if (const py::object sd = given.find("matching_sd")) {
         options.matching.estimate = py::isinstance<py::str>(sd) && sd.cast<std::string>() == "estimate";
         if (!options.matching.estimate) options.matching.sd = vector(finite_vector(sd, "matching_sd"));
@@ -191,18 +177,16 @@ std::shared_ptr<CycleResidual> cycle_residual(const py::object& system, const st
             if (crossed->normal[i] != 0.0 && names.size() == static_cast<std::size_t>(model->dimension()))
                 names.erase(names.begin() + i);
     }
-    if (const py::object periods = given.find_value("periods"))
-        for (const py::handle period : periods)
-            options.targets.periods.push_back(static_cast<int>(whole_number(period, "periods")));
-    options.targets.weights = given.choice("weights", {"covariance", "equal"}) == 0 ? orbits::CycleWeights::covariance
-                                                                                    : orbits::CycleWeights::equal;
-    options.targets.positions = given.flag("positions", true);
-    options.targets.multipliers = given.flag("multipliers", false);
-    options.targets.times = given.flag("times", false);
+    using Weights = orbits::CycleWeights;
+    options.targets.weights = given.word<Weights>(
+        "weights", {{"covariance", Weights::covariance}, {"equal", Weights::equal}}, Weights::covariance);
+    given.take({{"periods", options.targets.periods, 1},
+                {"positions", options.targets.positions},
+                {"multipliers", options.targets.multipliers},
+                {"times", options.targets.times}});
     options.targets.sensor = sensor(given.find("sensor"), *model);
     read_errors(options.targets, given, names, false);
-    options.maximum_move = given.number("maximum_move", options.maximum_move);
-    options.gate = given.number("gate", options.gate);
+    given.take({{"maximum_move", options.maximum_move}, {"gate", options.gate}});
     options.flow = flow_options(given, options.flow);
     given.finish();
     return computed_interruptibly([&] {

@@ -31,7 +31,7 @@ void read_encoder(NamedArguments& given, const models::System& system, Sensor& s
     sensor.angle = required_coordinate(given, "angle", system);
     const models::Coordinate& angle = system.coordinates()[sensor.angle];
     if (!angle.angle) throw py::value_error("sensor: angle: " + std::string(angle.name) + " is no angle");
-    sensor.step = given.number("step", 0.0);
+    given.take("step", sensor.step);
     if (!(sensor.step >= 0.0)) throw py::value_error("sensor: step: must be >= 0");
     if (given.choice("rounding", {"none", "nearest"}) == 0) return;
     sensor.rounding = Sensor::Rounding::nearest;

@@ -40,29 +40,23 @@ covariance  of the free parameters, shape (f, f), and free, their names: how far
 
 orbits::CycleSearchOptions search_options(NamedArguments& given, const std::vector<std::string>& names) {
     orbits::CycleSearchOptions options;
-    constexpr Method methods[] = {Method::automatic, Method::local_maps, Method::spline_map, Method::closest_return};
-    options.method = methods[given.choice("method", {"automatic", "local_maps", "patch_map", "closest_return"})];
-    if (const py::object periods = given.find_value("periods")) {
-        if (!py::isinstance<py::iterable>(periods) || py::isinstance<py::str>(periods))
-            throw py::type_error("find_cycles: periods: needs a list of whole numbers");
-        options.periods.clear();
-        for (const py::handle period : periods)
-            options.periods.push_back(static_cast<int>(whole_number(period, "find_cycles: periods")));
-    }
-    options.box = given.number("box", options.box);
-    options.neighbours = given.whole("neighbours", options.neighbours, 0);
-    options.order = given.whole("order", options.order, 0);
-    options.minimum_recurrences = given.whole("minimum_recurrences", options.minimum_recurrences, 1);
-    if (const Eigen::VectorXd signs = given.vector("symmetry_signs"); signs.size() > 0)
-        options.symmetry_signs = std::vector<double>(signs.begin(), signs.end());
-    options.reading_covariance = given.matrix("reading_covariance");
+    options.method = given.word<Method>("method",
+                                        {{"automatic", Method::automatic},
+                                         {"local_maps", Method::local_maps},
+                                         {"patch_map", Method::spline_map},
+                                         {"closest_return", Method::closest_return}},
+                                        Method::automatic);
+    given.take({{"periods", options.periods, 1},
+                {"box", options.box},
+                {"neighbours", options.neighbours},
+                {"order", options.order},
+                {"minimum_recurrences", options.minimum_recurrences, 1}});
+    given.take({{"symmetry_signs", options.symmetry_signs}, {"reading_covariance", options.reading_covariance}});
     if (const py::object partition = given.find_value("partition")) {
         NamedArguments parts("partition", partition);
         orbits::Partition cut;
         cut.coordinate = index_of(parts.text("coordinate", names.front()), names, "coordinate");
-        const Eigen::VectorXd boundaries = parts.vector("boundaries");
-        cut.boundaries.assign(boundaries.begin(), boundaries.end());
-        cut.symbols = parts.text("symbols", "");
+        parts.take({{"boundaries", cut.boundaries}, {"symbols", cut.symbols}});
         parts.finish();
         options.partition = std::move(cut);
     }
@@ -84,13 +78,12 @@ py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object
     orbits::ModelGuidedSearchOptions options;
     options.search = search_options(given, coordinate_names(*series));
     options.sensor = sensor(given.find("sensor"), *model);
-    options.phase = given.number("phase", 0.0);
+    given.take("phase", options.phase);
     if (const py::object crossed = given.find_value("section")) options.section = plane(*model, crossed);
-    options.covariance = given.matrix("covariance");
+    given.take("covariance", options.covariance);
     for (const std::string& name : given.texts("free"))
         options.free.push_back(index_of(name, parameter_names(*model), "parameter"));
-    options.maximum_orbits = static_cast<std::size_t>(given.integer("maximum_orbits", 400, 1));
-    options.search_points = static_cast<std::size_t>(given.integer("search_points", 100000, 100));
+    given.take({{"maximum_orbits", options.maximum_orbits, 1}, {"search_points", options.search_points, 100}});
     given.finish();
     const auto found =
         computed_interruptibly([&] { return orbits::model_guided_search(*series, *model, theta, known, options); });
@@ -110,15 +103,15 @@ Cycle make_cycle(const py::object& points, const py::kwargs& keywords) {
     Cycle cycle;
     cycle.points = matrix(checked);
     cycle.period = static_cast<int>(cycle.points.cols());
-    cycle.covariance = given.matrix("covariance");
+    given.take("covariance", cycle.covariance);
     const Eigen::Index size = cycle.points.size();
     if (cycle.covariance.size() > 0 && (cycle.covariance.rows() != size || cycle.covariance.cols() != size))
         throw py::value_error("Cycle: covariance: needs shape (" + std::to_string(size) + ", " + std::to_string(size) +
                               ")");
-    cycle.ln_multiplier = given.vector("ln_multiplier");
-    cycle.ln_multiplier_covariance = given.matrix("ln_multiplier_covariance");
-    cycle.time = given.number("time", cycle.time);
-    cycle.time_sd = given.number("time_sd", cycle.time_sd);
+    given.take({{"ln_multiplier", cycle.ln_multiplier},
+                {"ln_multiplier_covariance", cycle.ln_multiplier_covariance},
+                {"time", cycle.time},
+                {"time_sd", cycle.time_sd}});
     if (const py::object multipliers = given.find_value("multipliers")) try {
             cycle.multipliers = multipliers.cast<std::vector<std::complex<double>>>();
         } catch (const py::cast_error&) {

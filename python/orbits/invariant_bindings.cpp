@@ -25,11 +25,8 @@ using SharedSeries = std::shared_ptr<orbits::Series>;
 py::dict lyapunov(const SharedSeries& series, const py::kwargs& keywords) {
     NamedArguments given("lyapunov_spectrum", keywords);
     orbits::LyapunovOptions options;
-    options.order = static_cast<int>(given.integer("order", 0, 0));
-    options.neighbours = static_cast<std::size_t>(given.integer("neighbours", 0, 0));
-    options.steps = given.whole("steps", options.steps, 1);
-    if (const Eigen::VectorXd signs = given.vector("symmetry_signs"); signs.size() > 0)
-        options.symmetry_signs = std::vector<double>(signs.begin(), signs.end());
+    given.take({{"order", options.order}, {"neighbours", options.neighbours}, {"steps", options.steps, 1}});
+    given.take("symmetry_signs", options.symmetry_signs);
     given.finish();
     auto found = computed_interruptibly([&] { return orbits::lyapunov_spectrum(*series, options); });
     return py::dict("exponents"_a = array(std::move(found.exponents)), "sds"_a = array(std::move(found.sds)),
@@ -43,9 +40,7 @@ py::dict lyapunov(const SharedSeries& series, const py::kwargs& keywords) {
 py::dict correlation(const SharedSeries& series, const py::kwargs& keywords) {
     NamedArguments given("correlation_dimension", keywords);
     orbits::CorrelationOptions options;
-    options.theiler = static_cast<std::size_t>(given.integer("theiler", 0, 0));
-    options.pairs = given.whole("pairs", options.pairs, 1);
-    options.points = given.whole("points", options.points, 1);
+    given.take({{"theiler", options.theiler}, {"pairs", options.pairs, 1}, {"points", options.points, 1}});
     given.finish();
     const auto found = computed_interruptibly([&] { return orbits::correlation_dimension(*series, options); });
     return py::dict(
@@ -80,10 +75,10 @@ py::dict embedded(const SharedSeries& series, const py::kwargs& keywords) {
     const std::vector<std::string> names = coordinate_names(*series);
     orbits::DelayEmbeddingOptions options;
     options.coordinate = index_of(given.text("coordinate", names.front()), names, "coordinate");
-    options.delay = static_cast<int>(given.integer("delay", 0, 0));
-    options.dimension = static_cast<int>(given.integer("dimension", 0, 0));
-    options.largest_delay = given.whole("largest_delay", options.largest_delay, 1);
-    options.largest_dimension = given.whole("largest_dimension", options.largest_dimension, 1);
+    given.take({{"delay", options.delay},
+                {"dimension", options.dimension},
+                {"largest_delay", options.largest_delay, 1},
+                {"largest_dimension", options.largest_dimension, 1}});
     given.finish();
     auto found = computed_interruptibly([&] { return orbits::embed(*series, options); });
     return py::dict("series"_a = std::make_shared<orbits::Series>(std::move(found.series)), "delay"_a = found.delay,

@@ -73,13 +73,10 @@ std::shared_ptr<Series> make_series(const py::object& values, const py::object& 
     check_count(times.size(), arrays.size(), "times");
     check_count(deviations.size(), arrays.size(), "deviations");
     check_count(labels.size(), arrays.size(), "labels");
-    series->sampling = given.choice("sampling", {"section", "samples"}, times.empty() ? 0 : 1) == 0
-                           ? Series::Sampling::section
-                           : Series::Sampling::samples;
+    series->sampling = sampling(given, !times.empty());
     if (series->sampling == Series::Sampling::samples && times.empty())
         throw py::value_error("Series: samples need times");
-    series->phase = given.number("phase", 0.0);
-    series->origin = given.text("origin", "");
+    given.take({{"phase", series->phase}, {"origin", series->origin}});
     given.finish();
     for (std::size_t s = 0; s < arrays.size(); ++s) {
         const std::string number = arrays.size() > 1 ? "[" + std::to_string(s) + "]" : "";
@@ -188,10 +185,16 @@ std::vector<orbits::SeriesCoordinate> series_coordinates(py::handle coordinates)
     return result;
 }
 
+Series::Sampling sampling(NamedArguments& given, bool timed) {
+    using Sampling = Series::Sampling;
+    return given.word<Sampling>("sampling", {{"section", Sampling::section}, {"samples", Sampling::samples}},
+                                timed ? Sampling::samples : Sampling::section);
+}
+
 models::FlowOptions flow_options(NamedArguments& given, models::FlowOptions usual) {
-    usual.relative_tolerance = given.number("rtol", usual.relative_tolerance);
-    usual.absolute_tolerance = given.number("atol", usual.absolute_tolerance);
-    usual.maximum_steps = given.whole("maximum_steps", usual.maximum_steps, 1);
+    given.take({{"rtol", usual.relative_tolerance},
+                {"atol", usual.absolute_tolerance},
+                {"maximum_steps", usual.maximum_steps, 1}});
     return usual;
 }
 

@@ -27,6 +27,9 @@ class NamedArguments;
 /// @throws TypeError, ValueError, KeyError naming the key.
 [[nodiscard]] models::Sensor sensor(pybind11::handle description, const models::System& system);
 
+/// "sampling" among keyword arguments: "samples" or "section"; not given, samples where records have times.
+[[nodiscard]] orbits::Series::Sampling sampling(NamedArguments& given, bool timed);
+
 /// rtol, atol and maximum_steps among keyword arguments.
 [[nodiscard]] models::FlowOptions flow_options(NamedArguments& given, models::FlowOptions usual);
 

@@ -36,10 +36,7 @@ std::vector<orbits::CoordinateColumn> columns(py::handle description, const py::
         } else {
             NamedArguments given("columns: " + name, value);
             column.column = given.text("column", name);
-            column.unit = given.text("unit", "");
-            column.sign = given.number("sign", 1.0);
-            column.offset = given.number("offset", 0.0);
-            column.sd = given.text("sd", "");
+            given.take({{"unit", column.unit}, {"sign", column.sign}, {"offset", column.offset}, {"sd", column.sd}});
             given.finish();
         }
         result.push_back(std::move(column));
@@ -52,18 +49,15 @@ std::shared_ptr<Series> read_csv(const std::filesystem::path& file, const py::ob
     NamedArguments given("read_csv", keywords);
     orbits::TableLayout layout;
     layout.coordinates = columns(described, coordinates);
-    layout.segment = given.text("segment", "");
-    layout.time = given.text("time", "");
-    layout.sampling = given.choice("sampling", {"section", "samples"}, layout.time.empty() ? 0 : 1) == 0
-                          ? Series::Sampling::section
-                          : Series::Sampling::samples;
-    layout.time_unit = given.text("time_unit", layout.time_unit);
-    layout.nan_is_missing = given.flag("nan_is_missing", layout.nan_is_missing);
-    layout.phase = given.number("phase", 0.0);
-    layout.minimum_points = static_cast<std::size_t>(given.integer("minimum_points", 1, 1));
-    layout.time_tolerance = given.number("time_tolerance", layout.time_tolerance);
-    layout.equidistant = given.flag("equidistant", layout.equidistant);
-    layout.complete = given.flag("complete", layout.complete);
+    given.take({{"segment", layout.segment}, {"time", layout.time}});
+    layout.sampling = sampling(given, !layout.time.empty());
+    given.take({{"time_unit", layout.time_unit},
+                {"nan_is_missing", layout.nan_is_missing},
+                {"phase", layout.phase},
+                {"minimum_points", layout.minimum_points, 1},
+                {"time_tolerance", layout.time_tolerance},
+                {"equidistant", layout.equidistant},
+                {"complete", layout.complete}});
     given.finish();
     return std::make_shared<Series>(computed_interruptibly([&] { return orbits::read_csv(file, layout); }));
 }

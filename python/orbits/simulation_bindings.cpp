@@ -33,32 +33,28 @@ orbits::VirtualExperimentOptions experiment(NamedArguments& given, const models:
         throw py::type_error("simulate: needs either sections, or step and count");
     if (sections) {
         orbits::SectionPlan plan;
-        plan.sections = static_cast<std::size_t>(given.integer("sections", 0, 1));
-        plan.transient = given.whole("transient", plan.transient, 0);
+        given.take({{"sections", plan.sections, 1}, {"transient", plan.transient}});
         const py::object crossed = given.find_value("section");
         if (crossed) plan.section = plane(system, crossed);
-        plan.longest_return = given.number("longest_return", 0.0);
+        given.take("longest_return", plan.longest_return);
         options.plan = plan;
     } else {
         orbits::SamplePlan plan;
         plan.step = given.required_number("step");
-        plan.count = static_cast<std::size_t>(given.integer("count", 0, 1));
-        plan.transient = static_cast<std::size_t>(given.integer("transient", 0, 0));
+        given.take({{"count", plan.count, 1}, {"transient", plan.transient}});
         options.plan = plan;
     }
-    options.trajectories = static_cast<std::size_t>(given.integer("trajectories", 1, 1));
+    given.take("trajectories", options.trajectories, 1);
     if (const py::object initial = given.find_value("initial")) {
         const Doubles starts = records(initial, "initial", system.dimension());
         options.initial = matrix(starts);
         if (!given.has("trajectories")) options.trajectories = static_cast<std::size_t>(starts.shape(0));
     }
-    options.random_range = given.vector("random_range");
+    given.take("random_range", options.random_range);
     options.restart = given.flag("restart", true) ? orbits::Restart::when_captured_or_at_rest : orbits::Restart::never;
-    options.phase = given.number("phase", 0.0);
+    given.take("phase", options.phase);
     options.sensor = sensor(given.find("sensor"), system);
-    options.noise = given.vector("noise");
-    options.noise_correlation = given.vector("noise_correlation");
-    options.seed = static_cast<std::uint64_t>(given.integer("seed", 0, 0));
+    given.take({{"noise", options.noise}, {"noise_correlation", options.noise_correlation}, {"seed", options.seed}});
     options.flow = flow_options(given, options.flow);
     return options;
 }
