@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "models/ensembles/flow_lanes.hpp"
+#include "models/system/stopped.hpp"
 
 namespace orbid::models {
 
@@ -99,6 +100,7 @@ private:
 
     /// One shared step of all.
     void together(const SharedStep<Steps>& shared) {
+        stop_if_asked(options_.interrupted);
         for (std::size_t first = 0; first < lanes_.size(); first += width) {
             const Numbers x = lanes_.load(first);
             P side(1.0);
@@ -196,6 +198,7 @@ private:
 
     /// One step of each of `count` walkers.
     void stride(std::array<Walker, width>& active, std::size_t count, double target) {
+        stop_if_asked(options_.interrupted);
         Numbers x;
         for (std::size_t k = 0; k < Steps::size; ++k)
             x[k] = gathered(active, count, [&](const Walker& w) { return lanes_.number(k, w.lane); });

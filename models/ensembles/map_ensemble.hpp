@@ -8,6 +8,7 @@
 #include "models/arithmetic/pack.hpp"
 #include "models/definition/model.hpp"
 #include "models/definition/simulation.hpp"
+#include "models/system/stopped.hpp"
 
 namespace orbid::models {
 
@@ -21,7 +22,9 @@ public:
     static constexpr std::size_t q = parameter_count_of<M>;
     static constexpr bool in_packs = !requires { requires !M::packs; };
 
-    explicit MapEnsemble(const Values<double, q>& p) : p_(p), constants_(constants_from<M, double>(p)) {}
+    /// @param interrupted  as in FlowOptions
+    explicit MapEnsemble(const Values<double, q>& p, const std::function<bool()>* interrupted = nullptr)
+        : p_(p), constants_(constants_from<M, double>(p)), interrupted_(interrupted) {}
 
     /// As Kernel::ensemble().
     void advance(const double* starts, std::size_t count, std::size_t iterations, double* const* sections,
@@ -69,6 +72,7 @@ private:
         };
         gather(0);
         for (std::size_t k = 1; k <= iterations && alive > 0; ++k) {
+            if (k % 1024 == 0) stop_if_asked(interrupted_);
             x = M::map(x, constants);
             auto finite = isfinite(x[0]);
             for (std::size_t c = 0; c < n; ++c) {
@@ -112,6 +116,7 @@ private:
     void one(double* sections, std::size_t& columns, FlowStatus& status) const {
         State<double, n> x;
         std::copy(sections + (columns - 1) * n, sections + columns * n, x.begin());
+        if (columns % 1024 == 0) stop_if_asked(interrupted_);
         x = M::map(x, constants_);
         for (std::size_t c = 0; c < n; ++c) {
             if (!std::isfinite(x[c])) status = FlowStatus::not_finite;
@@ -122,6 +127,7 @@ private:
 
     Values<double, q> p_;
     Constants<M, double> constants_;
+    const std::function<bool()>* interrupted_;
 };
 
 }  // namespace orbid::models

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "models/ensembles/pack_outcome.hpp"
+#include "models/system/stopped.hpp"
 #include "models/trajectories/flow.hpp"
 #include "models/trajectories/trajectory.hpp"
 
@@ -103,6 +104,7 @@ private:
         const PeriodSteps& steps = tables_[level];
         most_additional_ = 0;
         for (std::size_t k = 0; k < steps.count; ++k) {
+            stop_if_asked(options_.interrupted);
             if (k + most_additional_ >= options_.maximum_steps) {
                 bool some = false;
                 for (std::size_t i = first; i < end; ++i) {

@@ -152,7 +152,8 @@ public:
                   [[maybe_unused]] double* const* sections, [[maybe_unused]] std::size_t* columns,
                   [[maybe_unused]] FlowStatus* status) const override {
         if constexpr (MapModel<M>) {
-            MapEnsemble<M>(array_from<double, q>(theta)).advance(starts, count, periods, sections, columns, status);
+            MapEnsemble<M>(array_from<double, q>(theta), options.interrupted)
+                .advance(starts, count, periods, sections, columns, status);
         } else if constexpr (ForcedModel<M>) {
             SectionEnsemble<M>(array_from<double, q>(theta), phase, options)
                 .advance(starts, count, periods, sections, columns, status);

@@ -47,7 +47,20 @@ std::shared_ptr<const System> KernelSystem::with_input(std::shared_ptr<const Inp
     if (!signal || signal->count() != inputs().size())
         throw std::invalid_argument(fmt::format("model {}: the signal has {} inputs, must have {}", name(),
                                                 signal ? signal->count() : 0, inputs().size()));
-    return std::make_shared<KernelSystem>(kernel_, std::move(signal));
+    auto system = std::make_shared<KernelSystem>(*this);
+    system->signal_ = std::move(signal);
+    return system;
+}
+
+std::shared_ptr<const System> KernelSystem::with_stop(std::function<bool()> interrupted) const {
+    auto system = std::make_shared<KernelSystem>(*this);
+    system->interrupted_ = std::move(interrupted);
+    return system;
+}
+
+FlowOptions KernelSystem::asking(FlowOptions options) const {
+    if (options.interrupted == nullptr && interrupted_) options.interrupted = &interrupted_;
+    return options;
 }
 
 void KernelSystem::require_input() const {
@@ -124,7 +137,7 @@ Eigen::MatrixXd KernelSystem::rhs_derivatives(const Eigen::MatrixXd& states, std
 FlowStart KernelSystem::start_of(const Eigen::VectorXd& x0, double phase, const Eigen::VectorXd& theta, Clock clock,
                                  const FlowOptions& options) const {
     require_input();
-    return {x0.data(), phase, theta.data(), clock, options, signal_.get()};
+    return {x0.data(), phase, theta.data(), clock, asking(options), signal_.get()};
 }
 
 FlowResult KernelSystem::flow(const Eigen::VectorXd& x0, double phase, std::span<const double> durations,
@@ -158,7 +171,7 @@ std::vector<FlowResult> KernelSystem::flows(const Eigen::MatrixXd& starts, std::
     if (total == 0) return {};
     check_flow(*this, starts.col(0), phases[0], durations, theta, free.value_or(std::span<const Eigen::Index>{}), clock,
                options);
-    const FlowStarts all{starts.data(), phases.data(), total, theta.data(), clock, options};
+    const FlowStarts all{starts.data(), phases.data(), total, theta.data(), clock, asking(options)};
     // Packs that share their steps do not count them as they go, and there are some thousand of them at most.
     constexpr std::size_t smallest_budget = 10000;
     const auto batch = options.maximum_steps < smallest_budget
@@ -259,10 +272,11 @@ EnsembleResult KernelSystem::ensemble(const Eigen::MatrixXd& starts, double phas
     const auto threads = static_cast<std::size_t>(oneapi::tbb::this_task_arena::max_concurrency());
     const std::size_t most = kernel_->ensemble_block();
     const std::size_t block = std::clamp((count + threads - 1) / threads, std::min(most, std::size_t{4}), most);
+    const FlowOptions asked = asking(options);
     oneapi::tbb::parallel_for(std::size_t{0}, (count + block - 1) / block, [&](std::size_t b) {
         const std::size_t first = b * block, size = std::min(block, count - first);
         kernel_->ensemble(starts.data() + first * static_cast<std::size_t>(starts.rows()), size, phase, periods,
-                          theta.data(), options, sections.data() + first, columns.data() + first,
+                          theta.data(), asked, sections.data() + first, columns.data() + first,
                           result.status.data() + first);
     });
     for (std::size_t i = 0; i < count; ++i)

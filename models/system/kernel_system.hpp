@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -28,6 +29,7 @@ public:
     bool stiff() const override { return kernel_->stiff(); }
     std::span<const Coordinate> inputs() const override { return kernel_->inputs(); }
     std::shared_ptr<const System> with_input(std::shared_ptr<const InputSignal> signal) const override;
+    std::shared_ptr<const System> with_stop(std::function<bool()> interrupted) const override;
     bool smooth(const Eigen::VectorXd& theta) const override;
     double period(const Eigen::VectorXd& theta, Clock clock) const override;
     std::optional<Eigen::Index> forcing_frequency() const override;
@@ -64,12 +66,14 @@ public:
 private:
     [[nodiscard]] FlowStart start_of(const Eigen::VectorXd& x0, double phase, const Eigen::VectorXd& theta, Clock clock,
                                      const FlowOptions& options) const;
+    [[nodiscard]] FlowOptions asking(FlowOptions options) const;
     [[nodiscard]] const double* input_at(double phase, std::vector<double>& values) const;
     void require_input() const;
     void require_autonomous() const;
 
     std::shared_ptr<const Kernel> kernel_;
     std::shared_ptr<const InputSignal> signal_;
+    std::function<bool()> interrupted_;
 };
 
 }  // namespace orbid::models

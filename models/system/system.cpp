@@ -49,6 +49,10 @@ std::shared_ptr<const System> System::with_input(std::shared_ptr<const InputSign
     not_offered(*this, "measured inputs");
 }
 
+std::shared_ptr<const System> System::with_stop(std::function<bool()> /*interrupted*/) const {
+    not_offered(*this, "a question whether to stop");
+}
+
 std::vector<FlowResult> System::flows(const Eigen::MatrixXd& starts, std::span<const double> phases,
                                       std::span<const double> durations, const Eigen::VectorXd& theta,
                                       std::optional<std::span<const Eigen::Index>> free, Clock clock,

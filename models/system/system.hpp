@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -109,6 +110,8 @@ public:
     /// (std::logic_error); its phase argument is the time [s] of the start on the clock of the signal.
     /// @throws std::invalid_argument unless the signal has as many inputs as the model
     [[nodiscard]] virtual std::shared_ptr<const System> with_input(std::shared_ptr<const InputSignal> signal) const;
+    /// The same model, which asks `interrupted` once per step of all its flows and throws Stopped when it says so.
+    [[nodiscard]] virtual std::shared_ptr<const System> with_stop(std::function<bool()> interrupted) const;
     /// Neither f nor the state jumps at these parameters: finite differences and collocation apply.
     [[nodiscard]] virtual bool smooth(const Eigen::VectorXd& theta) const = 0;
     /// Period of the forcing in the given clock: 2 pi rad, or 2 pi / omega s. Throws std::logic_error unless forced.

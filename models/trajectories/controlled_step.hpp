@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "models/system/stopped.hpp"
 #include "models/trajectories/stepper.hpp"
 
 namespace orbid::models {
@@ -72,6 +73,7 @@ public:
     [[nodiscard]] FlowStatus attempt(double target) {
         for (;;) {
             if (steps_ >= options_.maximum_steps) return FlowStatus::step_budget;
+            stop_if_asked(options_.interrupted);
             ++steps_;
             const double remaining = target - s_;
             // Two equal steps instead of a full one and a tiny rest; a rest of 1e-6 is included in the step.

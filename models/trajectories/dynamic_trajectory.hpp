@@ -12,6 +12,7 @@
 
 #include "models/definition/model.hpp"
 #include "models/definition/simulation.hpp"
+#include "models/system/stopped.hpp"
 #include "models/trajectories/explicit_method.hpp"
 
 namespace orbid::models {
@@ -67,6 +68,7 @@ public:
     [[nodiscard]] FlowStatus attempt(double target) {
         for (;;) {
             if (steps_ >= options_.maximum_steps) return FlowStatus::step_budget;
+            stop_if_asked(options_.interrupted);
             ++steps_;
             const double remaining = target - time_;
             // Two equal steps instead of a full one and a tiny rest; a rest of 1e-6 is included in the step.

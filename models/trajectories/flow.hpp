@@ -5,6 +5,7 @@
 #include <span>
 
 #include "models/system/kernel.hpp"
+#include "models/system/stopped.hpp"
 #include "models/trajectories/implicit_trajectory.hpp"
 #include "models/trajectories/surface_trajectory.hpp"
 #include "models/trajectories/trajectory.hpp"
@@ -181,7 +182,8 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
                 end.status = FlowStatus::step_budget;
                 break;
             }
-            ++end.steps;
+            // An iteration takes some nanoseconds.
+            if (end.steps++ % 1024 == 0) stop_if_asked(start.options.interrupted);
             x = M::map(x, c);
             if (!finite()) end.status = FlowStatus::not_finite;
             end.stopped_after += 1.0;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <optional>
 
+#include "models/system/stopped.hpp"
 #include "models/trajectories/implicit_stepper.hpp"
 #include "models/trajectories/input_knots.hpp"
 
@@ -88,6 +89,7 @@ public:
         }
         for (;;) {
             if (steps_ >= options_.maximum_steps) return FlowStatus::step_budget;
+            stop_if_asked(options_.interrupted);
             ++steps_;
             const double remaining = until - s_;
             // Two equal steps instead of a full one and a tiny rest; a rest of 1e-6 is included in the step.

@@ -13,6 +13,7 @@
 #include <boost/numeric/odeint/stepper/dense_output_runge_kutta.hpp>
 #include <boost/numeric/odeint/stepper/runge_kutta_dopri5.hpp>
 
+#include "models/system/stopped.hpp"
 #include "models/trajectories/odeint/variational_equations.hpp"
 
 namespace orbid::models {
@@ -117,6 +118,7 @@ public:
 
     /// One accepted step.
     [[nodiscard]] FlowStatus step() {
+        stop_if_asked(record_.options.interrupted);
         record_.from = end();
         try {
             (void)dense_.do_step(std::ref(equations_));
