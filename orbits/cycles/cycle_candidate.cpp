@@ -81,6 +81,7 @@ std::vector<CycleCandidate> merged(
                      [](const CycleCandidate& a, const CycleCandidate& b) { return a.recurrences > b.recurrences; });
     std::vector<CycleCandidate> result;
     for (CycleCandidate& draft : drafts) {
+        section.stop_if_asked();
         const auto found = std::find_if(result.begin(), result.end(), [&](const CycleCandidate& other) {
             return same_cycle(section, other.points, draft.points, tolerance_of(other, draft));
         });

@@ -162,7 +162,7 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
     check_search(options, series.dimension());
     CycleSearch result;
     result.remarks = check_section(series, options.periods);
-    const SectionPoints section(series, options.symmetry_signs);
+    const SectionPoints section(series, options.symmetry_signs, {}, options.interrupted);
     const std::unique_ptr<CycleFinder> finder = choose_finder(series, section, options, result);
     // Finders that fit along a sheet know the times along it.
     std::optional<NeighbourIndex> timing;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -47,6 +48,7 @@ struct CycleSearchOptions {
     /// data.
     Eigen::MatrixXd reading_covariance;
     std::optional<Partition> partition;
+    std::function<bool()> interrupted{};  ///< asked all along; if it says so, models::Stopped is thrown; empty: never
 };
 
 /// Unstable periodic orbits of a section series (van de Water 1991; P5-P8; mathematics.md, section 2).

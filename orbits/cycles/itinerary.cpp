@@ -111,6 +111,7 @@ std::vector<RecurrenceSeed> itinerary_seeds(const SectionPoints& points, int per
     const std::size_t blocks = (points.size() - p + points_per_task - 1) / points_per_task;
     // use(start, gap) for the recurrent points of a block.
     const auto each_recurrent = [&](std::size_t b, const auto& use) {
+        points.stop_if_asked();
         const std::size_t first = b * points_per_task, end = std::min(points.size() - p, first + points_per_task);
         std::size_t run = 0;  // images that lead up to point i + p without a break
         for (std::size_t i = first + p; i-- > first && points.has_image(i);)

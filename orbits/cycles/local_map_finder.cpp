@@ -165,6 +165,7 @@ private:
     }
 
     [[nodiscard]] JudgedCandidate close(const RecurrenceSeed& seed, int period) const {
+        section_.stop_if_asked();
         JudgedCandidate trial;
         trial.draft = start_of(seed, period);
         trial.accepted = close_on_cells(section_, cells_, trial.draft.points);

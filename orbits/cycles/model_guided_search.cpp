@@ -86,7 +86,9 @@ bool visited(const NeighbourIndex& grid, const MatrixXd& points) {
 class ModelGuidedSearcher {
 public:
     ModelGuidedSearcher(const Series& series, const std::vector<Cycle>& known, const ModelGuidedSearchOptions& options)
-        : options_(options), section_(series, options.search.symmetry_signs), known_(known) {}
+        : options_(options),
+          section_(series, options.search.symmetry_signs, {}, options.search.interrupted),
+          known_(known) {}
 
     [[nodiscard]] const SectionPoints& section() const { return section_; }
 

@@ -134,6 +134,7 @@ std::vector<RecurrenceSeed> recurrence_seeds(const SectionPoints& points, int pe
     LeaderIndex index(points, radius);
     std::vector<RecurrenceSeed> seeds;
     for (const Recurrent& candidate : recurrent) {
+        points.stop_if_asked();
         bool joined = false;
         for (const bool mirrored : {false, true}) {
             if (joined || (mirrored && !points.symmetric())) continue;

@@ -118,6 +118,7 @@ private:
 
     // Accepted when it closes on the map, at no shorter period.
     [[nodiscard]] JudgedCandidate close(const Eigen::MatrixXd& start, std::size_t recurrences) const {
+        section_.stop_if_asked();
         const SplineMapCycle cycle = close_on_spline_map(section_, fit_.map, start);
         JudgedCandidate trial;
         trial.draft.points = cycle.points;
@@ -128,6 +129,7 @@ private:
 
     // Covariance of a closed orbit; what a map of coarser patches makes of it tells what patches cannot follow.
     [[nodiscard]] JudgedCandidate judge(const CycleCandidate& found) const {
+        section_.stop_if_asked();
         JudgedCandidate trial{draft_of(section_, fit_, found.points), false};
         CycleCandidate& draft = trial.draft;
         draft.recurrences = found.recurrences;

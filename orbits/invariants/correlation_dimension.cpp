@@ -241,7 +241,7 @@ CorrelationDimension correlation_dimension(const Series& series, const Correlati
         estimator::nan_value;
     const bool samples = series.sampling == Series::Sampling::samples;
     const std::size_t stride = samples ? sample_stride(series) : 1;
-    const SectionPoints points(samples ? strided(series, 1) : series);
+    const SectionPoints points(samples ? strided(series, 1) : series, std::nullopt, {}, options.interrupted);
     result.timed = points.timed();
     result.theiler = options.theiler > 0 ? options.theiler : 10 * stride;
 

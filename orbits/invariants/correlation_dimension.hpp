@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,7 @@ struct CorrelationOptions {
     std::size_t pairs = 1'000'000;
     /// Largest number of points among which pairs are sought, >= 1000, evenly spread over a longer series.
     std::size_t points = 200'000;
+    std::function<bool()> interrupted = {};  ///< asked all along; if it says so, models::Stopped is thrown
 };
 
 /// Statistics of pairs nearer than a radius.

@@ -137,6 +137,7 @@ OctaveCount count_pairs(const SectionPoints& points, const std::vector<std::uint
     const double inner = radius / std::sqrt(2.0), half = radius / 2.0;
     tbb::parallel_for(std::size_t{0}, parts, [&](std::size_t part) {
         for (std::size_t c = part * chosen.size() / parts; c < (part + 1) * chosen.size() / parts; ++c) {
+            points.stop_if_asked();
             const std::uint32_t own_place = boxes.place(c), i = chosen[own_place];
             const std::size_t own_row = stretch_of(own_place, chosen.size()) * stretches;
             boxes.visit(i, [&](std::uint32_t place) {

@@ -263,7 +263,8 @@ LyapunovSpectrum lyapunov_spectrum(const Series& series, const LyapunovOptions& 
     LyapunovSpectrum result;
     const bool samples = series.sampling == Series::Sampling::samples;
     if (samples) result.stride = sample_stride(series);
-    const SectionPoints points(samples ? strided(series, result.stride) : series, options.symmetry_signs);
+    const SectionPoints points(samples ? strided(series, result.stride) : series, options.symmetry_signs, {},
+                               options.interrupted);
     refuse_if(points.image_count() < fewest_images,
               "lyapunov_spectrum: {} points have an image, at least {} are needed", points.image_count(),
               fewest_images);

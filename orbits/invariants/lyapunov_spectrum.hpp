@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,6 +23,7 @@ struct LyapunovOptions {
     /// for the Henon map.
     std::size_t steps = std::size_t{1} << 18;
     std::optional<std::vector<double>> symmetry_signs = {};  ///< mirrored points are neighbours too; empty: none
+    std::function<bool()> interrupted = {};  ///< asked all along; if it says so, models::Stopped is thrown
 };
 
 /// Lyapunov exponents of a measured series. Rates are per section, or per second when the series has times.

@@ -5,6 +5,7 @@
 
 #include <tbb/parallel_invoke.h>
 
+#include "models/system/stopped.hpp"
 #include "orbits/sections/point_records.hpp"
 
 namespace orbid::orbits {
@@ -127,7 +128,8 @@ void rank(const double* numbers, std::size_t count, std::uint32_t* places) {
     }
 }
 
-KdTree::KdTree(std::vector<float> quanta, std::unique_ptr<std::uint32_t[]> records, std::size_t count)
+KdTree::KdTree(std::vector<float> quanta, std::unique_ptr<std::uint32_t[]> records, std::size_t count,
+               const std::function<bool()>& interrupted)
     : quanta_(std::move(quanta)), count_(count), records_(std::move(records)) {
     float squares = 0.0F;
     for (const float quantum : quanta_)
@@ -140,21 +142,22 @@ KdTree::KdTree(std::vector<float> quanta, std::unique_ptr<std::uint32_t[]> recor
     const std::size_t leaves = std::size_t{1} << depth_;
     switch (dimension()) {
         case 1:
-            sort<1>(1, 0, leaves);
+            sort<1>(1, 0, leaves, interrupted);
             break;
         case 2:
-            sort<2>(1, 0, leaves);
+            sort<2>(1, 0, leaves, interrupted);
             break;
         case 3:
-            sort<3>(1, 0, leaves);
+            sort<3>(1, 0, leaves, interrupted);
             break;
         default:
-            sort<0>(1, 0, leaves);
+            sort<0>(1, 0, leaves, interrupted);
     }
 }
 
 template <int n>
-void KdTree::sort(std::size_t node, std::size_t first_leaf, std::size_t leaves) {
+void KdTree::sort(std::size_t node, std::size_t first_leaf, std::size_t leaves,
+                  const std::function<bool()>& interrupted) {
     const std::size_t width = n > 0 ? static_cast<std::size_t>(n) : dimension();
     const PointRecords<n> records{records_.get(), width + 1};
     const std::size_t first = first_point(first_leaf), last = first_point(first_leaf + leaves);
@@ -177,11 +180,12 @@ void KdTree::sort(std::size_t node, std::size_t first_leaf, std::size_t leaves) 
         }
     }
     if (leaves > 1) {
+        if (last - first > task_points) models::stop_if_asked(interrupted);
         const std::size_t middle = first_point(first_leaf + leaves / 2);
         select_record(records, widest, static_cast<std::ptrdiff_t>(first), static_cast<std::ptrdiff_t>(last) - 1,
                       static_cast<std::ptrdiff_t>(middle));
-        const auto lower = [&] { sort<n>(2 * node, first_leaf, leaves / 2); };
-        const auto upper = [&] { sort<n>(2 * node + 1, first_leaf + leaves / 2, leaves / 2); };
+        const auto lower = [&] { sort<n>(2 * node, first_leaf, leaves / 2, interrupted); };
+        const auto upper = [&] { sort<n>(2 * node + 1, first_leaf + leaves / 2, leaves / 2, interrupted); };
         if (last - first > task_points) {
             tbb::parallel_invoke(lower, upper);
         } else {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <span>
@@ -78,7 +79,9 @@ public:
     /// @param records  count x (n coordinates, id): point after point. Sorted in place. Cost: O(count log count),
     /// parallel; no memory beyond the tree. Results depend neither on the order of the records nor on the number of
     /// threads.
-    KdTree(std::vector<float> quanta, std::unique_ptr<std::uint32_t[]> records, std::size_t count);
+    /// @param interrupted  asked while sorting; @throws models::Stopped if it says so
+    KdTree(std::vector<float> quanta, std::unique_ptr<std::uint32_t[]> records, std::size_t count,
+           const std::function<bool()>& interrupted);
 
     /// Adds the points that may be among the k nearest to a place (n coordinates).
     void collect(const std::uint32_t* place, NearestCandidates& candidates) const;
@@ -88,7 +91,7 @@ public:
 
 private:
     template <int n>
-    void sort(std::size_t node, std::size_t first_leaf, std::size_t leaves);
+    void sort(std::size_t node, std::size_t first_leaf, std::size_t leaves, const std::function<bool()>& interrupted);
     template <int n>
     void search(const std::uint32_t* place, NearestCandidates& candidates) const;
 

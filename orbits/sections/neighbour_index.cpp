@@ -34,9 +34,12 @@ void prefetch([[maybe_unused]] const double* address) {
 }
 
 template <class Body>
-void each_block(std::size_t count, const Body& body) {
-    tbb::parallel_for(std::size_t{0}, (count + points_per_task - 1) / points_per_task,
-                      [&](std::size_t b) { body(b, b * points_per_task, std::min(count, (b + 1) * points_per_task)); });
+void each_block(const SectionPoints& points, const Body& body) {
+    const std::size_t count = points.size();
+    tbb::parallel_for(std::size_t{0}, (count + points_per_task - 1) / points_per_task, [&](std::size_t b) {
+        points.stop_if_asked();
+        body(b, b * points_per_task, std::min(count, (b + 1) * points_per_task));
+    });
 }
 
 }  // namespace
@@ -49,7 +52,7 @@ NeighbourIndex::NeighbourIndex(const SectionPoints& points) : points_(&points) {
     std::vector<std::size_t> slot(blocks + 1, 0);
     std::vector<double> lowest(blocks * n, std::numeric_limits<double>::infinity());
     std::vector<double> highest(blocks * n, -std::numeric_limits<double>::infinity());
-    each_block(points.size(), [&](std::size_t b, std::size_t first, std::size_t last) {
+    each_block(points, [&](std::size_t b, std::size_t first, std::size_t last) {
         for (std::size_t i = first; i < last; ++i) {
             if (!points.has_image(i)) continue;
             ++slot[b + 1];
@@ -81,7 +84,7 @@ NeighbourIndex::NeighbourIndex(const SectionPoints& points) : points_(&points) {
     // Distances of a leaf are computed in whole registers: 8 numbers beyond the last point may be read.
     auto records = std::make_unique_for_overwrite<std::uint32_t[]>(count * (n + 1) + 8);
     std::fill_n(records.get() + count * (n + 1), 8, 0U);
-    each_block(points.size(), [&](std::size_t b, std::size_t first, std::size_t last) {
+    each_block(points, [&](std::size_t b, std::size_t first, std::size_t last) {
         std::uint32_t* record = records.get() + slot[b] * (n + 1);
         for (std::size_t i = first; i < last; ++i) {
             if (!points.has_image(i)) continue;
@@ -90,7 +93,7 @@ NeighbourIndex::NeighbourIndex(const SectionPoints& points) : points_(&points) {
             record += n + 1;
         }
     });
-    tree_ = KdTree(std::move(quanta), std::move(records), count);
+    tree_ = KdTree(std::move(quanta), std::move(records), count, points.interrupted());
 }
 
 // False: the place lies so far outside that its differences to the points do not fit.
@@ -168,6 +171,7 @@ std::vector<Neighbour> NeighbourIndex::nearest(const Eigen::VectorXd& place, std
 
 void NeighbourIndex::nearest(const Eigen::VectorXd& place, std::size_t k, std::vector<Neighbour>& found) const {
     found.clear();
+    points_->stop_if_asked();
     const bool symmetric = points_->symmetric();
     k = std::min(k, tree_.size() * (symmetric ? 2 : 1));
     if (k == 0 || !place.allFinite()) return;

@@ -33,7 +33,7 @@ public:
 
     /// The k nearest points to a place in scaled units, nearest first, equal distances by index (then unmirrored
     /// first); all points when there are fewer; none for a place that is not finite. With a symmetry mirrored copies
-    /// are points too.
+    /// are points too. Asks whether to stop.
     ///
     /// Cost: O(k + log N) for places among the points; O(N) for places far from all points.
     [[nodiscard]] std::vector<Neighbour> nearest(const Eigen::VectorXd& place, std::size_t k) const;

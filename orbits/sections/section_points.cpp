@@ -32,7 +32,8 @@ constexpr std::size_t points_per_block = 1 << 14;  // points that one task takes
 // The points of all segments as one list, by blocks that can be worked on side by side.
 class Blocks {
 public:
-    explicit Blocks(const Series& series) : series_(&series) {
+    Blocks(const Series& series, const std::function<bool()>& interrupted)
+        : series_(&series), interrupted_(&interrupted) {
         for (const Segment& segment : series.segments) {
             first_.push_back(size_);
             size_ += static_cast<std::size_t>(segment.values.cols());
@@ -45,6 +46,7 @@ public:
     template <class Body>
     void each(const Body& body) const {
         tbb::parallel_for(std::size_t{0}, count(), [&](std::size_t b) {
+            models::stop_if_asked(interrupted_);
             const std::size_t last = std::min(size_, (b + 1) * points_per_block);
             auto s = static_cast<std::size_t>(std::upper_bound(first_.begin(), first_.end(), b * points_per_block) -
                                               first_.begin() - 1);
@@ -59,6 +61,7 @@ public:
 
 private:
     const Series* series_;
+    const std::function<bool()>* interrupted_;
     std::vector<std::size_t> first_;  // point of each segment
     std::size_t size_ = 0;
 };
@@ -100,7 +103,8 @@ void check_shape(const Series& series, const std::optional<std::vector<double>>&
 }  // namespace
 
 SectionPoints::SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs,
-                             Eigen::VectorXd scale) {
+                             Eigen::VectorXd scale, std::function<bool()> interrupted)
+    : interrupted_(std::move(interrupted)) {
     check_shape(series, signs);
     const auto n = static_cast<std::size_t>(series.dimension());
     if (signs) signs_ = Eigen::Map<const Eigen::VectorXd>(signs->data(), static_cast<Eigen::Index>(n));
@@ -110,7 +114,7 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
     }
     scale_ = scale.size() > 0 ? std::move(scale) : series.scale();
     turns_known_ = angle_count_ > 0;
-    const Blocks blocks(series);
+    const Blocks blocks(series, interrupted_);
     const Eigen::VectorXd ranges = ranges_of(blocks, series.dimension());
     for (std::size_t d = 0; d < n; ++d) {
         const double range = ranges[static_cast<Eigen::Index>(d)];

@@ -4,12 +4,14 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "models/system/stopped.hpp"
 #include "orbits/records/series.hpp"
 
 namespace orbid::orbits {
@@ -24,10 +26,11 @@ class SectionPoints {
 public:
     /// @param signs  S = diag(signs): sections are mapped onto each other by x -> S x. Empty: no symmetry.
     /// @param scale  units, shape (n), > 0; empty: Series::scale().
+    /// @param interrupted  asked by whatever works on these points, and now; if it says so, models::Stopped is thrown.
     /// @throws std::invalid_argument for a series of time samples, one without coordinates, segments of another
     ///         dimension, coordinates without spread, signs of wrong length or other than +1 and -1.
     explicit SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs = std::nullopt,
-                           Eigen::VectorXd scale = {});
+                           Eigen::VectorXd scale = {}, std::function<bool()> interrupted = {});
 
     [[nodiscard]] Eigen::Index dimension() const { return scale_.size(); }
     [[nodiscard]] std::size_t size() const { return size_; }
@@ -42,6 +45,10 @@ public:
     [[nodiscard]] bool is_angle(Eigen::Index d) const { return angle_[static_cast<std::size_t>(d)] != 0; }
     [[nodiscard]] const Eigen::VectorXd& signs() const { return signs_; }  ///< empty: no symmetry
     [[nodiscard]] bool symmetric() const { return signs_.size() > 0; }
+
+    /// @throws models::Stopped if a stop is asked for
+    void stop_if_asked() const { models::stop_if_asked(interrupted_); }
+    [[nodiscard]] const std::function<bool()>& interrupted() const { return interrupted_; }
 
     /// a - b in coordinate d; angles: the representative in [-1/2, 1/2].
     [[nodiscard]] double difference(double a, double b, Eigen::Index d) const {
@@ -87,6 +94,7 @@ private:
     std::size_t image_count_ = 0;
     std::size_t angle_count_ = 0;
     bool turns_known_ = false;
+    std::function<bool()> interrupted_;
 };
 
 }  // namespace orbid::orbits

@@ -68,7 +68,10 @@ public:
     [[nodiscard]] std::vector<double> lifted(Eigen::Index angle, std::size_t crowd) const {
         const std::size_t count = points_.size(), total = nodes();
         std::vector<Plane> planes(count);
-        tbb::parallel_for(std::size_t{0}, count, [&](std::size_t k) { planes[k] = wrapped_plane(k, angle, crowd); });
+        tbb::parallel_for(std::size_t{0}, count, [&](std::size_t k) {
+            section_.stop_if_asked();
+            planes[k] = wrapped_plane(k, angle, crowd);
+        });
 
         std::vector<std::size_t> starts(count);
         for (std::size_t k = 0; k < count; ++k)
@@ -81,6 +84,7 @@ public:
         using Edge = std::tuple<double, std::size_t, std::size_t>;  // cost, from, to
         std::priority_queue<Edge, std::vector<Edge>, std::greater<>> edges;
         const auto grow = [&](std::size_t node) {
+            section_.stop_if_asked();
             done[node] = 1;
             for (std::size_t m = 0; m < std::min(crowd, crowd_); ++m) {
                 const auto [other, offset] = neighbour(node, m);
@@ -117,6 +121,7 @@ public:
         const std::size_t crowd = std::min(crowd_, static_cast<std::size_t>(section_.dimension() + 1) * 6);
         std::vector<double> squares(points_.size());
         tbb::parallel_for(std::size_t{0}, points_.size(), [&](std::size_t k) {
+            section_.stop_if_asked();
             Eigen::VectorXd values(static_cast<Eigen::Index>(crowd));
             for (std::size_t m = 0; m < crowd; ++m)
                 values[static_cast<Eigen::Index>(m)] = lifted[neighbour(k, m).first] - lifted[k];

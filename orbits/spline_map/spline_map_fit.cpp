@@ -64,7 +64,7 @@ private:
 
     // Ordinary least squares: reading errors of the place neglected, variance of the rest from the residuals.
     void start() {
-        const SplineDesign design(fit_.map, fit_.states, present_);
+        const SplineDesign design(fit_.map, fit_.states, present_, section_.interrupted());
         const std::vector<double> normal = design.normal_matrix(nullptr);
         Eigen::MatrixXd target = lift_.displacement;
         for (Eigen::Index t = 0; t < target.cols(); ++t)
@@ -79,7 +79,7 @@ private:
             roughness.set_weight(1e-3 * scale);
         for (int round = 0; round < 4; ++round) {
             const TiledCholesky factor(penalised(normal, coefficient_ridge * variance.mean()),
-                                       static_cast<std::size_t>(right.size()));
+                                       static_cast<std::size_t>(right.size()), &section_.interrupted());
             if (!(good_ = factor.positive_definite())) return;
             Eigen::VectorXd solution = right;
             factor.solve(solution.data());
@@ -94,7 +94,7 @@ private:
             if (!(good_ = fit_.unexplained < 2.0 * options_.largest_unexplained)) return;
             const std::vector<double> root = factor.inverse_factor();
             for (Eigen::Index d = 0; d < n_; ++d)
-                roughness_[static_cast<std::size_t>(d)].reweigh(root, solution, variance[d]);
+                roughness_[static_cast<std::size_t>(d)].reweigh(root, solution, variance[d], section_.interrupted());
         }
         for (Eigen::Index d = 0; d < n_; ++d)
             roughness_[static_cast<std::size_t>(d)].scale_weight(1.0 / variance[d]);
@@ -144,13 +144,14 @@ private:
         }
         const ReadingSmoother smoother(std::move(steps), reading_, options_.gate);
 
-        const SplineDesign design(fit_.map, fit_.states, present);
+        const SplineDesign design(fit_.map, fit_.states, present, section_.interrupted());
         const std::vector<double> normal = design.normal_matrix(&smoother);
         Eigen::VectorXd step = design.gathered(smoother.weighted(residual));
         step -= coefficient_ridge * fit_.map.coefficients();
         for (const SplineRoughness& roughness : roughness_)
             step -= roughness.times(fit_.map.coefficients());
-        const TiledCholesky factor(penalised(normal, coefficient_ridge), static_cast<std::size_t>(step.size()));
+        const TiledCholesky factor(penalised(normal, coefficient_ridge), static_cast<std::size_t>(step.size()),
+                                   &section_.interrupted());
         if (!(good_ = factor.positive_definite())) return;
         factor.solve(step.data());
         fit_.map.set_coefficients(fit_.map.coefficients() + step);
@@ -164,7 +165,7 @@ private:
         std::vector<double> root = factor.inverse_factor();
         double freedom = 0.0;  // effective number of coefficients
         for (SplineRoughness& roughness : roughness_)
-            freedom += roughness.reweigh(root, fit_.map.coefficients(), 1.0);
+            freedom += roughness.reweigh(root, fit_.map.coefficients(), 1.0, section_.interrupted());
         fit_.chi2 /= static_cast<double>(n_) * static_cast<double>(section_.image_count()) - freedom;
         if (last) fit_.root = std::move(root);
     }
@@ -183,6 +184,7 @@ private:
     }
 
     SeriesStep linearised(std::size_t t, double share2, MapValue& value) const {
+        section_.stop_if_asked();
         SeriesStep step;
         const auto at = static_cast<Eigen::Index>(t);
         fit_.map.evaluate(fit_.states.col(at).data(), 2, value);

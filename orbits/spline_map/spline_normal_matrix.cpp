@@ -5,10 +5,13 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "models/system/stopped.hpp"
+
 namespace orbid::orbits {
 
-SplineDesign::SplineDesign(const SplineMap& map, const Eigen::MatrixXd& places, const std::vector<char>& present)
-    : map_(&map), steps_(present.size()), width_(1) {
+SplineDesign::SplineDesign(const SplineMap& map, const Eigen::MatrixXd& places, const std::vector<char>& present,
+                           const std::function<bool()>& interrupted)
+    : map_(&map), interrupted_(&interrupted), steps_(present.size()), width_(1) {
     const Eigen::Index n = map.basis().dimension();
     for (Eigen::Index d = 0; d < n; ++d)
         width_ *= 4;
@@ -45,6 +48,7 @@ std::vector<double> SplineDesign::normal_matrix(const ReadingSmoother* smoother)
         std::vector<SmallMatrix> row;
         for (std::size_t t = r.begin(); t < r.end(); ++t) {
             if (patch_[t * width_] < 0) continue;
+            models::stop_if_asked(interrupted_);
             if (smoother)
                 smoother->inverse_row(t, row);
             else
@@ -57,7 +61,8 @@ std::vector<double> SplineDesign::normal_matrix(const ReadingSmoother* smoother)
     // a later step only; the transposes complete the sum.
     tbb::parallel_for(std::size_t{0}, touches_.size(), [&](std::size_t own) {
         std::array<double, 16> factor{};
-        for (const Touch& touch : touches_[own])
+        for (const Touch& touch : touches_[own]) {
+            models::stop_if_asked(interrupted_);
             for (std::size_t k = 0; k * n * n < rows[touch.step].size(); ++k) {
                 const std::size_t other = touch.step + k;
                 if (patch_[other * width_] < 0) continue;
@@ -75,9 +80,11 @@ std::vector<double> SplineDesign::normal_matrix(const ReadingSmoother* smoother)
                             target[a * size] += factor[a * n + b] * value;
                     }
             }
+        }
     });
     const std::vector<char>& fixed = map_->basis().fixed();
     tbb::parallel_for(std::size_t{0}, size, [&](std::size_t i) {
+        models::stop_if_asked(interrupted_);
         for (std::size_t j = 0; j < i; ++j) {
             const double sum = fixed[i] || fixed[j] ? 0.0 : matrix[i * size + j] + matrix[j * size + i];
             matrix[i * size + j] = sum;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,7 +14,9 @@ namespace orbid::orbits {
 class SplineDesign {
 public:
     /// @param places  shape (n, steps); steps with present[t] = 0 are left out.
-    SplineDesign(const SplineMap& map, const Eigen::MatrixXd& places, const std::vector<char>& present);
+    /// @param interrupted  asked by what takes long, and outlives this; @throws models::Stopped if it says so
+    SplineDesign(const SplineMap& map, const Eigen::MatrixXd& places, const std::vector<char>& present,
+                 const std::function<bool()>& interrupted);
 
     /// Phi' V^-1 Phi, row-major, shape (unknowns, unknowns), both triangles; 1 on the diagonal of unknowns that are
     /// zero by symmetry. Without a smoother V = 1.
@@ -30,6 +33,7 @@ private:
         bool mirrored;
     };
     const SplineMap* map_;
+    const std::function<bool()>* interrupted_;
     std::size_t steps_ = 0;
     std::size_t width_ = 0;            ///< patches per step
     std::vector<std::int32_t> patch_;  ///< width_ per step; -1: step left out

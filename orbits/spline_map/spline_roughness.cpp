@@ -4,6 +4,8 @@
 
 #include <tbb/parallel_for.h>
 
+#include "models/system/stopped.hpp"
+
 namespace orbid::orbits {
 namespace {
 
@@ -56,10 +58,12 @@ Eigen::VectorXd SplineRoughness::times(const Eigen::VectorXd& c) const {
     return rows_.transposed_times(differences, unknowns_);
 }
 
-double SplineRoughness::reweigh(const std::vector<double>& root, const Eigen::VectorXd& c, double variance) {
+double SplineRoughness::reweigh(const std::vector<double>& root, const Eigen::VectorXd& c, double variance,
+                                const std::function<bool()>& interrupted) {
     const auto size = static_cast<std::size_t>(c.size());
     std::vector<double> unknown(rows_.count());
     tbb::parallel_for(std::size_t{0}, unknown.size(), [&](std::size_t r) {
+        models::stop_if_asked(interrupted);
         const auto* const begin = rows_.begin(r);
         const auto* const end = rows_.end(r);
         const std::size_t first = begin == end ? size : begin->column;

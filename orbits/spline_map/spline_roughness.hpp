@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -35,7 +36,8 @@ public:
     /// @return effective number of coefficients.
     /// Source: Fellner (1986) and Schall (1991), for variances of random effects; the total of a region's independent
     /// differences is shared evenly.
-    double reweigh(const std::vector<double>& root, const Eigen::VectorXd& c, double variance);
+    double reweigh(const std::vector<double>& root, const Eigen::VectorXd& c, double variance,
+                   const std::function<bool()>& interrupted);
 
 private:
     Eigen::Index unknowns_;

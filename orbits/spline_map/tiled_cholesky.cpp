@@ -6,6 +6,8 @@
 
 #include <tbb/parallel_for.h>
 
+#include "models/system/stopped.hpp"
+
 namespace orbid::orbits {
 namespace {
 
@@ -78,7 +80,8 @@ void divide_by(double* c, const double* lower, std::size_t m, std::size_t n, std
 
 }  // namespace
 
-TiledCholesky::TiledCholesky(std::vector<double> matrix, std::size_t size) : factor_(std::move(matrix)), size_(size) {
+TiledCholesky::TiledCholesky(std::vector<double> matrix, std::size_t size, const std::function<bool()>* interrupted)
+    : factor_(std::move(matrix)), size_(size), interrupted_(interrupted) {
     const std::size_t tiles = (size + tile - 1) / tile;
     const auto rows = [&](std::size_t t) { return std::min(tile, size - t * tile); };
     const auto at = [&](std::size_t i, std::size_t j) { return factor_.data() + i * tile * size + j * tile; };
@@ -90,6 +93,7 @@ TiledCholesky::TiledCholesky(std::vector<double> matrix, std::size_t size) : fac
     for (std::size_t j = 0; j < tiles; ++j) {
         // Tiles above the diagonal hold the transposes, so that products run along rows.
         tbb::parallel_for(j, tiles, [&](std::size_t i) {
+            models::stop_if_asked(interrupted_);
             for (std::size_t k = 0; k < j; ++k)
                 subtract_product(at(i, k), at(k, j), at(i, j), rows(i), rows(j), size);
         });
@@ -128,6 +132,7 @@ std::vector<double> TiledCholesky::inverse_factor() const {
     const auto rows = [&](std::size_t t) { return std::min(tile, size_ - t * tile); };
     tbb::parallel_for(std::size_t{0}, tiles, [&](std::size_t j) {
         for (std::size_t i = j; i < tiles; ++i) {
+            models::stop_if_asked(interrupted_);
             double* target = inverse.data() + i * tile * size_ + j * tile;
             if (i == j)
                 for (std::size_t r = 0; r < rows(j); ++r)

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 namespace orbid::orbits {
@@ -15,7 +16,9 @@ namespace orbid::orbits {
 class TiledCholesky {
 public:
     /// @param matrix  row-major, shape (size, size); only the lower triangle is read.
-    TiledCholesky(std::vector<double> matrix, std::size_t size);
+    /// @param interrupted  asked for every row of tiles, also for the inverse; it outlives the factor; nullptr: never.
+    /// @throws models::Stopped if it says so
+    TiledCholesky(std::vector<double> matrix, std::size_t size, const std::function<bool()>* interrupted = nullptr);
 
     [[nodiscard]] bool positive_definite() const { return positive_definite_; }
     [[nodiscard]] std::size_t size() const { return size_; }
@@ -27,6 +30,7 @@ public:
 private:
     std::vector<double> factor_;  ///< L below and on the diagonal, its transpose above
     std::size_t size_ = 0;
+    const std::function<bool()>* interrupted_;
     bool positive_definite_ = false;
 };
 
