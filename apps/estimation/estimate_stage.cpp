@@ -168,7 +168,7 @@ StrategyRun run_stored_strategy(StageInput& input, EstimateOutcome& outcome) {
     const bool staged = stages.size() > 1;
     return run_strategy(input, stages, input.setup.parameters, [&, staged](const StrategyRun& run) {
         if (staged) outcome.context.strategy.stages = run.stages;
-        work.departure.shows(interrupted_result(run, outcome.context));
+        work.stop.shows(interrupted_result(run, outcome.context));
         if (!staged) return;
         work.folder.store("result.json",
                           result_text(strategy_estimate(run, work.interruption.asked()), outcome.context));
@@ -219,12 +219,14 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     PosteriorResults& posterior = outcome.context.posterior;
     for (const auto& parameter : setup.parameters)
         posterior.parameters.push_back(parameter.name);
-    work.departure.shows(interrupted_result({}, outcome.context));
+    work.stop.shows(interrupted_result({}, outcome.context));
     Checkpoint checkpoint(work.folder, outcome.context.fingerprint);
     StageInput input{work,   data,       section, setup,      cycle_binding, prepared, estimate_options(work),
                      search, &posterior, {},      &checkpoint};
     const StrategyRun strategy = run_stored_strategy(input, outcome);
     outcome.estimate = strategy_estimate(strategy, work.interruption.asked());
+    // What is there is described, however long it takes.
+    if (work.interruption.asked()) work.stop.finish();
     const bool estimated = strategy.best && !strategy.best->residuals.all().empty();
     if (estimated) {
         describe_best(input, strategy, outcome);

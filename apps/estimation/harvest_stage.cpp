@@ -43,6 +43,7 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
     if (!covariance) return "the estimate before leaves a direction undetermined: it points nowhere";
     orbits::ModelGuidedSearchOptions options;
     options.search = input.section->options;
+    options.search.interrupted = input.work.asking();
     // Known from the first search, they need not be estimated again.
     if (options.search.reading_covariance.size() == 0 &&
         input.search.reading_covariance.rows() == input.section->series().dimension())
@@ -54,7 +55,7 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
     input.work.progress.begin("more cycles");
     orbits::ModelGuidedSearch found;
     try {
-        const Departure::Allowed leaving(input.work.departure);
+        const RunStop::AtOnce leaving(input.work.stop);
         const Eigen::VectorXd values = input.cycle_binding.values(estimated_theta(before.estimate));
         found = orbits::model_guided_search(input.section->series(), *job.model.system, values, input.search.cycles,
                                             options);

@@ -6,15 +6,25 @@
 
 namespace orbid::apps {
 
+namespace {
+
+/// Another model than that of the run, which is asked to stop as that is.
+Job asking(Job job, const Workspace& work) {
+    job.model.system = job.model.system->with_stop(work.asking());
+    return job;
+}
+
+}  // namespace
+
 ModelFit::ModelFit(const StageInput& input, Job job, std::vector<std::vector<Eigen::MatrixXd>> nodes)
-    : job_(std::move(job)),
+    : job_(asking(std::move(job), input.work)),
       work_{job_,
             input.work.options,
             input.work.document,
             input.work.progress,
             input.work.interruption,
             input.work.folder,
-            input.work.departure},
+            input.work.stop},
       setup_(estimate_setup(job_, fitted_labels(job_, input.data))),
       input_{work_,     input.data,    input.section, setup_,  searched_binding(job_, setup_),
              prepared_, input.options, input.search,  nullptr, std::move(nodes),

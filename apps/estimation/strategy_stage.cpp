@@ -146,7 +146,7 @@ StageRun estimate_stage(StageInput& input, const StageJob& stage, Parameters par
     run.result.stage = stage.name();
     estimator::EstimateOptions options = input.options;
     if (stage.kind == StageJob::Kind::prediction) {
-        std::optional<Departure::Allowed> leaving(std::in_place, input.work.departure);
+        std::optional<RunStop::AtOnce> leaving(std::in_place, input.work.stop);
         PredictionStart start = prediction_start(input.work.job, input.data, input.setup, input.cycle_binding,
                                                  parameters, known ? &memory.prediction : nullptr);
         leaving.reset();

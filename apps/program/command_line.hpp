@@ -11,7 +11,7 @@ namespace orbid::apps {
 
 /// Runs one command of the program with its options, on the streams of this process. Ctrl-C and SIGTERM stop a run.
 /// @param arguments    without the program's own name.
-/// @param own_process  the process serves this command only: an interrupted run may end it, see Departure.
+/// @param own_process  the process serves this command only: --threads is for the whole process.
 /// @return exit code: 0 done, 1 done without a valid answer, 2 wrong command line or job, 3 data cannot be used,
 ///         130 interrupted.
 [[nodiscard]] int run_command(const std::vector<std::string>& arguments, bool own_process = false);

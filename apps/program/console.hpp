@@ -14,8 +14,7 @@ struct Console {
     std::FILE* out_terminal = nullptr;  ///< the file of `out` if that may be a terminal
     std::FILE* error_terminal = nullptr;
     bool signals = false;  ///< Ctrl-C and SIGTERM request a stop; one such run at a time
-    /// The process serves this command only. On a requested stop a run may end it if a computation cannot be stopped.
-    /// The number of threads is that of the whole process.
+    /// The process serves this command only: the number of threads is that of the whole process.
     bool own_process = false;
     std::function<bool()> stopped = {};  ///< called between steps, from several threads; empty: never stop
 

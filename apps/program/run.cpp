@@ -1,7 +1,7 @@
 #include "apps/program/run.hpp"
 
-#include <cstdio>
-#include <cstdlib>
+#include <atomic>
+#include <chrono>
 #include <functional>
 #include <optional>
 #include <ostream>
@@ -25,13 +25,13 @@
 #include "apps/results/periodic_summary.hpp"
 #include "apps/stages/branch_stage.hpp"
 #include "apps/stages/data_stage.hpp"
-#include "apps/stages/departure.hpp"
 #include "apps/stages/interruption.hpp"
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/periodic_stage.hpp"
 #include "apps/stages/progress.hpp"
 #include "apps/stages/searched_section.hpp"
 #include "apps/stages/workspace.hpp"
+#include "models/system/stopped.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
@@ -43,9 +43,21 @@ class AskedCaller final : public Interruption {
 public:
     explicit AskedCaller(const std::function<bool()>& stopped) : stopped_(stopped) {}
     [[nodiscard]] bool asked() const override { return stopped_ && stopped_(); }
+    [[nodiscard]] bool asked_often() const override {
+        if (!stopped_) return false;
+        using std::chrono::steady_clock, std::chrono::milliseconds;
+        const auto now = steady_clock::now().time_since_epoch();
+        const auto last = last_.load(std::memory_order_relaxed);
+        if (now.count() - last < steady_clock::duration(milliseconds(10)).count()) return yes_;
+        last_ = now.count();
+        if (stopped_()) yes_ = true;
+        return yes_;
+    }
 
 private:
     const std::function<bool()>& stopped_;
+    mutable std::atomic<std::chrono::steady_clock::rep> last_{0};
+    mutable std::atomic<bool> yes_{false};
 };
 
 bool wants(const RunOptions& options, Stage stage) {
@@ -77,7 +89,7 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
     const bool loading = wants(work.options, Stage::simulate) || (searching && is_section_search(job)) ||
                          (estimating && (job.estimate->series || job.estimate->waveform || is_section_search(job)));
     int code = success;
-    if (estimating) work.departure.shows(result_without_estimate());
+    if (estimating) work.stop.shows(result_without_estimate());
 
     std::vector<Experiment> data;
     if (loading) data = load_data(work);
@@ -145,24 +157,6 @@ void store_times(OutputFolder& folder, const Progress& progress, const RunOption
     folder.store("log.txt", progress.log_text());
 }
 
-/// Ends the program with what there is of a run.
-[[noreturn]] void leave(const std::string& result, OutputFolder& folder, Progress& progress,
-                        const RunOptions& options) {
-    int code = interrupted;
-    try {
-        if (!result.empty()) folder.store("result.json", result);
-        progress.end("interrupted");
-        store_times(folder, progress, options);
-    } catch (const std::runtime_error& error) {
-        // Nobody is above this thread: a full disk is told here.
-        fmt::print(stderr, "orbid: {}\n", error.what());
-        code = not_stored;
-    }
-    std::fflush(nullptr);
-    // No destructors: threads still compute with what they would destroy.
-    std::_Exit(code);
-}
-
 /// Runs a job whose files are signed first.
 int run_signed(Job job, const RunOptions& options, const Console& console, std::string_view color, Progress& progress,
                const InterruptionGuard* signals) {
@@ -174,13 +168,19 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
     const nlohmann::ordered_json ordered = job_document(job, options.out, versions());
     const nlohmann::json document = nlohmann::json::parse(ordered.dump());
     OutputFolder folder(options.out, document, job_text(job, options.out, versions()), options.force);
-    std::function<void(const std::string&)> leaving;
-    if (signals != nullptr && console.own_process)
-        leaving = [&](const std::string& result) { leave(result, folder, progress, options); };
-    Departure departure(signals, leaving);
-    const Workspace work{job, options, document, progress, interruption, folder, departure};
-    const int code = with_thread_limit(options.threads, console,
-                                       [&] { return run_stages(work, console, console.colours_out(color)); });
+    RunStop stop(interruption);
+    const Workspace work{job, options, document, progress, interruption, folder, stop};
+    job.model.system = job.model.system->with_stop(work.asking());
+    int code = interrupted;
+    try {
+        code = with_thread_limit(options.threads, console,
+                                 [&] { return run_stages(work, console, console.colours_out(color)); });
+    } catch (const models::Stopped&) {
+        if (!stop.result().empty()) folder.store("result.json", stop.result());
+        progress.end("interrupted");
+        store_times(folder, progress, options);
+        return interrupted;
+    }
     store_times(folder, progress, options);
     store_report(folder, console.error);
     return code;

@@ -166,7 +166,7 @@ Experiment simulated(const Workspace& work, std::size_t index) {
 
     work.progress.begin("simulate");
     const auto run_experiment = [&] {
-        const Departure::Allowed leaving(work.departure);
+        const RunStop::AtOnce leaving(work.stop);
         return orbits::simulate(*system_with(job, inputs), data.with_own(job.model.values),
                                 simulation_options(job, index));
     };
@@ -209,7 +209,7 @@ std::string sd_column(const Job& job, std::size_t experiment, Eigen::Index coord
 Experiment measured(const Workspace& work, std::size_t index) {
     const DataJob& data = work.job.data[index];
     work.progress.begin("read");
-    const Departure::Allowed leaving(work.departure);
+    const RunStop::AtOnce leaving(work.stop);
     Experiment experiment;
     experiment.series = recorded_series(work.job, index);
     experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments.size());

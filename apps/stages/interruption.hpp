@@ -7,6 +7,8 @@ class Interruption {
 public:
     virtual ~Interruption() = default;
     [[nodiscard]] virtual bool asked() const = 0;
+    /// The same within some milliseconds, for what asks a million times a second.
+    [[nodiscard]] virtual bool asked_often() const { return asked(); }
 
 protected:
     Interruption() = default;
@@ -26,9 +28,6 @@ public:
 
     /// A stop was requested.
     [[nodiscard]] bool asked() const override;
-    /// Returns when a stop is requested or wake() was called.
-    void wait() const;
-    void wake() const;
 
 private:
     using Handler = void (*)(int);

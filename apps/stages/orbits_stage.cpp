@@ -90,8 +90,10 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
     if (!section->remark.empty()) work.progress.say(section->remark);
     orbits::CycleSearch search;
     try {
-        const Departure::Allowed leaving(work.departure);
-        search = orbits::find_cycles(section->series(), section->options);
+        const RunStop::AtOnce leaving(work.stop);
+        orbits::CycleSearchOptions options = section->options;
+        options.interrupted = work.asking();
+        search = orbits::find_cycles(section->series(), options);
     } catch (const std::invalid_argument& error) {
         // The job was checked: what is refused here is the series (too short, a coordinate without spread).
         std::string_view reason = error.what();
@@ -114,9 +116,10 @@ orbits::Invariants compute_invariants(const Workspace& work, const SearchedSecti
     orbits::InvariantOptions options;
     options.expansion = work.job.orbits->expansion;
     options.lyapunov.symmetry_signs = section.options.symmetry_signs;
+    options.lyapunov.interrupted = options.correlation.interrupted = work.asking();
     try {
         const auto find = [&] {
-            const Departure::Allowed leaving(work.departure);
+            const RunStop::AtOnce leaving(work.stop);
             return find_invariants(section.series(), search, options);
         };
         const orbits::Invariants invariants = find();

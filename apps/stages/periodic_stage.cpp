@@ -12,6 +12,7 @@
 #include "apps/stages/model_section_plot.hpp"
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/workspace.hpp"
+#include "models/system/stopped.hpp"
 #include "periodic/search/index_sum.hpp"
 #include "periodic/solution/solve_orbit.hpp"
 
@@ -74,6 +75,16 @@ ComputedOrbit not_computed(const periodic::StartingSolution& start) {
     return computed;
 }
 
+/// An orbit whose flows are left after a stop was requested is not computed either.
+ComputedOrbit computed_or_not(const Workspace& work, const periodic::StartingSolution& start) {
+    if (work.interruption.asked()) return not_computed(start);
+    try {
+        return computed_from(work.job, start);
+    } catch (const models::Stopped&) {
+        return not_computed(start);
+    }
+}
+
 /// Index sums of the periods 1, 2, ... as far as all of them were asked for. Of forced models only: the section of
 /// another one need not be mapped into itself without tearing.
 std::vector<int> index_sums_of(const models::System& system, const std::vector<int>& sorted_periods,
@@ -121,10 +132,11 @@ void add_found(const Workspace& work, ComputedOrbits& orbits) {
         const periodic::StartingSolution start = starting_solution(job, found.orbit);
         ComputedOrbit& computed = orbits.list[first + i];
         // After an interruption what the search itself knows has to do: no sensitivities, no stability.
-        if (work.interruption.asked())
+        computed = computed_or_not(work, start);
+        if (!computed.computed) {
+            computed = ComputedOrbit{};
             computed.orbit = found.orbit;
-        else
-            computed = computed_from(job, start);
+        }
         computed.origin = std::string(periodic::name(found.origin));
         computed.hits = found.hits;
         if (found.mirror >= 0) computed.mirror = static_cast<int>(first) + found.mirror;
@@ -139,7 +151,7 @@ void compute_starts(const Workspace& work, ComputedOrbits& orbits) {
     orbits.list.resize(starts.size());
     tbb::parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
         const periodic::StartingSolution start = starting_solution(work.job, starts[i]);
-        orbits.list[i] = work.interruption.asked() ? not_computed(start) : computed_from(work.job, start);
+        orbits.list[i] = computed_or_not(work, start);
         work.progress.advance(1.0);
     });
     work.progress.end(fmt::format("{} of {} converged", orbits.converged(), orbits.list.size()));
@@ -162,6 +174,16 @@ std::optional<ComputedOrbits> orbits_from_folder(const Workspace& work, const Fi
     if (!reusable(work, Stage::periodic, file, stored ? stored->fingerprint : std::string(), wanted))
         return std::nullopt;
     return std::move(stored->orbits);
+}
+
+void store_picture(const Workspace& work, const ComputedOrbits& orbits) {
+    try {
+        // A search in data has a picture of its own.
+        if (const auto picture = model_section_svg(work.job, orbits))
+            work.folder.store(work.job.orbits ? "model_section.svg" : "section.svg", *picture);
+    } catch (const models::Stopped&) {
+        // The orbits are stored. They can do without their background.
+    }
 }
 
 }  // namespace
@@ -197,11 +219,7 @@ ComputedOrbits compute_orbits(const Workspace& work) {
     CycleFileHead head = cycle_file_head(job, orbits.interrupted ? Fingerprint{} : wanted);
     head.coordinates = series_coordinates(system);  // also the one that is the same at all points of the section
     work.folder.store("orbits.json", orbits_text(head, orbits, names));
-    if (orbits.searched) {
-        // A search in data has a picture of its own.
-        if (const auto picture = model_section_svg(job, orbits))
-            work.folder.store(job.orbits ? "model_section.svg" : "section.svg", *picture);
-    }
+    if (orbits.searched) store_picture(work, orbits);
     return orbits;
 }
 

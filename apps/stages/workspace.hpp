@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -11,10 +12,10 @@
 #include "apps/documents/fingerprint.hpp"
 #include "apps/job/job.hpp"
 #include "apps/results/output_folder.hpp"
-#include "apps/stages/departure.hpp"
 #include "apps/stages/interruption.hpp"
 #include "apps/stages/progress.hpp"
 #include "apps/stages/run_options.hpp"
+#include "apps/stages/run_stop.hpp"
 
 namespace orbid::apps {
 
@@ -31,9 +32,13 @@ struct Workspace {
     Progress& progress;
     const Interruption& interruption;
     OutputFolder& folder;
-    Departure& departure;
+    RunStop& stop;
 
     [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder.file(name); }
+    /// For options of computations that ask whether to stop.
+    [[nodiscard]] std::function<bool()> asking() const {
+        return [&stop = stop] { return stop.now(); };
+    }
     [[nodiscard]] const models::System& system() const { return *job.model.system; }
 };
 

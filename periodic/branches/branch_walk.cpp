@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "models/system/stopped.hpp"
 #include "periodic/branches/bifurcation_point.hpp"
 #include "periodic/branches/branch_nodes.hpp"
 #include "periodic/branches/branch_report.hpp"
@@ -78,7 +79,12 @@ private:
             step_ = std::min(step_, options_.largest_step);
             if (!(step_ >= options_.smallest_step))
                 return simulated_ ? BranchEnd::smallest_step : BranchEnd::not_simulated;
-            if (const auto end = advance()) return *end;
+            try {
+                if (const auto end = advance()) return *end;
+            } catch (const models::Stopped&) {
+                if (result_.points.empty()) throw;
+                return BranchEnd::interrupted;
+            }
         }
         return BranchEnd::point_limit;
     }

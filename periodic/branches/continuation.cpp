@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "models/system/stopped.hpp"
 #include "periodic/branches/bifurcation_point.hpp"
 #include "periodic/branches/branch_curve.hpp"
 #include "periodic/branches/branch_nodes.hpp"
@@ -144,9 +145,13 @@ public:
 
     void follow(const CurvePoint& start) {
         followed_.push_back(through(start));
-        for (std::size_t b = 0; b < followed_.size(); ++b)
-            for (std::size_t k = 0; k < followed_[b].points.size() && !stopped(); ++k)
-                switch_at(b, k);
+        try {
+            for (std::size_t b = 0; b < followed_.size(); ++b)
+                for (std::size_t k = 0; k < followed_[b].points.size() && !stopped(); ++k)
+                    switch_at(b, k);
+        } catch (const models::Stopped&) {
+            // A flow was left before a branch had two points; those before it are whole.
+        }
     }
 
     [[nodiscard]] std::vector<Branch> branches() const {

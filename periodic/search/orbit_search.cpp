@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "models/system/stopped.hpp"
 #include "periodic/orbit/coarse_flow.hpp"
 #include "periodic/search/model_section.hpp"
 #include "periodic/search/start_search.hpp"
@@ -88,6 +89,29 @@ std::string_view name(StartOrigin origin) {
     return names[static_cast<std::size_t>(origin)];
 }
 
+namespace {
+
+/// All starts, period after period. `settled` gets an entry for each of these periods.
+void try_starts(StartSearch& search, const std::vector<int>& periods, const OrbitSearchOptions& options,
+                std::vector<bool>& settled) {
+    search.from_codes();
+    for (const int period : periods) {
+        if (search.stopped()) return;
+        search.from_recurrences(period);
+        search.from_scattered(period);
+        settled.push_back(search.from_joined(period));
+    }
+    // Orbits that are found for one period serve as starts for the others, until a whole round is in vain.
+    std::vector<std::size_t> used(periods.size(), 0);
+    for (std::size_t before = 0; options.stabilised && before < search.list().orbits().size() && !search.stopped();) {
+        before = search.list().orbits().size();
+        for (std::size_t i = 0; i < periods.size(); ++i)
+            search.from_orbits(periods[i], used[i], settled[i] ? sample : std::numeric_limits<std::size_t>::max());
+    }
+}
+
+}  // namespace
+
 OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, const OrbitSearchOptions& options) {
     validate(system, theta, options);
     const models::FlowOptions coarse = coarsened(options.solver.flow, search_tolerance);
@@ -101,32 +125,21 @@ OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, c
         periods.push_back(static_cast<int>(code.size()));
     std::sort(periods.begin(), periods.end());
     periods.erase(std::unique(periods.begin(), periods.end()), periods.end());
-    search.from_codes();
     OrbitSearch result;
-    for (const int period : periods) {
-        if (search.stopped()) {
-            result.settled.push_back(false);
-            continue;
-        }
-        search.from_recurrences(period);
-        search.from_scattered(period);
-        result.settled.push_back(search.from_joined(period));
+    try {
+        try_starts(search, periods, options, result.settled);
+    } catch (const models::Stopped&) {
+        // A flow was left: the starts of its batch are lost, the orbits of those before are not.
+        result.interrupted = true;
     }
-    // Orbits that are found for one period serve as starts for the others, until a whole round is in vain.
-    std::vector<std::size_t> used(periods.size(), 0);
-    for (std::size_t before = 0; options.stabilised && before < search.list().orbits().size() && !search.stopped();) {
-        before = search.list().orbits().size();
-        for (std::size_t i = 0; i < periods.size(); ++i)
-            search.from_orbits(periods[i], used[i],
-                               result.settled[i] ? sample : std::numeric_limits<std::size_t>::max());
-    }
+    result.settled.resize(periods.size(), false);
     result.orbits = ordered(search.list().orbits(), periods);
     if (options.partition)
         for (FoundOrbit& found : result.orbits)
             found.code = symbolic_code(*options.partition, found.orbit.points);
     result.starts = search.starts();
     result.captured = pieces.captured;
-    result.interrupted = search.stopped();
+    result.interrupted = result.interrupted || search.stopped();
     return result;
 }
 
