@@ -211,7 +211,7 @@ Experiment measured(const Workspace& work, std::size_t index) {
     work.progress.begin("read");
     const RunStop::AtOnce leaving(work.stop);
     Experiment experiment;
-    experiment.series = recorded_series(work.job, index);
+    experiment.series = recorded_series(work.job, index, work.asking());
     experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments.size());
     work.progress.end(fmt::format("{} in {} from {}", counted(experiment.series.size(), "point"),
                                   counted(experiment.series.segments.size(), "segment"),
@@ -221,7 +221,7 @@ Experiment measured(const Workspace& work, std::size_t index) {
 
 }  // namespace
 
-orbits::Series recorded_series(const Job& job, std::size_t index) {
+orbits::Series recorded_series(const Job& job, std::size_t index, const std::function<bool()>& interrupted) {
     const DataJob& data = job.data[index];
     const FileJob& file = *data.file;
     if (file.table) {
@@ -233,6 +233,7 @@ orbits::Series recorded_series(const Job& job, std::size_t index) {
         layout.nan_is_missing = file.nan_is_missing;
         layout.phase = job.section_phase;
         layout.minimum_points = 2;
+        layout.interrupted = interrupted;
         for (const ColumnJob& column : file.columns)
             layout.coordinates.push_back({series_coordinate(job, data, static_cast<std::size_t>(column.coordinate)),
                                           column.column, column.unit, static_cast<double>(column.sign), column.offset,

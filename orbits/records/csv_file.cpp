@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "models/arithmetic/median.hpp"
+#include "models/system/stopped.hpp"
 #include "orbits/records/refusal.hpp"
 #include "orbits/records/series_file.hpp"
 #include "orbits/records/text_table.hpp"
@@ -206,6 +207,7 @@ Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
         close_segment(series, label, rows);
     };
     for (; table.next(cells); ++points) {
+        if (points % 1024 == 0) models::stop_if_asked(layout.interrupted);
         if (columns.segment && (points == 0 || cells[*columns.segment] != label)) {
             if (points > 0) finish();
             label = cells[*columns.segment];

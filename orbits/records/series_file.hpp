@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -35,8 +36,9 @@ struct TableLayout {
     /// Samples: allowed deviation of a segment's times from equal median intervals, as a share of the interval per row,
     /// in (0, 1). This allows rounded times, but not a missing row.
     double time_tolerance = 0.05;
-    bool equidistant = true;  ///< samples: false = times need only ascend, as for sections
-    bool complete = false;    ///< a missing value is an error, whatever nan_is_missing is
+    bool equidistant = true;              ///< samples: false = times need only ascend, as for sections
+    bool complete = false;                ///< a missing value is an error, whatever nan_is_missing is
+    std::function<bool()> interrupted{};  ///< asked while reading; if it says so, models::Stopped is thrown
 };
 
 /// Reads a table in text: a header line with the names of the columns, then one row per line.
