@@ -27,7 +27,6 @@ struct SharedStep {
 /// Trajectory, and crosses the surface where it comes. A step in which the crossing is not clearly located is halved.
 /// Without shared steps all lanes go this way from one duration to the next. Cases that no pack can decide are computed
 /// by a separate flow: a start on the surface, sticking, grazing, a state that is not finite, an exhausted step budget.
-///
 /// A trajectory depends on itself and the shared steps only, not on who shares its packs.
 template <FlowPackModel M, std::size_t N, class Arch = xsimd::default_arch>
 class FlowBlock {

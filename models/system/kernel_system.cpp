@@ -42,27 +42,6 @@ std::optional<Symmetry> KernelSystem::symmetry() const {
     return Symmetry{{signs.begin(), signs.end()}, kernel_->symmetry_phase_shift()};
 }
 
-std::shared_ptr<const System> KernelSystem::with_input(std::shared_ptr<const InputSignal> signal) const {
-    if (inputs().empty()) throw std::invalid_argument(fmt::format("model {} has no measured inputs", name()));
-    if (!signal || signal->count() != inputs().size())
-        throw std::invalid_argument(fmt::format("model {}: the signal has {} inputs, must have {}", name(),
-                                                signal ? signal->count() : 0, inputs().size()));
-    auto system = std::make_shared<KernelSystem>(*this);
-    system->signal_ = std::move(signal);
-    return system;
-}
-
-std::shared_ptr<const System> KernelSystem::with_stop(std::function<bool()> interrupted) const {
-    auto system = std::make_shared<KernelSystem>(*this);
-    system->interrupted_ = std::move(interrupted);
-    return system;
-}
-
-FlowOptions KernelSystem::asking(FlowOptions options) const {
-    if (options.interrupted == nullptr && interrupted_) options.interrupted = &interrupted_;
-    return options;
-}
-
 void KernelSystem::require_input() const {
     if (!inputs().empty() && !signal_)
         throw std::logic_error(fmt::format("model {} reads measured inputs and was given none", name()));
