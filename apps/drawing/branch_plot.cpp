@@ -67,8 +67,8 @@ void add_curve(const Branch& branch, const Values& values, Eigen::Index j, bool 
 
 /// All branches of one period: first the unstable orbits, then the stable ones.
 void add_lines(const std::vector<Branch>& branches, int period, const Values& values, bool angle, ChartView& view) {
-    ChartLayer stable{"line", fmt::format("period {}", period), std::min(period, 8), ""};
-    ChartLayer unstable{"line", "unstable", stable.style, ""};
+    ChartLayer stable{LayerKind::line, fmt::format("period {}", period), std::min(period, 8)};
+    ChartLayer unstable{LayerKind::line, "unstable", stable.style};
     unstable.dash = true;
     for (const Branch& branch : branches) {
         if (branch_period(branch) != period) continue;
@@ -85,7 +85,7 @@ void add_lines(const std::vector<Branch>& branches, int period, const Values& va
 void add_marks(const std::vector<const BranchPoint*>& located, const Values& values, bool angle, ChartView& view) {
     for (const Mark& mark : marks) {
         // Open shapes, so that the lines below stay visible.
-        ChartLayer layer{"points", std::string(mark.name), mark.style, "ink"};
+        ChartLayer layer{LayerKind::points, std::string(mark.name), mark.style, Ink::ink};
         layer.open = true;
         for (const BranchPoint* point : located) {
             if (point->bifurcation != mark.bifurcation) continue;

@@ -24,13 +24,24 @@ std::string letter(std::string_view name) {
     return std::string(found == greek.end() ? name : found->second);
 }
 
-ChartLayer rule(std::string name, std::string ink, bool dash) {
-    ChartLayer layer{"rule", std::move(name), 1, std::move(ink)};
+ChartLayer rule(std::string name, Ink ink, bool dash) {
+    ChartLayer layer{LayerKind::rule, std::move(name), 1, ink};
     layer.dash = dash;
     return layer;
 }
 
 }  // namespace
+
+std::string_view name(LayerKind kind) {
+    constexpr std::array<std::string_view, 8> names{"density", "points",    "line", "band",
+                                                    "bars",    "intervals", "rule", "cells"};
+    return names[static_cast<std::size_t>(kind)];
+}
+
+std::string_view name(Ink ink) {
+    constexpr std::array<std::string_view, 4> names{"", "soft", "ink", "cloud"};
+    return names[static_cast<std::size_t>(ink)];
+}
 
 std::string display_name(const std::string& name) {
     constexpr std::string_view over = "_over_";
@@ -60,14 +71,14 @@ void ChartLayer::lift() {
     add(std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN());
 }
 
-ChartLayer upright_rule(double at_x, std::string name, std::string ink, bool dash) {
-    ChartLayer layer = rule(std::move(name), std::move(ink), dash);
+ChartLayer upright_rule(double at_x, std::string name, Ink ink, bool dash) {
+    ChartLayer layer = rule(std::move(name), ink, dash);
     layer.at_x = at_x;
     return layer;
 }
 
-ChartLayer level_rule(double at_y, std::string name, std::string ink, bool dash) {
-    ChartLayer layer = rule(std::move(name), std::move(ink), dash);
+ChartLayer level_rule(double at_y, std::string name, Ink ink, bool dash) {
+    ChartLayer layer = rule(std::move(name), ink, dash);
     layer.at_y = at_y;
     return layer;
 }

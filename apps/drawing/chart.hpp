@@ -29,15 +29,24 @@ struct ChartAxis {
     std::vector<std::string> notes = {};  ///< of an upright axis: what a still picture says below each name
 };
 
+/// What a layer draws.
+enum class LayerKind { density, points, line, band, bars, intervals, rule, cells };
+/// As the data of a live chart call it.
+[[nodiscard]] std::string_view name(LayerKind kind);
+
+/// The colour of a layer: that of its style, or one of the page.
+enum class Ink { of_style, soft, ink, cloud };
+[[nodiscard]] std::string_view name(Ink ink);
+
 /// What is drawn over the axes. Which members count depends on `kind`:
 /// density (x, y: points shaded by how many there are), points, line (broken where a value is nan), band (from lower to
 /// upper over x), bars (x: edges, one more than y), intervals (from lower to upper, at heights y or upright at x), rule
 /// (over the whole frame at at_x or at_y), cells (squares around x, y, coloured by `shade`, with labels).
 struct ChartLayer {
-    std::string kind;
+    LayerKind kind;
     std::string name;  ///< in the legend; empty: not there. Equal names switch together
     int style = 1;     ///< 1 to 8: colour and shape of plot_marker
-    std::string ink;   ///< name of a colour of the page instead: "soft", "ink", "cloud"
+    Ink ink = Ink::of_style;
     std::vector<double> x = {};
     std::vector<double> y = {};
     std::vector<double> lower = {};
@@ -60,9 +69,9 @@ struct ChartLayer {
     void lift();
 };
 
-/// A straight line over the whole frame. @param ink  "soft" or "ink".
-[[nodiscard]] ChartLayer upright_rule(double at_x, std::string name, std::string ink, bool dash = false);
-[[nodiscard]] ChartLayer level_rule(double at_y, std::string name, std::string ink, bool dash = false);
+/// A straight line over the whole frame.
+[[nodiscard]] ChartLayer upright_rule(double at_x, std::string name, Ink ink, bool dash = false);
+[[nodiscard]] ChartLayer level_rule(double at_y, std::string name, Ink ink, bool dash = false);
 
 /// One frame of a chart: what a reader chooses among when there are several.
 struct ChartView {

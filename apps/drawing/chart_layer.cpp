@@ -14,15 +14,23 @@ namespace {
 constexpr std::string_view dashes = "2.2 1.6";
 
 std::string_view colour_of(const ChartLayer& layer) {
-    if (layer.ink == "ink") return "#1d2430";
-    if (layer.ink == "soft") return "#5b6675";
-    if (layer.ink == "cloud") return "#8390a3";
+    switch (layer.ink) {
+        case Ink::soft:
+            return "#5b6675";
+        case Ink::ink:
+            return "#1d2430";
+        case Ink::cloud:
+            return "#8390a3";
+        case Ink::of_style:
+            break;
+    }
     return plot_marker(layer.style).colour;
 }
 
 /// Lines of the paper's own colours are there for orientation, and thinner.
 Stroke stroke_of(const ChartLayer& layer) {
-    return {colour_of(layer), layer.ink.empty() && !layer.dash ? 1.1 : 0.7, layer.dash ? dashes : std::string_view()};
+    return {colour_of(layer), layer.ink == Ink::of_style && !layer.dash ? 1.1 : 0.7,
+            layer.dash ? dashes : std::string_view()};
 }
 
 PlotMarker marker_of(const ChartLayer& layer, double scale) {
@@ -209,19 +217,20 @@ void draw_cells(Panel& panel, const ChartLayer& layer) {
 void draw_layers(Panel& panel, const std::vector<ChartLayer>& layers, const PlotStyle& style) {
     panel.open();
     for (const ChartLayer& layer : layers) {
-        if (layer.kind == "points" && layer.orbits == 0) draw_points(panel, layer, style);
-        if (layer.kind == "density") draw_density(panel, layer.x, layer.y, 0.07 * panel.figure().font() * style.marks);
-        if (layer.kind == "line") panel.curve(layer.x, layer.y, stroke_of(layer));
-        if (layer.kind == "band") draw_band(panel, layer);
-        if (layer.kind == "bars") draw_bars(panel, layer);
-        if (layer.kind == "intervals") draw_intervals(panel, layer);
-        if (layer.kind == "rule") draw_rule(panel, layer);
-        if (layer.kind == "cells") draw_cells(panel, layer);
+        if (layer.kind == LayerKind::points && layer.orbits == 0) draw_points(panel, layer, style);
+        if (layer.kind == LayerKind::density)
+            draw_density(panel, layer.x, layer.y, 0.07 * panel.figure().font() * style.marks);
+        if (layer.kind == LayerKind::line) panel.curve(layer.x, layer.y, stroke_of(layer));
+        if (layer.kind == LayerKind::band) draw_band(panel, layer);
+        if (layer.kind == LayerKind::bars) draw_bars(panel, layer);
+        if (layer.kind == LayerKind::intervals) draw_intervals(panel, layer);
+        if (layer.kind == LayerKind::rule) draw_rule(panel, layer);
+        if (layer.kind == LayerKind::cells) draw_cells(panel, layer);
     }
     panel.frame();
     // Points of orbits over the frame, where angles come round.
     for (const ChartLayer& layer : layers)
-        if (layer.kind == "points" && layer.orbits > 0) draw_points(panel, layer, style);
+        if (layer.kind == LayerKind::points && layer.orbits > 0) draw_points(panel, layer, style);
 }
 
 std::vector<LegendEntry> legend_of(std::span<const ChartView> views, const Figure& figure, const PlotStyle& style) {
@@ -239,9 +248,9 @@ std::vector<LegendEntry> legend_of(std::span<const ChartView> views, const Figur
             entry.marker = marker_of(*layer, marker_scale(figure.font(), style));
             entry.stroke = stroke_of(*layer);
             entry.open = layer->open;
-            if (layer->kind == "density" || layer->kind == "band" || layer->kind == "bars")
+            if (layer->kind == LayerKind::density || layer->kind == LayerKind::band || layer->kind == LayerKind::bars)
                 entry.kind = LegendEntry::Kind::bar;
-            else if (layer->kind != "points")
+            else if (layer->kind != LayerKind::points)
                 entry.kind = LegendEntry::Kind::line;
             legend.push_back(std::move(entry));
         }

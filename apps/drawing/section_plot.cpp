@@ -60,11 +60,13 @@ void SectionPicture::add_orbit(int period, const Eigen::MatrixXd& points, Eigen:
 Chart section_chart(const SectionPicture& picture) {
     const auto& [first, second] = picture.section.coordinates;
     ChartView view;
-    view.add({"density", "section", 1, "cloud", picture.section.x, picture.section.y});
+    view.add({LayerKind::density, "section", 1, Ink::cloud, picture.section.x, picture.section.y});
     // Long periods first, so that the few short ones stay visible on top.
     for (auto entry = picture.periods.rbegin(); entry != picture.periods.rend(); ++entry) {
         const auto& [period, points] = *entry;
-        ChartLayer layer{"points", fmt::format("period {}", period), std::clamp(period, 1, 8), "", points.x, points.y};
+        ChartLayer layer{
+            LayerKind::points, fmt::format("period {}", period), std::clamp(period, 1, 8), Ink::of_style, points.x,
+            points.y};
         layer.labels = points.labels;
         layer.orbits = points.orbits;
         view.add(std::move(layer));

@@ -14,10 +14,10 @@ Chart waveform_chart(const std::vector<WaveformPanel>& panels) {
         int style = 0;
         for (const PlottedWaveform& waveform : waveforms) {
             style = style % 8 + 1;
-            ChartLayer computed{"line", waveform.label, style, ""};
+            ChartLayer computed{LayerKind::line, waveform.label, style};
             for (std::size_t k = 0; k < waveform.computed.size(); ++k)
                 computed.follow(waveform.computed_at[k], waveform.computed[k], coordinate.angle);
-            ChartLayer measured{"points", waveform.label, style, ""};
+            ChartLayer measured{LayerKind::points, waveform.label, style};
             measured.open = true;
             for (std::size_t k = 0; k < waveform.measured.size(); ++k)
                 measured.add(waveform.measured_at[k],

@@ -74,8 +74,8 @@ struct Command {
     std::vector<CommandWord> words;
     std::vector<CommandOption> options;  ///< besides those every command has
     std::vector<CommandExample> examples;
-    std::string details;                            ///< paragraphs for the help below the options; may be empty
     int (*run)(const CommandCall& call) = nullptr;  ///< returns the exit code
+    std::string details = {};                       ///< paragraphs for the help below the options; may be empty
 };
 
 }  // namespace orbid::apps

@@ -127,7 +127,7 @@ int run_command(const std::vector<std::string>& arguments, const Console& consol
     try {
         return run_known(arguments, console);
     } catch (const CommandLineError& error) {
-        console.error << error_text(error.what(), console.colours_error()) << '\n';
+        console.error << error_text(error.what(), is_coloured("auto", console.error_terminal)) << '\n';
         return wrong_call;
     }
 }

@@ -23,7 +23,7 @@ namespace {
 /// The job, or its problems on standard error.
 JobReading read_and_report(const CommandCall& call) {
     const std::string& file = call.words[0];
-    const bool coloured = call.console.colours_error(call.value("color", "auto"));
+    const bool coloured = is_coloured(call.value("color", "auto"), call.console.error_terminal);
     JobReading reading = read_job_file(file);
     for (const Problem& problem : reading.problems)
         call.console.error << error_text(message(problem, file), coloured) << '\n';
@@ -70,7 +70,7 @@ int run_estimation(const CommandCall& call) {
 }
 
 int check_job(const CommandCall& call) {
-    const bool coloured = call.console.colours_error(call.value("color", "auto"));
+    const bool coloured = is_coloured(call.value("color", "auto"), call.console.error_terminal);
     const JobReading reading = read_and_report(call);
     if (!reading.job) return reading.exit_code();
     const Job& job = *reading.job;

@@ -18,10 +18,6 @@ namespace orbid::apps {
 
 namespace {
 
-std::vector<std::string> task_names() {
-    return starting_tasks();
-}
-
 const CommandWord job_word{"JOB.json", WordKind::job_file};
 
 const std::vector<CommandOption>& run_options() {
@@ -33,22 +29,10 @@ const std::vector<CommandOption>& run_options() {
     return all;
 }
 
-Command command_row(std::string name, std::string summary, std::vector<CommandWord> words,
-                    std::vector<CommandOption> options, std::vector<CommandExample> examples,
-                    int (*run)(const CommandCall& call), std::string details = "") {
-    return {std::move(name),
-            std::move(summary),
-            std::move(words),
-            std::move(options),
-            std::move(examples),
-            std::move(details),
-            run};
-}
-
 /// A command that runs all stages of a job or one.
 Command job_command(std::string name, std::string summary, CommandExample example,
                     int (*run)(const CommandCall& call)) {
-    return command_row(std::move(name), std::move(summary), {job_word}, run_options(), {std::move(example)}, run);
+    return {std::move(name), std::move(summary), {job_word}, run_options(), {std::move(example)}, run};
 }
 
 std::vector<Command> job_commands() {
@@ -60,63 +44,86 @@ std::vector<Command> job_commands() {
         job_command("periodic", "compute, search for and follow periodic orbits of the model",
                     {"orbid periodic configs/pendulum_cascade.json --out out", ""}, run_periodic),
         job_command("estimate", "estimate the parameters", {"orbid estimate job.json --threads 2", ""}, run_estimation),
-        command_row(
-            "check", "every error of a job and its data, and what it would run and take", {job_word},
+        Command{
+            "check",
+            "every error of a job and its data, and what it would run and take",
+            {job_word},
             {{"threads", "N", "threads that the estimate of the work is for (default 0: all cores)", WordKind::number},
              {"flow", "", "compare flows and derivatives by both steppers: \"verner\" and \"odeint\""}},
             {{"orbid check job.json", ""}, {"orbid check job.json --flow", "are the integrator's numbers right?"}},
-            check_job),
-        command_row("models", "the models, or one of them", {{"NAME", WordKind::choice, true, model_names}}, {},
-                    {{"orbid models parametric_pendulum", ""}}, show_models),
-        command_row("new", "print a commented starting job",
-                    {{"MODEL", WordKind::choice, false, starting_models}, {"TASK", WordKind::choice, true, task_names}},
-                    {},
-                    {{"orbid new parametric_pendulum cycles > job.json", ""},
-                     {"orbid new equations series > job.json", "a model written in the job itself"}},
-                    show_starting_job)};
+            check_job},
+        Command{"models",
+                "the models, or one of them",
+                {{"NAME", WordKind::choice, true, model_names}},
+                {},
+                {{"orbid models parametric_pendulum", ""}},
+                show_models},
+        Command{"new",
+                "print a commented starting job",
+                {{"MODEL", WordKind::choice, false, starting_models}, {"TASK", WordKind::choice, true, starting_tasks}},
+                {},
+                {{"orbid new parametric_pendulum cycles > job.json", ""},
+                 {"orbid new equations series > job.json", "a model written in the job itself"}},
+                show_starting_job}};
 }
 
 std::vector<Command> result_commands() {
-    return {
-        command_row("report", "write report.html of an output folder anew", {{"DIR", WordKind::folder}}, {},
-                    {{"orbid report out", "out/report.html, one page that needs no network"}}, write_report),
-        command_row(
-            "plot", "the plots of a stored run, at the size and in the formats of papers",
-            {{"DIR", WordKind::folder}, {"NAME", WordKind::choice, true, plot_names}},
-            {{"format", "TYPE", "svg, pdf or png (default: as --out ends, else svg)", WordKind::choice, plot_formats},
-             {"out", "FILE", "where to (default DIR/plot_NAME.TYPE; \"-\": standard output)", WordKind::file},
-             {"width", "MM", "width of the page in mm (default 88: one column)", WordKind::number},
-             {"font", "PT", "size of numbers and labels in pt (default 8)", WordKind::number},
-             {"dpi", "N", "dots per inch of png (default 300)", WordKind::number},
-             {"title", "", "with the run's title above"}},
-            {{"orbid plot out", "which plots there are"},
-             {"orbid plot out section --format pdf --width 180", "out/plot_section.pdf, as wide as a page"}},
-            plot_run)};
+    return {Command{"report",
+                    "write report.html of an output folder anew",
+                    {{"DIR", WordKind::folder}},
+                    {},
+                    {{"orbid report out", "out/report.html, one page that needs no network"}},
+                    write_report},
+            Command{"plot",
+                    "the plots of a stored run, at the size and in the formats of papers",
+                    {{"DIR", WordKind::folder}, {"NAME", WordKind::choice, true, plot_names}},
+                    {{"format", "TYPE", "svg, pdf or png (default: as --out ends, else svg)", WordKind::choice,
+                      plot_formats},
+                     {"out", "FILE", "where to (default DIR/plot_NAME.TYPE; \"-\": standard output)", WordKind::file},
+                     {"width", "MM", "width of the page in mm (default 88: one column)", WordKind::number},
+                     {"font", "PT", "size of numbers and labels in pt (default 8)", WordKind::number},
+                     {"dpi", "N", "dots per inch of png (default 300)", WordKind::number},
+                     {"title", "", "with the run's title above"}},
+                    {{"orbid plot out", "which plots there are"},
+                     {"orbid plot out section --format pdf --width 180", "out/plot_section.pdf, as wide as a page"}},
+                    plot_run}};
 }
 
 std::vector<Command> help_commands() {
-    return {
-        command_row("completion", "print a script that teaches a shell commands and options",
-                    {{"SHELL", WordKind::choice, false, completion_shells}}, {},
+    return {Command{"completion",
+                    "print a script that teaches a shell commands and options",
+                    {{"SHELL", WordKind::choice, false, completion_shells}},
+                    {},
                     {{"orbid completion bash > ~/.local/share/bash-completion/completions/orbid", "for every new bash"},
                      {"source <(orbid completion bash)", "for this one"},
                      {"orbid completion zsh > \"${fpath[1]}/_orbid\"", "for every new zsh"}},
-                    show_completion),
-        command_row(
-            "man", "print the manual page orbid(1)", {}, {},
-            {{"orbid man | man -l -", "reads it"}, {"orbid man > ~/.local/share/man/man1/orbid.1", "for `man orbid`"}},
-            show_manual_page),
-        command_row("help", "this overview, or the help of a command",
-                    {{"COMMAND", WordKind::choice, true, command_names}}, {}, {{"orbid help run", ""}}, show_help),
-        command_row("schema", "print the JSON Schema of jobs, for editors", {},
+                    show_completion},
+            Command{"man",
+                    "print the manual page orbid(1)",
+                    {},
+                    {},
+                    {{"orbid man | man -l -", "reads it"},
+                     {"orbid man > ~/.local/share/man/man1/orbid.1", "for `man orbid`"}},
+                    show_manual_page},
+            Command{"help",
+                    "this overview, or the help of a command",
+                    {{"COMMAND", WordKind::choice, true, command_names}},
+                    {},
+                    {{"orbid help run", ""}},
+                    show_help},
+            Command{"schema",
+                    "print the JSON Schema of jobs, for editors",
+                    {},
                     {{"markdown", "", "all keys as a page instead"}},
-                    {{"orbid schema > orbid-job.schema.json", "what a job's \"$schema\" may name"}}, show_schema)};
+                    {{"orbid schema > orbid-job.schema.json", "what a job's \"$schema\" may name"}},
+                    show_schema}};
 }
 
 std::vector<Command> comparing_commands() {
     return {
-        command_row(
-            "predict", "how well the estimate of a stored run predicts a further record",
+        Command{
+            "predict",
+            "how well the estimate of a stored run predicts a further record",
             {{"DIR", WordKind::folder}, {"DATA", WordKind::file}},
             {{"out", "DIR", "folder of the prediction (default DIR/predict_NAME)", WordKind::folder},
              {"experiment", "NAME", "experiment of the run that the record is like (default: the only one)"},
@@ -124,11 +131,13 @@ std::vector<Command> comparing_commands() {
              {"force", "", "overwrite a folder that holds the result of another job"}},
             {{"orbid predict out further.csv", "errors over the record, and how far ahead they stay within 2 sds"}},
             predict_run,
-            "DATA is a table or HDF5 file in the layout of the run's data, or a JSON\nfile with one \"data\" object."),
-        command_row("compare", "two stored runs beside each other",
-                    {{"DIR", WordKind::folder}, {"DIR2", WordKind::folder}}, {},
-                    {{"orbid compare out other", "parameters in sds of their difference, error scales, jobs, cycles"}},
-                    compare_runs)};
+            "DATA is a table or HDF5 file in the layout of the run's data, or a JSON\nfile with one \"data\" object."},
+        Command{"compare",
+                "two stored runs beside each other",
+                {{"DIR", WordKind::folder}, {"DIR2", WordKind::folder}},
+                {},
+                {{"orbid compare out other", "parameters in sds of their difference, error scales, jobs, cycles"}},
+                compare_runs}};
 }
 
 }  // namespace

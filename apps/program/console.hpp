@@ -3,7 +3,6 @@
 #include <cstdio>
 #include <functional>
 #include <iosfwd>
-#include <string_view>
 
 namespace orbid::apps {
 
@@ -17,10 +16,6 @@ struct Console {
     /// The process serves this command only: the number of threads is that of the whole process.
     bool own_process = false;
     std::function<bool()> stopped = {};  ///< called between steps, from several threads; empty: never stop
-
-    /// Whether `out` or `error` is coloured, given the value of --color; "auto": on terminals.
-    [[nodiscard]] bool colours_out(std::string_view choice = "auto") const;
-    [[nodiscard]] bool colours_error(std::string_view choice = "auto") const;
 };
 
 /// The streams and signals of this process.

@@ -174,7 +174,7 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
     int code = interrupted;
     try {
         code = with_thread_limit(options.threads, console,
-                                 [&] { return run_stages(work, console, console.colours_out(color)); });
+                                 [&] { return run_stages(work, console, is_coloured(color, console.out_terminal)); });
     } catch (const models::Stopped&) {
         if (!stop.result().empty()) folder.store("result.json", stop.result());
         progress.end("interrupted");

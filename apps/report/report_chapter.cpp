@@ -55,7 +55,7 @@ std::string figure_html(const Chart& chart, std::string_view caption) {
         markup_text(chart.name), chart_svg(chart, "", page_style()), markup_text(caption), chart_text(chart));
     for (const ChartView& view : chart.views) {
         for (const ChartLayer& layer : view.layers)
-            if (layer.kind == "density") out += points_html(chart, view, layer);
+            if (layer.kind == LayerKind::density) out += points_html(chart, view, layer);
     }
     return out;
 }

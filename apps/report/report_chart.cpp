@@ -69,12 +69,12 @@ Json axis_json(const ChartAxis& axis) {
 }
 
 Json layer_json(const ChartLayer& layer) {
-    Json out{{"kind", layer.kind}, {"name", layer.name}, {"style", layer.style}};
-    if (!layer.ink.empty()) out["ink"] = layer.ink;
+    Json out{{"kind", name(layer.kind)}, {"name", layer.name}, {"style", layer.style}};
+    if (layer.ink != Ink::of_style) out["ink"] = name(layer.ink);
     const auto add = [&out](const char* key, const std::vector<double>& values) {
         if (!values.empty()) out[key] = packed_numbers(values);
     };
-    if (layer.kind != "density") {
+    if (layer.kind != LayerKind::density) {
         add("x", layer.x);
         add("y", layer.y);
     }
@@ -85,7 +85,7 @@ Json layer_json(const ChartLayer& layer) {
     if (layer.dash) out["dash"] = true;
     if (layer.at_x) out["at_x"] = *layer.at_x;
     if (layer.at_y) out["at_y"] = *layer.at_y;
-    if (layer.kind == "line" && rises(layer.x)) out["rising"] = true;
+    if (layer.kind == LayerKind::line && rises(layer.x)) out["rising"] = true;
     return out;
 }
 

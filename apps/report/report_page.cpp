@@ -14,12 +14,10 @@ namespace orbid::apps {
 namespace {
 
 std::string subtitle(const StoredRun& run) {
-    std::string out;
-    if (run.job.contains("model")) out = detail::text_at(run.job["model"], "name");
-    if (run.result)
-        out += fmt::format("{}status: {}", out.empty() ? "" : " · ", detail::text_at(*run.result, "status"));
+    std::string out = detail::text_at(detail::block_at(run.job, "model"), "name");
+    if (run.result) append_words(out, "status: " + detail::text_at(*run.result, "status"), " · ");
     if (run.job.contains("versions"))
-        out += fmt::format("{}orbid {}", out.empty() ? "" : " · ", detail::text_at(run.job["versions"], "orbid"));
+        append_words(out, "orbid " + detail::text_at(run.job["versions"], "orbid"), " · ");
     return out;
 }
 

@@ -104,7 +104,7 @@ std::string cycles_table(const Json& cycles, const std::vector<ResidualRow>& row
 std::size_t density_points(const Chart& chart) {
     for (const ChartView& view : chart.views) {
         for (const ChartLayer& layer : view.layers)
-            if (layer.kind == "density") return layer.x.size();
+            if (layer.kind == LayerKind::density) return layer.x.size();
     }
     return 0;
 }

@@ -21,14 +21,8 @@ using Json = StoredRun::Json;
 using Align = SummaryTable::Align;
 using detail::number_at;
 
-const Json& empty_object() {
-    static const Json empty = Json::object();
-    return empty;
-}
-
 const Json& block(const StoredRun& run, const char* name) {
-    if (!run.result || !run.result->contains(name) || !(*run.result)[name].is_object()) return empty_object();
-    return (*run.result)[name];
+    return detail::block_at(run.result, name);
 }
 
 std::string text_at(const Json& object, const char* pointer) {
@@ -59,8 +53,8 @@ std::string head_table(const StoredRun& first, const StoredRun& second) {
     add("folder", first.folder.string(), second.folder.string());
     add("title", first.title(), second.title());
     add("model", model_name(first), model_name(second));
-    const Json& a = first.result ? *first.result : empty_object();
-    const Json& b = second.result ? *second.result : empty_object();
+    const Json a = first.result.value_or(Json::object());
+    const Json b = second.result.value_or(Json::object());
     add("status", text_at(a, "/status"), text_at(b, "/status"));
     add("points", text_at(a, "/data/points"), text_at(b, "/data/points"));
     add("degrees of freedom", significant(number_at(a, "degrees_of_freedom"), 6),
@@ -179,13 +173,8 @@ std::string evidence_words(const StoredRun& first, const StoredRun& second) {
     std::string out;
     if (std::isfinite(objective))
         out += fmt::format("  objective of the second less that of the first: {}\n", significant(objective, 5));
-    const auto pointer = Json::json_pointer("/log_evidence/value");
-    const auto evidence = [&](const StoredRun& run) {
-        return run.result->contains(pointer) && run.result->at(pointer).is_number()
-                   ? run.result->at(pointer).get<double>()
-                   : std::numeric_limits<double>::quiet_NaN();
-    };
-    const double bayes = evidence(first) - evidence(second);
+    const double bayes =
+        number_at(block(first, "log_evidence"), "value") - number_at(block(second, "log_evidence"), "value");
     if (!std::isfinite(bayes)) return out;
     std::string words = in_words(bayes);
     for (const auto& [from, to] : {std::pair{"the job's model", "the first"}, std::pair{"this one", "the second"}}) {

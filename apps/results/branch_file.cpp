@@ -1,7 +1,6 @@
 #include "apps/results/branch_file.hpp"
 
-#include <array>
-#include <stdexcept>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -18,27 +17,6 @@ using periodic::Bifurcation;
 using periodic::Branch;
 using periodic::BranchEnd;
 using periodic::BranchPoint;
-
-constexpr std::array bifurcations{Bifurcation::none, Bifurcation::fold, Bifurcation::period_doubling,
-                                  Bifurcation::neimark_sacker, Bifurcation::branch_point};
-constexpr std::array ends{BranchEnd::bound,        BranchEnd::closed,        BranchEnd::domain,
-                          BranchEnd::point_limit,  BranchEnd::smallest_step, BranchEnd::equilibrium,
-                          BranchEnd::period_limit, BranchEnd::other_branch,  BranchEnd::not_simulated,
-                          BranchEnd::start,        BranchEnd::interrupted};
-
-/// A text that is no name of this version.
-class UnknownName : public std::runtime_error {
-    using std::runtime_error::runtime_error;
-};
-
-/// The value whose name a text is.
-/// @throws UnknownName when it is the name of none.
-template <class Values>
-typename Values::value_type named(const Values& values, const nlohmann::json& text) {
-    for (const auto value : values)
-        if (periodic::name(value) == text.get<std::string>()) return value;
-    throw UnknownName(text.get<std::string>());
-}
 
 Json place_json(const BranchPlace& place) {
     return Json::array({place.branch, place.point});
@@ -86,7 +64,7 @@ BranchPoint point_of(const nlohmann::json& json) {
     point.orbit.multipliers = detail::complex_of(json.at("multipliers"));
     point.unstable = json.at("unstable").get<int>();
     if (!json.at("bifurcation").is_null()) {
-        point.bifurcation = named(bifurcations, json["bifurcation"]);
+        point.bifurcation = detail::named(json["bifurcation"].get<std::string>(), Bifurcation::branch_point).value();
         point.parameter_error = detail::number_of(json.at("parameter_error"));
     }
     return point;
@@ -97,8 +75,8 @@ Branch branch_of(const nlohmann::json& json) {
     if (!json.at("origin").is_null())
         branch.origin =
             Branch::Origin{json["origin"].at(0).get<std::size_t>(), json["origin"].at(1).get<std::size_t>()};
-    branch.first = named(ends, json.at("ends").at(0));
-    branch.last = named(ends, json.at("ends").at(1));
+    branch.first = detail::named(json.at("ends").at(0).get<std::string>(), BranchEnd::interrupted).value();
+    branch.last = detail::named(json.at("ends").at(1).get<std::string>(), BranchEnd::interrupted).value();
     for (const auto& point : json.at("points"))
         branch.points.push_back(point_of(point));
     return branch;
@@ -161,8 +139,8 @@ std::optional<StoredBranches> stored_branches(std::string_view text) {
         for (const auto& branch : json.at("branches"))
             stored.followed.branches.push_back(branch_of(branch));
         return stored;
-    } catch (const UnknownName&) {
-        return std::nullopt;
+    } catch (const std::bad_optional_access&) {
+        return std::nullopt;  // a name of another version
     } catch (const nlohmann::json::exception&) {
         return std::nullopt;  // another layout: not ours, or of an older version
     }

@@ -10,6 +10,7 @@ namespace orbid::apps {
 namespace {
 
 using Json = nlohmann::ordered_json;
+using periodic::Bifurcation;
 using periodic::OrbitStatus;
 
 void add_stability(const periodic::Stability& stability, std::size_t parameters, Json& out) {
@@ -64,17 +65,10 @@ Json orbit_json(const CycleFileHead& head, const ComputedOrbit& computed, std::s
     return out;
 }
 
-periodic::Bifurcation bifurcation_named(std::string_view text) {
-    using periodic::Bifurcation;
-    for (const Bifurcation value : {Bifurcation::fold, Bifurcation::period_doubling, Bifurcation::neimark_sacker})
-        if (periodic::name(value) == text) return value;
-    return Bifurcation::none;
-}
-
 ComputedOrbit orbit_of(const nlohmann::json& json) {
     ComputedOrbit computed;
     periodic::PeriodicOrbit& orbit = computed.orbit;
-    const auto status = orbit_status_named(json.at("status").get<std::string>());
+    const auto status = detail::named(json.at("status").get<std::string>(), OrbitStatus::period_vanished);
     computed.computed = status.has_value();
     orbit.status = status.value_or(OrbitStatus::no_progress);
     if (json.at("message").is_string()) computed.message = json["message"].get<std::string>();
@@ -93,7 +87,9 @@ ComputedOrbit orbit_of(const nlohmann::json& json) {
     if (json.contains("unstable")) {
         computed.stability.emplace();
         computed.stability->unstable = json["unstable"].get<int>();
-        computed.stability->nearest = bifurcation_named(json.at("bifurcation_near").get<std::string>());
+        computed.stability->nearest =
+            detail::named(json.at("bifurcation_near").get<std::string>(), Bifurcation::branch_point)
+                .value_or(Bifurcation::none);
     }
     return computed;
 }
@@ -123,16 +119,6 @@ std::vector<std::complex<double>> complex_of(const nlohmann::json& pairs) {
 }
 
 }  // namespace detail
-
-std::optional<periodic::OrbitStatus> orbit_status_named(std::string_view text) {
-    for (const OrbitStatus status :
-         {OrbitStatus::converged, OrbitStatus::no_progress, OrbitStatus::iteration_limit, OrbitStatus::not_simulated,
-          OrbitStatus::singular, OrbitStatus::other_orbit, OrbitStatus::shorter_period, OrbitStatus::equilibrium,
-          OrbitStatus::period_vanished}) {
-        if (periodic::name(status) == text) return status;
-    }
-    return std::nullopt;
-}
 
 std::string orbits_text(const CycleFileHead& head, const ComputedOrbits& orbits,
                         const std::vector<std::string>& parameters) {

@@ -32,10 +32,16 @@ struct StoredOrbits {
 /// @return nothing when the text is no such file.
 [[nodiscard]] std::optional<StoredOrbits> stored_orbits(std::string_view text);
 
-/// Inverse of periodic::name().
-[[nodiscard]] std::optional<periodic::OrbitStatus> orbit_status_named(std::string_view text);
-
 namespace detail {
+
+/// The value of an enumeration that periodic::name() calls so; nothing when it is the name of none.
+/// @param last  the last value of the enumeration.
+template <class Enum>
+[[nodiscard]] std::optional<Enum> named(std::string_view text, Enum last) {
+    for (int k = 0; k <= static_cast<int>(last); ++k)
+        if (periodic::name(static_cast<Enum>(k)) == text) return static_cast<Enum>(k);
+    return std::nullopt;
+}
 
 /// Shape (n, p) of p rows of n numbers, null as nan.
 /// @throws nlohmann::json::exception when it is something else.

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/program/starting/model_listing.hpp"
 #include "apps/program/starting/starting_orbit.hpp"
 #include "models/catalogue/registry.hpp"
 
@@ -213,16 +214,13 @@ bool is_periodic_task(std::string_view task) {
 
 }  // namespace
 
-const std::vector<std::string>& starting_tasks() {
-    static const std::vector<std::string> tasks{"simulate", "auto",     "cycles", "series",
-                                                "waveform", "periodic", "search", "continuation"};
-    return tasks;
+std::vector<std::string> starting_tasks() {
+    return {"simulate", "auto", "cycles", "series", "waveform", "periodic", "search", "continuation"};
 }
 
 std::vector<std::string> starting_models() {
-    std::vector<std::string> names{"equations"};
-    for (const models::ModelEntry& entry : models::registered_models())
-        names.emplace_back(entry.name);
+    std::vector<std::string> names = model_names();
+    names.insert(names.begin(), "equations");
     return names;
 }
 
@@ -230,9 +228,9 @@ std::string starting_job(std::string_view model, std::string_view task) {
     const bool equations = model == "equations";
     const auto size = starting_size(model);
     const auto system = models::make_system(equations ? written_out : model, "", size);
-    if (std::find(starting_tasks().begin(), starting_tasks().end(), task) == starting_tasks().end())
-        throw std::invalid_argument(
-            fmt::format("there is no task \"{}\"; tasks: {}", task, fmt::join(starting_tasks(), ", ")));
+    const std::vector<std::string> tasks = starting_tasks();
+    if (std::find(tasks.begin(), tasks.end(), task) == tasks.end())
+        throw std::invalid_argument(fmt::format("there is no task \"{}\"; tasks: {}", task, fmt::join(tasks, ", ")));
     const bool cycles = is_of_cycles(*system, task);
     if (is_periodic_task(task) && !system->inputs().empty())
         throw std::invalid_argument(

@@ -9,7 +9,7 @@ namespace orbid::apps {
 /// Purposes of a new job: "simulate" (sampled data; iterates of a map), "auto" (parameters by all stages that the data
 /// allow), "cycles" (parameters from periodic orbits of a section series), "series" (parameters from sampled data);
 /// "periodic", "search" and "continuation" (periodic orbits of the model, without data). Every model allows the first.
-[[nodiscard]] const std::vector<std::string>& starting_tasks();
+[[nodiscard]] std::vector<std::string> starting_tasks();
 
 /// Models of a new job: the registered ones, and "equations", a small model written in the job.
 [[nodiscard]] std::vector<std::string> starting_models();

@@ -24,9 +24,9 @@ std::string step_words(const Json& step, double number) {
 /// The objective before each accepted step of a block, above its last value: a logarithmic course shows every step.
 /// No layers where there is none.
 ChartView steps_view(const Json& history, const std::string& block) {
-    ChartLayer line{"line", "", 1, ""};
-    ChartLayer points{"points", "accepted step", 1, ""};
-    ChartLayer refused{"points", "refused step", 2, ""};
+    ChartLayer line{LayerKind::line, "", 1};
+    ChartLayer points{LayerKind::points, "accepted step", 1};
+    ChartLayer refused{LayerKind::points, "refused step", 2};
     refused.open = true;
     double last = std::nan("");
     for (const Json& step : history)
@@ -71,7 +71,7 @@ ChartView distances_view(const Json& parameters, const Json& stages) {
     int style = 0;
     for (const auto& [name, entry] : parameters.items()) {
         style = style % 8 + 1;
-        ChartLayer line{"line", display_name(name), style, ""};
+        ChartLayer line{LayerKind::line, display_name(name), style};
         const auto add = [&, &final_entry = entry](double value) {
             const double distance = std::abs(value - number_at(final_entry, "value")) / number_at(final_entry, "sd");
             // The result itself has distance 0, which a logarithm does not show.
@@ -82,7 +82,7 @@ ChartView distances_view(const Json& parameters, const Json& stages) {
             add(number_at(block_at(block_at(stage, "parameters"), name), "value"));
         range.include(line.y);
         ChartLayer points = line;
-        points.kind = "points";
+        points.kind = LayerKind::points;
         view.layers.push_back(std::move(line));
         view.layers.push_back(std::move(points));
     }
@@ -90,7 +90,7 @@ ChartView distances_view(const Json& parameters, const Json& stages) {
     range.include(1.0);
     view.y = range.axis("|deviation| / sd", "", true);
     view.height = 0.42;
-    view.layers.push_back(level_rule(1.0, "", "soft", true));
+    view.layers.push_back(level_rule(1.0, "", Ink::soft, true));
     return view;
 }
 
@@ -98,8 +98,8 @@ ChartView distances_view(const Json& parameters, const Json& stages) {
 ChartView stages_view(const Json& stages, const std::string& name, const Json& final_entry) {
     ChartView view;
     std::vector<std::string> names;
-    ChartLayer values{"points", "estimate", 2, ""};
-    ChartLayer intervals{"intervals", "95 % interval", 2, ""};
+    ChartLayer values{LayerKind::points, "estimate", 2};
+    ChartLayer intervals{LayerKind::intervals, "95 % interval", 2};
     ChartRange range;
     for (const Json& stage : stages) {
         const auto height = static_cast<double>(names.size());
@@ -118,7 +118,7 @@ ChartView stages_view(const Json& stages, const std::string& name, const Json& f
     view.label = name;
     view.x = range.axis(display_name(name), text_at(final_entry, "unit"));
     const double reference = number_at(final_entry, "reference");
-    if (std::isfinite(reference)) view.layers.push_back(upright_rule(reference, "reference", "ink"));
+    if (std::isfinite(reference)) view.layers.push_back(upright_rule(reference, "reference", Ink::ink));
     view.add(std::move(intervals));
     view.add(std::move(values));
     name_lines(view, std::move(names));

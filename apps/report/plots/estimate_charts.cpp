@@ -42,7 +42,7 @@ std::string value_words(const Json& entry) {
 
 /// From -reach to reach over the whole height, behind all other layers.
 void add_band(ChartView& view, double reach, std::string name) {
-    ChartLayer band{"band", std::move(name), 1, "soft", {-reach, reach}};
+    ChartLayer band{LayerKind::band, std::move(name), 1, Ink::soft, {-reach, reach}};
     band.lower.assign(2, view.y.lower);
     band.upper.assign(2, view.y.upper);
     view.layers.insert(view.layers.begin(), std::move(band));
@@ -51,7 +51,7 @@ void add_band(ChartView& view, double reach, std::string name) {
 /// The squares and names of a matrix of correlations.
 ChartView matrix_view(const std::vector<std::string>& names, const Json& matrix, std::string& description) {
     ChartView view;
-    ChartLayer cells{"cells", "", 1, ""};
+    ChartLayer cells{LayerKind::cells, "", 1};
     for (std::size_t i = 0; i < names.size(); ++i) {
         for (std::size_t j = 0; j < names.size(); ++j) {
             const double value = number_of(matrix.at(i).at(j));
@@ -85,8 +85,8 @@ Chart parameter_chart(const StoredRun& run) {
     };
     if (!any([](const Json& entry) { return interval_end(entry, 0); })) return chart;
     const bool known = any([](const Json& entry) { return number_at(entry, "reference"); });
-    ChartLayer intervals{"intervals", "95 % interval", 2, ""};
-    ChartLayer values{"points", "estimate", 2, ""};
+    ChartLayer intervals{LayerKind::intervals, "95 % interval", 2};
+    ChartLayer values{LayerKind::points, "estimate", 2};
     ChartView view;
     std::vector<std::string> names;
     for (const auto& [name, entry] : list) {
@@ -113,7 +113,7 @@ Chart parameter_chart(const StoredRun& run) {
     range.include(values.x);
     range.include(0.0);
     view.x = known ? range.axis("(estimate − reference) / sd", "") : range.axis("around the estimate", "%");
-    view.layers = {upright_rule(0.0, known ? "reference" : "", "ink"), std::move(intervals), std::move(values)};
+    view.layers = {upright_rule(0.0, known ? "reference" : "", Ink::ink), std::move(intervals), std::move(values)};
     name_lines(view, std::move(names));
     if (known) add_band(view, 2.0, "± 2 sd");
     chart.add(std::move(view));
@@ -137,7 +137,7 @@ Chart singular_value_chart(const StoredRun& run) {
     Chart chart{"singular_values", "Singular values of the scaled sensitivities"};
     const Json& block = block_at(run.result, "identifiability");
     const Json& values = block_at(block, "singular_values");
-    ChartLayer points{"points", "", 2, ""};
+    ChartLayer points{LayerKind::points, "", 2};
     ChartRange range;
     for (std::size_t i = 0; i < values.size(); ++i) {
         if (!values[i].is_number() || !(values[i].get<double>() > 0.0)) continue;
@@ -172,9 +172,9 @@ Chart evidence_chart(const StoredRun& run) {
     range.include(-6.0);
     range.include(6.0);
     // In favour of the job's model, and of the other one.
-    std::array sides{ChartLayer{"intervals", "for the job's model", 2, ""},
-                     ChartLayer{"intervals", "for the other one", 4, ""}};
-    ChartLayer points{"points", "", 7, "ink"};
+    std::array sides{ChartLayer{LayerKind::intervals, "for the job's model", 2},
+                     ChartLayer{LayerKind::intervals, "for the other one", 4}};
+    ChartLayer points{LayerKind::points, "", 7, Ink::ink};
     for (const Json& one : block_at(block_at(run.result, "criticism"), "alternatives")) {
         const double value = number_at(block_at(one, "ln_bayes_factor"), "value");
         if (!std::isfinite(value)) continue;
@@ -193,7 +193,7 @@ Chart evidence_chart(const StoredRun& run) {
     }
     if (names.empty()) return chart;
     view.x = range.axis("ln Bayes factor", "");
-    view.layers = {upright_rule(0.0, "", "ink")};
+    view.layers = {upright_rule(0.0, "", Ink::ink)};
     for (ChartLayer* layer : {&sides[0], &sides[1], &points})
         view.add(std::move(*layer));
     name_lines(view, std::move(names));

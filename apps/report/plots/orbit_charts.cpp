@@ -139,13 +139,13 @@ Chart multiplier_chart(const StoredRun& run) {
     ChartView view;
     ChartRange range;
     std::size_t count = 0;
-    ChartLayer errors{"intervals", "± 2 sd", 1, "soft"};
-    ChartLayer model{"points", "of the model", 6, "ink"};
+    ChartLayer errors{LayerKind::intervals, "± 2 sd", 1, Ink::soft};
+    ChartLayer model{LayerKind::points, "of the model", 6, Ink::ink};
     model.open = true;
     // Long periods first, as in sections.
     for (auto entry = periods.rbegin(); entry != periods.rend(); ++entry) {
         const auto& [period, list] = *entry;
-        ChartLayer layer{"points", fmt::format("period {}", period), std::clamp(period, 1, 8), ""};
+        ChartLayer layer{LayerKind::points, fmt::format("period {}", period), std::clamp(period, 1, 8)};
         for (std::size_t k = 0; k < list.size(); ++k) {
             const Growth& growth = list[k];
             // Within 0.8 of the way to the next period.
@@ -170,7 +170,7 @@ Chart multiplier_chart(const StoredRun& run) {
     }
     view.add(std::move(errors));
     view.add(std::move(model));
-    if (range.lowest < 1.0) view.layers.push_back(level_rule(1.0, "", "soft", true));
+    if (range.lowest < 1.0) view.layers.push_back(level_rule(1.0, "", Ink::soft, true));
     view.x = {"period, cycles by size", "", periods.begin()->first - 0.6, periods.rbegin()->first + 0.6};
     view.x.whole = true;
     view.y = range.axis("largest |multiplier|", "", true);

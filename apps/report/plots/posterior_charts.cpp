@@ -24,13 +24,13 @@ const Json& estimated_entry(const Json& result, const std::string& name) {
 
 void add_reference(const Json& entry, ChartView& view) {
     const double reference = number_at(entry, "reference");
-    if (std::isfinite(reference)) view.layers.push_back(upright_rule(reference, "reference", "ink"));
+    if (std::isfinite(reference)) view.layers.push_back(upright_rule(reference, "reference", Ink::ink));
 }
 
 /// No layers for fewer than two points.
 ChartView profile_view(const Json& result, const std::string& name, const Json& profile) {
     ChartView view;
-    ChartLayer curve{"line", "profile", 1, ""};
+    ChartLayer curve{LayerKind::line, "profile", 1};
     ChartRange x;
     ChartRange y;
     y.include(-2.5);
@@ -50,7 +50,7 @@ ChartView profile_view(const Json& result, const std::string& name, const Json& 
     const double sd = number_at(block_at(block_at(result, "parameters"), name), "sd");
     const double best = number_at(profile, "value");
     if (sd > 0.0) {
-        ChartLayer normal{"line", "normal approximation", 2, ""};
+        ChartLayer normal{LayerKind::line, "normal approximation", 2};
         normal.dash = true;
         for (const double end : {view.x.lower, view.x.upper})
             normal.add(end, (end - best) / sd);
@@ -59,11 +59,11 @@ ChartView profile_view(const Json& result, const std::string& name, const Json& 
     // The threshold is one of twice the objective's loss, of which the root is drawn.
     if (const double threshold = number_at(profile, "threshold"); threshold > 0.0) {
         for (const double side : {-1.0, 1.0})
-            view.layers.push_back(level_rule(side * std::sqrt(threshold), "95 % limits", "soft", true));
+            view.layers.push_back(level_rule(side * std::sqrt(threshold), "95 % limits", Ink::soft, true));
     }
     add_reference(estimated_entry(result, name), view);
     ChartLayer dots = curve;
-    dots.kind = "points";
+    dots.kind = LayerKind::points;
     view.layers.push_back(std::move(curve));
     view.layers.push_back(std::move(dots));
     return view;
@@ -83,7 +83,7 @@ ChartLayer laplace_density(const Json& list) {
     std::sort(points.begin(), points.end());
     points.erase(std::unique(points.begin(), points.end(), [](const auto& a, const auto& b) { return a[0] == b[0]; }),
                  points.end());
-    ChartLayer curve{"line", "nested Laplace", 1, ""};
+    ChartLayer curve{LayerKind::line, "nested Laplace", 1};
     if (points.size() < 3) return curve;
     std::vector<double> u;
     std::vector<double> logs;
@@ -118,7 +118,7 @@ ChartLayer laplace_density(const Json& list) {
 
 /// Draws as columns of a density; none where all are equal.
 ChartLayer draw_columns(const std::vector<double>& values) {
-    ChartLayer bars{"bars", "draws", 2, ""};
+    ChartLayer bars{LayerKind::bars, "draws", 2};
     const auto [least, greatest] = std::minmax_element(values.begin(), values.end());
     if (values.empty() || !(*greatest > *least)) return bars;
     // Sturges' rule doubled: thousands of draws carry finer columns than its normal ones.
@@ -137,7 +137,7 @@ ChartLayer draw_columns(const std::vector<double>& values) {
 /// The normal density around the estimate.
 ChartLayer normal_density(const Json& entry, const ChartRange& x) {
     constexpr int places = 121;
-    ChartLayer line{"line", "normal approximation", 8, ""};
+    ChartLayer line{LayerKind::line, "normal approximation", 8};
     line.dash = true;
     const double mean = number_at(entry, "value");
     const double sd = number_at(entry, "sd");
@@ -256,7 +256,7 @@ Chart posterior_chart(const StoredRun& run, const std::optional<StoredDraws>& dr
                 view.y = heights.axis("density", "");
                 view.y.lower = 0.0;
             } else {
-                ChartLayer dots{"points", "draws", 2, ""};
+                ChartLayer dots{LayerKind::points, "draws", 2};
                 for (std::size_t k = 0; k < draws->chain.size(); k += every)
                     dots.add(draws->columns[shown[j]][k], draws->columns[shown[i]][k]);
                 view.label += " over " + draws->names[shown[j]];

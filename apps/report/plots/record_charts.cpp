@@ -70,12 +70,12 @@ ChartView residual_view(const RecordGroup& group) {
     ChartRange y;
     y.include(-3.0);
     y.include(3.0);
-    view.layers = {level_rule(0.0, "", "soft"), level_rule(1.96, "± 1.96", "soft", true),
-                   level_rule(-1.96, "± 1.96", "soft", true)};
-    ChartLayer cycles{"points", "cycles", 2, ""};
+    view.layers = {level_rule(0.0, "", Ink::soft), level_rule(1.96, "± 1.96", Ink::soft, true),
+                   level_rule(-1.96, "± 1.96", Ink::soft, true)};
+    ChartLayer cycles{LayerKind::points, "cycles", 2};
     std::size_t index = 0;
     for (const auto& [block, rows] : group.blocks) {
-        ChartLayer layer{"points", fmt::format("segment {}", block), 1 + static_cast<int>(index % 8), ""};
+        ChartLayer layer{LayerKind::points, fmt::format("segment {}", block), 1 + static_cast<int>(index % 8)};
         ChartLayer& out = group.cycles ? cycles : layer;
         for (const ResidualRow* row : rows) {
             out.add(group.cycles ? static_cast<double>(index) : row->at, scaled(*row));
@@ -110,7 +110,7 @@ ChartView quantile_view(const RecordGroup& group) {
     }
     if (values.size() < 3) return view;
     std::sort(values.begin(), values.end());
-    ChartLayer points{"points", "residuals", 2, ""};
+    ChartLayer points{LayerKind::points, "residuals", 2};
     const auto n = values.size();
     const std::size_t every = n <= shown ? 1 : (n - 2 * tail) / (shown - 2 * tail);
     for (std::size_t k = 0; k < n; ++k) {
@@ -125,13 +125,13 @@ ChartView quantile_view(const RecordGroup& group) {
     view.y = range.axis("residual / sd", "");
     view.height = 0.6;
     const std::vector<double> ends{view.x.lower, view.x.upper};
-    view.layers = {{"line", "normal", 1, "soft", ends, ends}, std::move(points)};
+    view.layers = {{LayerKind::line, "normal", 1, Ink::soft, ends, ends}, std::move(points)};
     return view;
 }
 
 ChartView course_view(const RecordGroup& group, const std::string& block, const RecordGroup::Rows& rows) {
-    ChartLayer observed{"points", "observed", 6, ""};
-    ChartLayer predicted{"line", "predicted", 1, ""};
+    ChartLayer observed{LayerKind::points, "observed", 6};
+    ChartLayer predicted{LayerKind::line, "predicted", 1};
     for (const ResidualRow* row : rows) {
         observed.add(row->at, row->observed);
         predicted.add(row->at, row->predicted);
@@ -156,7 +156,7 @@ ChartView course_view(const RecordGroup& group, const std::string& block, const 
 
 /// Cycles have no course: observed against predicted, where every point should lie on the line.
 ChartView cycle_view(const RecordGroup& group) {
-    ChartLayer points{"points", "points of cycles", 2, ""};
+    ChartLayer points{LayerKind::points, "points of cycles", 2};
     for (const auto& [block, rows] : group.blocks) {
         for (const ResidualRow* row : rows) {
             points.add(row->predicted, row->observed);
@@ -172,7 +172,7 @@ ChartView cycle_view(const RecordGroup& group) {
     view.y = range.axis(fmt::format("{} observed", display_name(group.coordinate)), group.unit);
     view.height = 0.6;
     const std::vector<double> ends{view.x.lower, view.x.upper};
-    view.layers = {{"line", "equal", 1, "soft", ends, ends}, std::move(points)};
+    view.layers = {{LayerKind::line, "equal", 1, Ink::soft, ends, ends}, std::move(points)};
     return view;
 }
 

@@ -158,9 +158,9 @@ TEST_CASE("a chart is drawn as it arranges its views", "[apps][plot]") {
         view.label = "view " + std::to_string(k);
         view.x = {"x", "s", 0.0, 1.0};
         view.y = {"y", "", -1.0, 1.0};
-        view.layers = {level_rule(0.0, "zero", "soft", true),
-                       {"line", "line", 1, "", {0.0, 1.0}, {-1.0, 1.0}},
-                       {"points", "points", 2, "", {0.5, 0.7}, {0.0, std::nan("")}}};
+        view.layers = {level_rule(0.0, "zero", Ink::soft, true),
+                       {LayerKind::line, "line", 1, Ink::of_style, {0.0, 1.0}, {-1.0, 1.0}},
+                       {LayerKind::points, "points", 2, Ink::of_style, {0.5, 0.7}, {0.0, std::nan("")}}};
         chart.views.push_back(view);
     }
     const auto svg = [&](Chart::Arrangement arrangement) {

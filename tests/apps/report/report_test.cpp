@@ -184,7 +184,7 @@ TEST_CASE("a chart's text cannot end its script element", "[apps][report]") {
     Chart chart{"name", "</script><!--", "", {}};
     ChartView view;
     view.label = "<b>";
-    view.layers.push_back({"points", "</script>", 1, "", {1.0}, {2.0}});
+    view.layers.push_back({LayerKind::points, "</script>", 1, Ink::of_style, {1.0}, {2.0}});
     chart.views.push_back(view);
     const std::string text = chart_text(chart);
     CHECK_FALSE(contains(text, "<"));

@@ -157,7 +157,8 @@ TEST_CASE("a bifurcation picture shows stable and unstable pieces, marks and uni
     CHECK(count(velocity, "stroke-dasharray") == 3 + 1);
     // Unstable: one piece of the first branch, two of the second, four of the third, each with its end.
     std::ptrdiff_t pieces = 0;
-    for (const apps::ChartLayer& layer : apps::branch_chart(branches, picture).views.front().layers)
+    const apps::Chart chart = apps::branch_chart(branches, picture);
+    for (const apps::ChartLayer& layer : chart.views.front().layers)
         if (layer.name == "unstable")
             pieces += std::count_if(layer.x.begin(), layer.x.end(), [](double x) { return std::isnan(x); });
     CHECK(pieces == 1 + 2 + 4);

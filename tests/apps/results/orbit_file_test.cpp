@@ -119,7 +119,8 @@ TEST_CASE("stored orbits are read back for the next stages", "[apps]") {
     CHECK_FALSE(apps::stored_orbits("no json"));
     for (int status = 0; status <= static_cast<int>(periodic::OrbitStatus::period_vanished); ++status) {
         const auto name = periodic::name(static_cast<periodic::OrbitStatus>(status));
-        CHECK(apps::orbit_status_named(name) == static_cast<periodic::OrbitStatus>(status));
+        CHECK(apps::detail::named(name, periodic::OrbitStatus::period_vanished) ==
+              static_cast<periodic::OrbitStatus>(status));
     }
 }
 
