@@ -4,7 +4,6 @@
 #include <cmath>
 #include <iterator>
 #include <set>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
@@ -118,7 +117,7 @@ estimator::PredictiveScore held_out(const ModelFit& model, const StageRun& run, 
     const int folds = std::max(2, static_cast<int>(std::lround(1.0 / share)));
     try {
         return estimator::predictive_score(run.parameters, run.residuals.all(), model.options(), run.estimate, folds);
-    } catch (const std::invalid_argument& error) {
+    } catch (const orbits::DataError& error) {
         score.message = error.what();
     }
     return score;

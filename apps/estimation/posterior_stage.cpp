@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <optional>
-#include <stdexcept>
 #include <string>
 
 #include <fmt/format.h>
 
 #include "apps/estimation/checkpoint_fields.hpp"
 #include "estimator/exploration/evidence.hpp"
+#include "models/definition/wrong_data.hpp"
 
 namespace orbid::apps {
 
@@ -115,7 +115,7 @@ private:
         }
         try {
             action();
-        } catch (const std::invalid_argument& error) {
+        } catch (const models::DataError& error) {
             results_.refused.emplace_back(block, error.what());
             work_.progress.end(error.what());
         }

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "estimator/interface/not_finite.hpp"
+#include "models/definition/wrong_data.hpp"
 
 namespace orbid::estimator {
 
@@ -142,8 +143,8 @@ std::vector<Unknown> Conditional::named(const std::vector<std::string>& names) c
         const auto found = std::find_if(unknowns_.begin(), unknowns_.end(),
                                         [&](const Unknown& unknown) { return unknown.name == name; });
         if (found == unknowns_.end())
-            throw std::invalid_argument("\"" + name +
-                                        "\" is neither an estimated parameter nor an estimated error parameter");
+            throw models::DataError("\"" + name +
+                                    "\" is neither an estimated parameter nor an estimated error parameter");
         result.push_back(*found);
     }
     return result;

@@ -69,7 +69,8 @@ public:
     /// All parameters that are not tied, then all estimated error parameters except those of full covariances, which
     /// belong together.
     [[nodiscard]] const std::vector<Unknown>& unknowns() const { return unknowns_; }
-    /// The unknowns of these names; all without names. @throws std::invalid_argument when a name is none of them.
+    /// The unknowns of these names; all without names. @throws models::DataError when a name is none of them: an error
+    /// parameter without records is not estimated.
     [[nodiscard]] std::vector<Unknown> named(const std::vector<std::string>& names) const;
 
     [[nodiscard]] double natural(const Unknown& unknown, double u) const;

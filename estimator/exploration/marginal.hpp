@@ -67,8 +67,8 @@ struct Marginal {
 /// second order in their departure from it. Unknowns are computed in parallel; the same result for any number of
 /// threads.
 /// @param estimate  the estimate of the same parameters, residuals and options; residuals are not changed.
-/// @throws std::invalid_argument for options out of range, unknown names, an estimate that failed or is of other
-///         parameters.
+/// @throws models::DataError for names of what is not estimated
+/// @throws std::invalid_argument for options out of range, an estimate that failed or is of other parameters
 [[nodiscard]] std::vector<Marginal> marginals(const std::vector<FreeParameter>& parameters,
                                               const std::vector<Residual*>& residuals, const EstimateOptions& options,
                                               const Estimate& estimate, const MarginalOptions& marginal = {});

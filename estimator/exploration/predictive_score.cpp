@@ -12,6 +12,7 @@
 
 #include "estimator/interface/mapped_residual.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "models/definition/wrong_data.hpp"
 
 namespace orbid::estimator {
 
@@ -120,13 +121,13 @@ PredictiveScore predictive_score(const std::vector<FreeParameter>& parameters, c
                                  const EstimateOptions& options, const Estimate& estimate, int folds) {
     if (folds < 2) throw std::invalid_argument("folds = " + std::to_string(folds) + " must be 2 or more");
     if (estimate.status == EstimateStatus::failed)
-        throw std::invalid_argument("a predictive score needs an estimate that did not fail: " + estimate.message);
+        throw models::DataError("a predictive score needs an estimate that did not fail: " + estimate.message);
     if (estimate.parameters.size() != parameters.size() || estimate.latents.size() != residuals.size())
         throw std::invalid_argument("a predictive score needs the estimate of the same parameters and residuals");
     const std::vector<std::vector<Place>> sets = linked_blocks(residuals);
     if (sets.size() < 2)
-        throw std::invalid_argument("a predictive score needs two or more blocks that are not linked to each other, " +
-                                    std::to_string(sets.size()) + " found");
+        throw models::DataError("a predictive score needs two or more blocks that are not linked to each other, " +
+                                std::to_string(sets.size()) + " found");
     const std::size_t count = std::min(sets.size(), static_cast<std::size_t>(folds));
     std::vector<std::vector<Place>> left_out(count);
     for (std::size_t s = 0; s < sets.size(); ++s)

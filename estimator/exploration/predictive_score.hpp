@@ -40,8 +40,8 @@ struct PredictiveScore {
 /// leaves a direction undetermined that the fold determines, or leaves an estimated error scale without data.
 ///
 /// @param folds  at most this many, > 1: block k goes to fold k mod folds; fewer blocks make fewer folds.
-/// @throws std::invalid_argument when there are fewer than two separate sets of blocks, folds < 2, or the estimate
-///         failed or is of other parameters.
+/// @throws models::DataError when there are fewer than two separate sets of blocks, or the estimate failed
+/// @throws std::invalid_argument when folds < 2, or the estimate is of other parameters
 [[nodiscard]] PredictiveScore predictive_score(const std::vector<FreeParameter>& parameters,
                                                const std::vector<Residual*>& residuals, const EstimateOptions& options,
                                                const Estimate& estimate, int folds = 10);

@@ -65,8 +65,8 @@ struct Profile {
 /// a bracket, each minimisation started from its neighbour. Unknowns and sides are computed in parallel; the same
 /// result for any number of threads.
 /// @param estimate  the estimate of the same parameters, residuals and options; residuals are not changed.
-/// @throws std::invalid_argument for options out of range, unknown names, an estimate that failed or is of other
-///         parameters.
+/// @throws models::DataError for names of what is not estimated
+/// @throws std::invalid_argument for options out of range, an estimate that failed or is of other parameters
 /// Source: Bates and Watts, Nonlinear regression analysis (1988), section 6.1.
 [[nodiscard]] std::vector<Profile> profiles(const std::vector<FreeParameter>& parameters,
                                             const std::vector<Residual*>& residuals, const EstimateOptions& options,

@@ -11,13 +11,14 @@
 #include "estimator/problem/linearisation.hpp"
 #include "estimator/uncertainty/identifiability.hpp"
 #include "models/arithmetic/orthogonal_factor.hpp"
+#include "models/definition/wrong_data.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
 [[noreturn]] void refuse_improper(const std::string& what) {
-    throw std::invalid_argument("the posterior is improper: " + what);
+    throw models::DataError("the posterior is improper: " + what);
 }
 
 /// Whether the marginal prior of a parameter is proper in its coordinate.
@@ -113,7 +114,7 @@ void check_scale(const Problem& problem, const BlockSet& set, const std::vector<
 }
 
 [[noreturn]] void refuse_estimate(const std::string& what) {
-    throw std::invalid_argument("posterior sample: " + what);
+    throw models::DataError("posterior sample: " + what);
 }
 
 }  // namespace
@@ -133,7 +134,8 @@ void refuse_unfit(const Problem& problem, const Estimate& start) {
         for (std::size_t b = 0; fits && b < layout.size(); ++b)
             fits = !layout[b].active || start.latents[r][b].size() == layout[b].latents;
     }
-    if (!fits) refuse_estimate("the estimate does not belong to these parameters and residuals");
+    if (!fits)
+        throw std::invalid_argument("posterior sample: the estimate does not belong to these parameters and residuals");
     for (const Residual* residual : problem.residuals)
         for (const BlockLayout& block : residual->layout())
             if (block.active && block.constraints > 0)

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
@@ -12,6 +11,7 @@
 #include "estimator/sampling/improper_posterior.hpp"
 #include "estimator/sampling/posterior_density.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
+#include "models/definition/wrong_data.hpp"
 
 namespace orbid::estimator {
 
@@ -258,7 +258,7 @@ PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters, c
     shown.name(sample);
     if (density.dimension() == 0 || density.covariance().size() == 0) {
         if (parameters.empty() && set.latents == 0 && sample.errors.empty())
-            throw std::invalid_argument("posterior sample: nothing is estimated");
+            throw models::DataError("posterior sample: nothing is estimated");
         sample.message = "the posterior cannot be evaluated around the estimate";
         return sample;
     }

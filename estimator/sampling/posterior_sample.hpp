@@ -79,10 +79,10 @@ struct PosteriorSample {
 /// @param start    estimate() of the same call, converged, or singular where priors or bounds decide the rest.
 /// @param options  seed, chains and lengths; the same draws for any number of threads.
 /// Cost: one evaluation of all residuals with derivatives per leapfrog step; memory of a dense metric per chain.
-/// @throws std::invalid_argument where estimate() does; when the estimate has not converged or does not belong to the
-///         call; when equality constraints are present. Also when the posterior is improper, naming the parameter,
-///         group or block. A parameter is undetermined, or the data can be fitted exactly while a scale without prior
-///         and floor goes to zero.
+/// @throws std::invalid_argument where estimate() does, and when the estimate does not belong to the call
+/// @throws models::DataError when nothing is estimated, the estimate has not converged, or equality constraints are
+///         present. Also when the posterior is improper, naming the parameter, group or block. A parameter is
+///         undetermined, or the data can be fitted exactly while a scale without prior and floor goes to zero.
 [[nodiscard]] PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters,
                                                const std::vector<Residual*>& residuals,
                                                const std::vector<DerivedQuantity>& derived,

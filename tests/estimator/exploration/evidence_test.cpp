@@ -8,6 +8,7 @@
 #include <Eigen/LU>
 
 #include "estimator/exploration/predictive_score.hpp"
+#include "models/definition/wrong_data.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
@@ -256,13 +257,12 @@ TEST_CASE("held-out scores say which fold cannot be had, and refuse a single blo
     CHECK(residual.layout()[0].active);
     CHECK_THROWS_AS(estimator::predictive_score(parameters, {&residual}, {}, estimate, 1), std::invalid_argument);
     CHECK_THROWS_AS(estimator::predictive_score(parameters, {}, {}, estimate), std::invalid_argument);
-    CHECK_THROWS_AS(estimator::predictive_score(parameters, {&residual}, {}, estimator::Estimate{}),
-                    std::invalid_argument);
+    CHECK_THROWS_AS(estimator::predictive_score(parameters, {&residual}, {}, estimator::Estimate{}), models::DataError);
     FunctionResidual single;
     single.add_group(group("y", 0.4, false));
     single.add_block(layout("only", 10), linear(line.y, line.x));
     const auto one = estimator::estimate(parameters, {&single});
-    CHECK_THROWS_AS(estimator::predictive_score(parameters, {&single}, {}, one), std::invalid_argument);
+    CHECK_THROWS_AS(estimator::predictive_score(parameters, {&single}, {}, one), models::DataError);
 }
 
 }  // namespace orbid::tests::evidence_test

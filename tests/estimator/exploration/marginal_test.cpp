@@ -10,6 +10,7 @@
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
 
+#include "models/definition/wrong_data.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
@@ -372,7 +373,7 @@ TEST_CASE("a tied parameter has no marginal of its own, the one it follows has t
     }
     estimator::MarginalOptions options;
     options.names = {"b"};
-    CHECK_THROWS_AS(estimator::marginals(parameters, {&residual}, {}, estimate, options), std::invalid_argument);
+    CHECK_THROWS_AS(estimator::marginals(parameters, {&residual}, {}, estimate, options), models::DataError);
 }
 
 TEST_CASE("the marginal of something the data say nothing about does not end", "[estimator]") {
@@ -406,7 +407,9 @@ TEST_CASE("marginals refuse what makes no sense, and say when they are interrupt
     refuses([](auto& options) { options.fall = std::nan(""); });
     refuses([](auto& options) { options.reach = -1.0; });
     refuses([](auto& options) { options.maximum_points = 0; });
-    refuses([](auto& options) { options.names = {"c"}; });
+    estimator::MarginalOptions unknown;
+    unknown.names = {"c"};
+    CHECK_THROWS_AS(estimator::marginals(parameters, {&residual}, {}, estimate, unknown), models::DataError);
     CHECK_THROWS_AS(estimator::marginals({parameters[0]}, {&residual}, {}, estimate), std::invalid_argument);
     CHECK_THROWS_AS(estimator::marginals(parameters, {}, {}, estimate), std::invalid_argument);
     estimator::Estimate failed;

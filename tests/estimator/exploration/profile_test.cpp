@@ -8,6 +8,7 @@
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/students_t.hpp>
 
+#include "models/definition/wrong_data.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
@@ -221,7 +222,9 @@ TEST_CASE("profiles refuse what makes no sense, and say when they are interrupte
     refuses([](auto& options) { options.reach = std::nan(""); });
     refuses([](auto& options) { options.curve_points = -1; });
     refuses([](auto& options) { options.maximum_points = 0; });
-    refuses([](auto& options) { options.names = {"c"}; });
+    estimator::ProfileOptions unknown;
+    unknown.names = {"c"};
+    CHECK_THROWS_AS(estimator::profiles(parameters, {&residual}, {}, estimate, unknown), models::DataError);
     estimator::EstimateOptions options;
     options.interrupted = [] { return true; };
     const auto stopped = estimator::profiles(parameters, {&residual}, options, estimate);

@@ -17,6 +17,7 @@
 
 #include "estimator/problem/problem.hpp"
 #include "estimator/sampling/posterior_density.hpp"
+#include "models/definition/wrong_data.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
@@ -432,6 +433,8 @@ TEST_CASE("improper posteriors and wrong calls are refused by name", "[estimator
                             const std::string& word) {
         const Estimate estimate = estimator::estimate(parameters, {&residual});
         CAPTURE(estimate.message);
+        CHECK_THROWS_AS(estimator::sample_posterior(parameters, {&residual}, {}, {}, estimate, options_of(1, 20)),
+                        models::DataError);
         CHECK_THROWS_WITH(estimator::sample_posterior(parameters, {&residual}, {}, {}, estimate, options_of(1, 20)),
                           ContainsSubstring(word));
     };
@@ -504,7 +507,10 @@ TEST_CASE("improper posteriors and wrong calls are refused by name", "[estimator
         estimate.status = EstimateStatus::no_progress;
         CHECK_THROWS_WITH(estimator::sample_posterior(parameters, {residual.get()}, {}, {}, estimate),
                           ContainsSubstring("status is no_progress"));
+        CHECK_THROWS_AS(estimator::sample_posterior(parameters, {residual.get()}, {}, {}, estimate), models::DataError);
         estimate.status = EstimateStatus::converged;
+        CHECK_THROWS_AS(estimator::sample_posterior({free_parameter("a", 0.0)}, {residual.get()}, {}, {}, estimate),
+                        std::invalid_argument);
         CHECK_THROWS_WITH(estimator::sample_posterior({free_parameter("a", 0.0)}, {residual.get()}, {}, {}, estimate),
                           ContainsSubstring("does not belong"));
         SampleOptions none;
