@@ -38,9 +38,6 @@ void read_inputs(ObjectReader& object, const Job& job, DataJob& data);
 /// whether the coordinate is an angle.
 [[nodiscard]] bool reads_angle(const Job& job, const std::vector<std::size_t>& data, Eigen::Index coordinate);
 
-/// "continuation" of periodic, after the starts.
-void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& periodic);
-
 /// Parts of estimate.
 [[nodiscard]] std::optional<estimator::Prior> read_prior(const ValueReader& value);
 /// "joint_priors", after the parameters.

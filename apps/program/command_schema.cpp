@@ -6,7 +6,7 @@
 
 #include "apps/documents/json_schema.hpp"
 #include "apps/documents/schema_page.hpp"
-#include "apps/job/schema/job_schema.hpp"
+#include "apps/job/blocks/job_schema.hpp"
 
 #include "models/catalogue/registry.hpp"
 

@@ -2,7 +2,7 @@
 #include <cctype>
 
 #include "apps/job/job_parts.hpp"
-#include "apps/job/schema/block_fields.hpp"
+#include "apps/job/blocks/block_fields.hpp"
 #include "orbits/records/unit.hpp"
 
 namespace orbid::apps {

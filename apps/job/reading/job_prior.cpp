@@ -4,7 +4,7 @@
 #include <type_traits>
 
 #include "apps/job/job_parts.hpp"
-#include "apps/job/schema/block_fields.hpp"
+#include "apps/job/blocks/block_fields.hpp"
 
 namespace orbid::apps {
 

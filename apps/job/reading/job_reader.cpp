@@ -7,7 +7,7 @@
 #include "apps/documents/schema_check.hpp"
 #include "apps/job/flow_stepper.hpp"
 #include "apps/job/job_parts.hpp"
-#include "apps/job/schema/job_schema.hpp"
+#include "apps/job/blocks/job_schema.hpp"
 
 namespace orbid::apps {
 

@@ -28,7 +28,6 @@ namespace detail {
                                                    const std::filesystem::path& folder);
 /// "model" of a job with its own equations.
 [[nodiscard]] nlohmann::ordered_json equations_document(const Job& job);
-[[nodiscard]] nlohmann::ordered_json periodic_document(const Job& job);
 [[nodiscard]] nlohmann::ordered_json estimate_document(const Job& job);
 /// "errors" and "covariance" of a residual.
 void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::vector<CovarianceJob>& covariances,
@@ -41,19 +40,6 @@ void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::
 [[nodiscard]] nlohmann::ordered_json tie_document(const estimator::FreeParameter& parameter);
 /// [lower, upper], null where infinite.
 [[nodiscard]] nlohmann::ordered_json bounds_document(double lower, double upper);
-[[nodiscard]] std::string path_text(const std::filesystem::path& path, const std::filesystem::path& folder);
-[[nodiscard]] std::string parameter_name(const Job& job, Eigen::Index index);
-[[nodiscard]] std::string coordinate_name(const Job& job, Eigen::Index index);
-/// Names of several.
-[[nodiscard]] nlohmann::ordered_json parameter_list(const Job& job, const std::vector<Eigen::Index>& indices);
-[[nodiscard]] nlohmann::ordered_json coordinate_list(const Job& job, const std::vector<Eigen::Index>& indices);
-/// The columns of a matrix, each a list.
-[[nodiscard]] nlohmann::ordered_json columns_document(const Eigen::MatrixXd& matrix);
-/// The name of a value of an enumeration.
-template <class Enum>
-[[nodiscard]] const std::string& name_of(Enum value, const std::vector<std::string>& names) {
-    return names[static_cast<std::size_t>(value)];
-}
 
 }  // namespace detail
 

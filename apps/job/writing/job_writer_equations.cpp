@@ -1,4 +1,4 @@
-#include "apps/job/schema/block_fields.hpp"
+#include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/writing/job_writer.hpp"
 
 namespace orbid::apps::detail {

@@ -14,8 +14,6 @@ namespace describe {
 [[nodiscard]] ValueSchema model_block();
 [[nodiscard]] ValueSchema section_block();
 [[nodiscard]] ValueSchema data_block();
-[[nodiscard]] ValueSchema orbits_block();
-[[nodiscard]] ValueSchema periodic_block();
 [[nodiscard]] ValueSchema estimate_block();
 
 // Parts of several blocks.

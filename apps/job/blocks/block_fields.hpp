@@ -3,15 +3,16 @@
 #include <string>
 #include <tuple>
 
+#include "apps/job/blocks/field_table.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
+#include "apps/job/orbits_job.hpp"
 #include "apps/job/periodic_job.hpp"
-#include "apps/job/schema/field_table.hpp"
 #include "models/equations/equation_text.hpp"
 
 namespace orbid::apps::describe {
 
-// The parts of a job that are flat: schema, reader and writer walk over these tables.
+// The tables of blocks; schema, reader and writer walk over them.
 
 [[nodiscard]] const FieldTable<SampleJob>& sample_fields();
 [[nodiscard]] const FieldTable<MultiStartJob>& multi_start_fields();
@@ -20,12 +21,14 @@ namespace orbid::apps::describe {
 [[nodiscard]] const FieldTable<ColumnJob>& column_fields();
 /// What is known of a parameter of equations in the job.
 [[nodiscard]] const FieldTable<models::EquationText::Parameter>& equation_parameter_fields();
-/// What all ways to solve for an orbit share.
-[[nodiscard]] const FieldTable<periodic::ShootingOptions>& solver_fields();
-/// "step" of a continuation.
-[[nodiscard]] const FieldTable<periodic::ContinuationOptions>& step_fields();
-/// How far a continuation goes.
-[[nodiscard]] const FieldTable<periodic::ContinuationOptions>& branch_fields();
+[[nodiscard]] const FieldTable<OrbitsJob>& orbits_fields();
+[[nodiscard]] const FieldTable<PeriodicJob>& periodic_fields();
+/// "search" of periodic.
+[[nodiscard]] const FieldTable<periodic::OrbitSearchOptions>& orbit_search_fields();
+void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& periodic);
+/// "continuation" of periodic, read after the starts.
+[[nodiscard]] const FieldTable<ContinuationJob>& continuation_fields();
+void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& periodic);
 
 /// A form of prior density.
 template <class Density>

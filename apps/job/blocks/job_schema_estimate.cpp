@@ -1,6 +1,6 @@
+#include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/estimate_job.hpp"
-#include "apps/job/schema/block_fields.hpp"
-#include "apps/job/schema/job_schema.hpp"
 
 namespace orbid::apps::describe {
 

@@ -1,5 +1,5 @@
-#include "apps/job/schema/block_fields.hpp"
-#include "apps/job/schema/job_schema.hpp"
+#include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/blocks/job_schema.hpp"
 #include "models/catalogue/registry.hpp"
 
 namespace orbid::apps::describe {

@@ -1,16 +1,61 @@
 #include <algorithm>
 
-#include "apps/job/job_parts.hpp"
-#include "apps/job/schema/block_fields.hpp"
+#include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/blocks/job_schema.hpp"
 
-namespace orbid::apps {
+namespace orbid::apps::describe {
 
 namespace {
 
-/// { "first": 0.01, "smallest": 1e-7, "largest": 0.05 }
-void read_step(const ValueReader& value, periodic::ContinuationOptions& options) {
+using Options = periodic::ContinuationOptions;
+
+// Beyond any picture and any memory; the limits only keep numbers in their types.
+constexpr double most_branch_points = 1e6;
+constexpr double most_branches = 1e4;
+constexpr double most_found = 1e6;
+
+const std::vector<std::string> switch_names{"period_doubling", "symmetry_breaking"};
+
+/// "step" of a continuation.
+const FieldTable<Options>& step_fields() {
+    static const FieldTable<Options> table{
+        field(key("first", above(0.0), "First step along the branch."), &Options::first_step),
+        field(key("smallest", above(0.0), "The branch ends below it."), &Options::smallest_step),
+        field(key("largest", above(0.0), "Largest step along the branch."), &Options::largest_step)};
+    return table;
+}
+
+/// How far a continuation goes.
+const FieldTable<Options>& branch_fields() {
+    static const FieldTable<Options> table{
+        field(key("points", whole(2, most_branch_points), "Per branch, at most."), &Options::maximum_points),
+        field(key("branches", whole(1, most_branches), "At most."), &Options::maximum_branches),
+        {key("switch", set(choice(switch_names)), "Bifurcations at which the branch that begins there is followed.")
+             .standard_text(R"(["period_doubling", "symmetry_breaking"])"),
+         [](const ValueReader& value, const Job&, Options& options) {
+             options.switch_doublings = options.switch_symmetry = false;
+             for (const ValueReader& item : value.items()) {
+                 const auto word = item.choice(switch_names);
+                 if (word) (*word == 0 ? options.switch_doublings : options.switch_symmetry) = true;
+             }
+         },
+         [](const Options& options, const Writing&) {
+             auto words = nlohmann::ordered_json::array();
+             if (options.switch_doublings) words.push_back(switch_names[0]);
+             if (options.switch_symmetry) words.push_back(switch_names[1]);
+             return words;
+         }},
+        field(key("maximum_period", whole(1, longest_computed_period), "No branch of a longer period is followed."),
+              &Options::maximum_period),
+        field(key("maximum_time", above(0.0), "Autonomous models: an orbit longer than this ends the branch.").in("s"),
+              &Options::longest)};
+    return table;
+}
+
+void read_step(const ValueReader& value, const Job&, ContinuationJob& continuation) {
+    Options& options = continuation.options;
     ObjectReader object(value);
-    read_fields(object, describe::step_fields(), options);
+    read_fields(object, step_fields(), options);
     const auto first = object.find("first");
     const auto smallest = object.find("smallest");
     const auto largest = object.find("largest");
@@ -41,7 +86,6 @@ void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index
                 periodic::ContinuationOptions& options) {
     const auto range = object.find("range");
     const auto to = object.find("to");
-    object.read("direction", options.direction);
     if (!parameter) return;
     const double start = job.model.values[*parameter];
     const std::string_view name = job.model.parameter(*parameter).name;
@@ -90,12 +134,57 @@ std::optional<Eigen::Index> read_plotted(ObjectReader& object, const Job& job) {
     return choice;
 }
 
+/// Keys that are read together, when all others are.
+void read_later(const ValueReader&, const Job&, ContinuationJob&) {}
+
 }  // namespace
+
+const FieldTable<ContinuationJob>& continuation_fields() {
+    using Json = nlohmann::ordered_json;
+    static const FieldTable<ContinuationJob> table = [] {
+        FieldTable<ContinuationJob> fields{
+            {key("parameter", text(), "The parameter that is followed.").required_always(), read_later,
+             [](const ContinuationJob& continuation, const Writing& at) -> Json {
+                 return parameter_name(at.job, continuation.options.parameter);
+             }},
+            {key("range", list(number(), 2, 2, "[lower, upper]"), "Its values; contains the model's own."), read_later,
+             [](const ContinuationJob& continuation, const Writing&) -> Json {
+                 return Json::array({continuation.options.lower, continuation.options.upper});
+             }},
+            {key("to", number(), "Where the branch ends that starts at the model's own value."), read_later,
+             [](const ContinuationJob&, const Writing&) { return left_out(); }},
+            refused_field<ContinuationJob>(key("from", anything(), "")
+                                               .refuse("a branch starts at the model's own value of the parameter: "
+                                                       "\"to\" says where it ends, or \"range\": [lower, upper]")),
+            field(key("direction", one_of({1.0, -1.0, 0.0}),
+                      "First to larger values (1), to smaller ones (-1), or both ways (0).")
+                      .without("to"),
+                  &ContinuationJob::options, &Options::direction),
+            {key("orbit", whole(0, most_found), "Of the list in orbits.json, where the branch starts; from 0.")
+                 .by_default(0),
+             read_later,
+             [](const ContinuationJob& continuation, const Writing&) -> Json { return continuation.orbit; }},
+            {key("step", object(keys_of(step_fields())),
+                 "Steps along the branch, relative to the scales and the range."),
+             read_step, [](const ContinuationJob& continuation, const Writing& at) {
+                 return fields_document(continuation.options, step_fields(), at);
+             }}};
+        add_fields_of(
+            fields, branch_fields(), [](auto& continuation) -> auto& { return continuation.options; });
+        fields.push_back({key("plot", text(), "What branch.svg shows: a coordinate, or \"time\"."), read_later,
+                          [](const ContinuationJob& continuation, const Writing& at) -> Json {
+                              return continuation.plotted ? coordinate_name(at.job, *continuation.plotted) : "time";
+                          }});
+        return fields;
+    }();
+    return table;
+}
 
 void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& periodic) {
     ContinuationJob continuation;
     periodic::ContinuationOptions& options = continuation.options;
     ObjectReader object(value);
+    read_fields(object, continuation_fields(), continuation, job);
     std::optional<Eigen::Index> parameter;
     if (const auto name = object.find("parameter")) {
         const auto text = name->text();
@@ -110,8 +199,6 @@ void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& pe
                                           fmt::format("below {}, the number of starts", count));
         continuation.orbit = static_cast<std::size_t>(number.value_or(0.0));
     }
-    if (const auto step = object.find("step")) read_step(*step, options);
-    read_fields(object, describe::branch_fields(), options);
     if (const auto period = object.find("maximum_period")) {
         if (!period->refused() && continuation.orbit < periodic.orbits.size() &&
             periodic.orbits[continuation.orbit].period > options.maximum_period)
@@ -123,4 +210,4 @@ void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& pe
     periodic.continuation = std::move(continuation);
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::apps::describe
