@@ -1,27 +1,29 @@
 #include "apps/stages/interruption.hpp"
 
+#include <atomic>
 #include <csignal>
 
 namespace orbid::apps {
 
 namespace {
 
-// A signal handler can reach nothing but a global.
-volatile std::sig_atomic_t stop_asked = 0;
+// A signal handler can reach nothing but a global, and of atomics only those without a lock.
+std::atomic<bool> stop_asked = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
 
 extern "C" void ask_to_stop(int signal) {
-    if (stop_asked != 0) {
+    if (stop_asked) {
         std::signal(signal, SIG_DFL);
         std::raise(signal);
         return;
     }
-    stop_asked = 1;
+    stop_asked = true;
 }
 
 }  // namespace
 
 InterruptionGuard::InterruptionGuard() {
-    stop_asked = 0;
+    stop_asked = false;
     former_interrupt_ = std::signal(SIGINT, ask_to_stop);
     former_terminate_ = std::signal(SIGTERM, ask_to_stop);
 }
@@ -32,7 +34,7 @@ InterruptionGuard::~InterruptionGuard() {
 }
 
 bool InterruptionGuard::asked() const {
-    return stop_asked != 0;
+    return stop_asked;
 }
 
 }  // namespace orbid::apps

@@ -28,7 +28,7 @@ def jobs(source, whole):
     henon = {"name": "run", "simulate": {"sections": 400000 * size, "initial": [[0.1, 0.1]], "transient": 100}}
     noisy = {"name": "run", "simulate": {**henon["simulate"], "sections": 6000 * size,
                                          "noise": {"x": 1e-3, "y": 1e-3}}}
-    periods = {"data": "run", "periods": [1, 2, 3, 4, 5, 6, 7, 8]}
+    periods = {"periods": [1, 2, 3, 4, 5, 6, 7, 8]}
     configs = {name: json_with_comments(source / "configs" / f"{name}.json") for name in ("hare_lynx",)}
     hare = configs["hare_lynx"]
     hare["data"]["file"] = str(source / "configs" / hare["data"]["file"])
