@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 
-#include "apps/drawing/chart_picture.hpp"
 #include "apps/results/followed_branch.hpp"
 #include "models/definition/parameter.hpp"
 
@@ -135,10 +134,6 @@ Chart branch_chart(const std::vector<Branch>& branches, const BranchPicture& pic
     chart.description = fmt::format("{} branch{} over {}, {} orbits, {} bifurcations located", branches.size(),
                                     branches.size() == 1 ? "" : "es", picture.parameter.name, orbits, located.size());
     return chart;
-}
-
-std::string branches_svg(const std::vector<Branch>& branches, const BranchPicture& picture, const PlotStyle& style) {
-    return chart_svg(branch_chart(branches, picture), picture.heading, style);
 }
 
 }  // namespace orbid::apps

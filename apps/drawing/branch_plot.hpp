@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "apps/drawing/chart.hpp"
-#include "apps/drawing/plot_style.hpp"
 #include "orbits/records/series.hpp"
 #include "periodic/branches/branch.hpp"
 
@@ -16,7 +15,6 @@ struct BranchPicture {
     orbits::SeriesCoordinate parameter;  ///< to the right
     std::optional<Eigen::Index> shown;   ///< coordinate of the points upwards; empty: the time T of the orbits
     orbits::SeriesCoordinate coordinate{"T", "s", false};  ///< name and unit of what is shown upwards
-    std::string heading;                                   ///< above the picture, where the style has a title
     std::string title;                                     ///< for those who do not see it
 };
 
@@ -24,9 +22,5 @@ struct BranchPicture {
 /// orbits solid, unstable ones dashed, coloured by period; located doublings, folds, branch points and Neimark-Sacker
 /// bifurcations marked. Lines are broken where an angle leaves (-pi, pi].
 [[nodiscard]] Chart branch_chart(const std::vector<periodic::Branch>& branches, const BranchPicture& picture);
-
-/// Bifurcation picture (SVG 1.1) with legend and axes with units. The same input gives the same bytes.
-[[nodiscard]] std::string branches_svg(const std::vector<periodic::Branch>& branches, const BranchPicture& picture,
-                                       const PlotStyle& style);
 
 }  // namespace orbid::apps

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "apps/drawing/chart_picture.hpp"
 #include "models/definition/parameter.hpp"
 
 namespace orbid::apps {
@@ -85,10 +84,6 @@ Chart section_chart(const SectionPicture& picture) {
     chart.views.push_back(std::move(view));
     chart.description = picture.description.empty() ? counted(picture) : picture.description;
     return chart;
-}
-
-std::string section_svg(const SectionPicture& picture, const PlotStyle& style) {
-    return chart_svg(section_chart(picture), picture.heading, style);
 }
 
 }  // namespace orbid::apps

@@ -9,7 +9,6 @@
 #include <Eigen/Core>
 
 #include "apps/drawing/chart.hpp"
-#include "apps/drawing/plot_style.hpp"
 #include "orbits/records/series.hpp"
 
 namespace orbid::apps {
@@ -38,7 +37,6 @@ struct PeriodPoints {
 struct SectionPicture {
     SectionPoints section;
     std::map<int, PeriodPoints> periods;
-    std::string heading;      ///< above the picture, where the style has a title
     std::string title;        ///< for those who do not see it
     std::string description;  ///< empty: how many points and orbits there are
 
@@ -49,9 +47,5 @@ struct SectionPicture {
 /// The section as a chart: dots shaded by the density of all points, where there are any, the orbits over it, coloured
 /// and shaped by period.
 [[nodiscard]] Chart section_chart(const SectionPicture& picture);
-
-/// Picture (SVG 1.1) of a section with its periodic points, legend, axes with units. The same input gives the same
-/// bytes. About 8 bytes per dot, of which there are at most 60 000, 50 per periodic point.
-[[nodiscard]] std::string section_svg(const SectionPicture& picture, const PlotStyle& style);
 
 }  // namespace orbid::apps

@@ -1,6 +1,5 @@
 #include "apps/drawing/waveform_plot.hpp"
 
-#include "apps/drawing/chart_picture.hpp"
 #include "models/definition/parameter.hpp"
 
 namespace orbid::apps {
@@ -33,10 +32,6 @@ Chart waveform_chart(const std::vector<WaveformPanel>& panels) {
         chart.add(std::move(view));
     }
     return chart;
-}
-
-std::string waveform_svg(const std::vector<WaveformPanel>& panels, const std::string& heading, const PlotStyle& style) {
-    return chart_svg(waveform_chart(panels), heading, style);
 }
 
 }  // namespace orbid::apps

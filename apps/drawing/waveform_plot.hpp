@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "apps/drawing/chart.hpp"
-#include "apps/drawing/plot_style.hpp"
 #include "orbits/records/series.hpp"
 
 namespace orbid::apps {
@@ -26,9 +25,5 @@ struct WaveformPanel {
 
 /// Measured (markers) and computed (lines) waveforms, a frame for each coordinate.
 [[nodiscard]] Chart waveform_chart(const std::vector<WaveformPanel>& panels);
-
-/// The same as SVG.
-[[nodiscard]] std::string waveform_svg(const std::vector<WaveformPanel>& panels, const std::string& heading,
-                                       const PlotStyle& style);
 
 }  // namespace orbid::apps

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/waveform_plot.hpp"
 #include "apps/estimation/estimated_values.hpp"
 #include "apps/job/segment_choice.hpp"
@@ -221,7 +222,7 @@ std::vector<std::pair<std::string, std::string>> waveform_plots(const Job& job, 
             models::reads_angle(residual.records().front().sensor, job.model.system->coordinates(), index)};
         files.emplace_back(
             panels.size() == 1 ? std::string("waveform.svg") : fmt::format("waveform_{}.svg", entry.name),
-            waveform_svg({panels[c]}, job.title.empty() ? "Steady states" : job.title, run_picture_style));
+            chart_svg(waveform_chart({panels[c]}), job.title.empty() ? "Steady states" : job.title, run_picture_style));
     }
     return files;
 }

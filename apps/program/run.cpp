@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/section_plot.hpp"
 #include "apps/estimation/derivative_self_check.hpp"
 #include "apps/estimation/estimate_stage.hpp"
@@ -104,11 +105,11 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
         if (section && job.orbits->invariants && !work.interruption.asked())
             console.out << invariants_summary(compute_invariants(work, *section, search));
         if (section && section->series().dimension() >= 2) {
-            SectionPicture picture{section_points(section->series()), {}, job.title, job.title, ""};
-            if (job.title.empty()) picture.heading = picture.title = "Section and periodic points";
+            SectionPicture picture{section_points(section->series()), {}, job.title, ""};
+            if (job.title.empty()) picture.title = "Section and periodic points";
             for (const orbits::Cycle& cycle : search.cycles)
                 picture.add_orbit(cycle.period, cycle.points);
-            work.folder.store("section.svg", section_svg(picture, run_picture_style));
+            work.folder.store("section.svg", chart_svg(section_chart(picture), picture.title, run_picture_style));
         }
     }
     if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {

@@ -8,6 +8,7 @@
 
 #include "apps/documents/atomic_file.hpp"
 #include "apps/drawing/branch_plot.hpp"
+#include "apps/drawing/chart_picture.hpp"
 #include "apps/results/branch_file.hpp"
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/periodic_stage.hpp"
@@ -100,8 +101,9 @@ FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits
     picture.parameter = {std::string(parameter.name), std::string(parameter.unit), false};
     picture.shown = continuation.plotted;
     if (picture.shown) picture.coordinate = head.coordinates.at(static_cast<std::size_t>(*picture.shown));
-    picture.heading = picture.title = job.title.empty() ? "Branches of periodic orbits" : job.title;
-    work.folder.store("branch.svg", branches_svg(followed.branches, picture, run_picture_style));
+    picture.title = job.title.empty() ? "Branches of periodic orbits" : job.title;
+    work.folder.store("branch.svg",
+                      chart_svg(branch_chart(followed.branches, picture), picture.title, run_picture_style));
     return followed;
 }
 

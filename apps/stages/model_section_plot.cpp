@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/section_plot.hpp"
 #include "apps/results/cycle_file.hpp"
 #include "apps/stages/periodic_stage.hpp"
@@ -54,10 +55,10 @@ std::optional<std::string> model_section_svg(const Job& job, const ComputedOrbit
     for (const ComputedOrbit& computed : orbits.list)
         if (computed.converged()) picture.add_orbit(computed.orbit.period, computed.orbit.points, shown[0], shown[1]);
     picture.section = section_points(own_section(job), shown[0], shown[1]);
-    picture.heading = picture.title = job.title.empty() ? "Section and periodic points" : job.title;
+    picture.title = job.title.empty() ? "Section and periodic points" : job.title;
     picture.description = fmt::format("{} periodic orbits of the model, over {} points of its section",
                                       orbits.converged(), picture.section.x.size());
-    return section_svg(picture, run_picture_style);
+    return chart_svg(section_chart(picture), picture.title, run_picture_style);
 }
 
 }  // namespace orbid::apps

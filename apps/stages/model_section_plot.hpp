@@ -8,8 +8,7 @@
 
 namespace orbid::apps {
 
-/// Plot of the computed orbits' points in the model's section, over some thousand section points of its trajectories:
-/// see section_svg().
+/// Plot of the computed orbits' points in the model's section, over some thousand section points of its trajectories.
 /// @return nothing without a section of two coordinates or more (models of one coordinate, autonomous models without a
 ///         section).
 [[nodiscard]] std::optional<std::string> model_section_svg(const Job& job, const ComputedOrbits& orbits);

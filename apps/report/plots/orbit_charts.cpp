@@ -109,8 +109,7 @@ double largest_multiplier_sd(const Json& cycle) {
 Chart section_chart(const StoredRun& run) {
     auto points = section_points(run);
     if (!points) return {"section"};
-    SectionPicture picture{
-        std::move(*points), {}, "", "The section of the record and its periodic points by period", ""};
+    SectionPicture picture{std::move(*points), {}, "The section of the record and its periodic points by period", ""};
     const Json& cycles = block_at(run.cycles, "cycles");
     if (!cycles.empty() && run.cycles->at("coordinates").size() >= 2) picture.periods = points_by_period(cycles);
     return section_chart(picture);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/plot_axis.hpp"
 #include "tests/catch.hpp"
 
@@ -30,7 +31,7 @@ orbits::Series henon(Eigen::Index points) {
 }
 
 apps::SectionPicture picture_of(const orbits::Series& series) {
-    return {apps::section_points(series), {}, "Henon <a & b>", "Section", ""};
+    return {apps::section_points(series), {}, "Section", ""};
 }
 
 /// The same with orbits of periods 1 to 9.
@@ -77,8 +78,8 @@ bool well_formed(const std::string& xml) {
     return open.empty();
 }
 
-std::string drawn(const apps::SectionPicture& picture) {
-    return apps::section_svg(picture, apps::run_picture_style);
+std::string drawn(const apps::SectionPicture& picture, const apps::PlotStyle& style = apps::run_picture_style) {
+    return apps::chart_svg(apps::section_chart(picture), "Henon <a & b>", style);
 }
 
 TEST_CASE("the picture is well-formed, deterministic and holds legend, axes and title", "[apps]") {
@@ -92,7 +93,7 @@ TEST_CASE("the picture is well-formed, deterministic and holds legend, axes and 
     CHECK_THAT(svg, ContainsSubstring("5 000 points of the section, 9 periodic orbits of periods 1 to 9"));
     CHECK_THAT(svg, !ContainsSubstring("nan") && !ContainsSubstring("inf"));
     // On paper the caption says what is shown.
-    const std::string plot = apps::section_svg(with_orbits(series), apps::PlotStyle{});
+    const std::string plot = drawn(with_orbits(series), apps::PlotStyle{});
     CHECK_THAT(plot, ContainsSubstring(">period 9 (1)<") && !ContainsSubstring("Henon"));
 }
 

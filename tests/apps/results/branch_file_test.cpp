@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "apps/drawing/branch_plot.hpp"
+#include "apps/drawing/chart_picture.hpp"
 #include "apps/results/cycle_reader.hpp"
 #include "apps/results/periodic_summary.hpp"
 #include "models/catalogue/registry.hpp"
@@ -143,12 +144,15 @@ TEST_CASE("a bifurcation picture shows stable and unstable pieces, marks and uni
     };
     apps::BranchPicture picture;
     picture.parameter = {std::string(omega.name), std::string(omega.unit), false};
-    picture.heading = picture.title = "A & B";
+    picture.title = "A & B";
+    const auto drawn = [&] {
+        return apps::chart_svg(apps::branch_chart(branches, picture), picture.title, apps::run_picture_style);
+    };
     // Without a section the time is shown, one curve per branch.
-    CHECK_THAT(apps::branches_svg(branches, picture, apps::run_picture_style), ContainsSubstring(">T [s]<"));
+    CHECK_THAT(drawn(), ContainsSubstring(">T [s]<"));
     picture.shown = 1;
     picture.coordinate = coordinates[1];
-    const std::string velocity = apps::branches_svg(branches, picture, apps::run_picture_style);
+    const std::string velocity = drawn();
     CHECK_THAT(velocity, ContainsSubstring("A &amp; B") && ContainsSubstring("ω [rad/s]") &&
                              ContainsSubstring("dφ/dt [rad/s]") && ContainsSubstring("period 4") &&
                              ContainsSubstring(">fold<") &&
@@ -166,7 +170,7 @@ TEST_CASE("a bifurcation picture shows stable and unstable pieces, marks and uni
     CHECK(count(velocity, "m-4.54 0a4.54 4.54 0 1 0") == 1 + 2 + 4 + 1);
     CHECK(count(velocity, "m-3.49 -3.49h6.99v6.99") == 1 + 1);
     // The same input gives the same bytes.
-    CHECK(velocity == apps::branches_svg(branches, picture, apps::run_picture_style));
+    CHECK(velocity == drawn());
 }
 
 }  // namespace
