@@ -16,8 +16,8 @@
 #include <utility>
 #include <vector>
 
-#include "apps/estimation/cycle_start.hpp"
 #include "estimator/estimate/estimate.hpp"
+#include "identification/starts/cycle_start.hpp"
 #include "models/catalogue/registry.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "orbits/cycles/cycle_search.hpp"
@@ -112,8 +112,8 @@ Result estimate(const Experiment& experiment, const std::vector<orbits::Cycle>& 
     binding.estimated_count = static_cast<Index>(parameters.size());
     orbits::CycleTargetOptions targets;
     targets.sensor = experiment.sensor;
-    const apps::CycleStart start =
-        apps::start_from_cycles({experiment.system, binding, cycles, 0.0, targets}, parameters, {});
+    const identification::CycleStart start =
+        identification::start_from_cycles({experiment.system, binding, cycles, 0.0, targets}, parameters, {});
     for (std::size_t i = 0; i < parameters.size(); ++i)
         parameters[i].start = start.theta[static_cast<Index>(i)];
     orbits::CycleResidualOptions options;

@@ -15,8 +15,8 @@
 
 #include <fmt/format.h>
 
-#include "apps/estimation/cycle_start.hpp"
 #include "bench/measured_orbits.hpp"
+#include "identification/starts/cycle_start.hpp"
 #include "orbits/cycle_residuals/lifted_cycle_residual.hpp"
 #include "orbits/cycle_residuals/one_period_residual.hpp"
 
@@ -30,11 +30,12 @@ struct Run {
     bool finished = false;
 };
 
-apps::CycleStart by_one_estimate(const bench::MeasuredOrbits& measured, const std::vector<orbits::Cycle>& cycles,
-                                 std::vector<estimator::FreeParameter> parameters, bool constraints) {
+identification::CycleStart by_one_estimate(const bench::MeasuredOrbits& measured,
+                                           const std::vector<orbits::Cycle>& cycles,
+                                           std::vector<estimator::FreeParameter> parameters, bool constraints) {
     for (estimator::FreeParameter& parameter : parameters)
         parameter.scale = estimator::Scale::linear;
-    apps::CycleStart result;
+    identification::CycleStart result;
     result.theta.resize(static_cast<Eigen::Index>(parameters.size()));
     const auto move = [&](const estimator::Estimate& estimate) {
         for (std::size_t i = 0; i < parameters.size(); ++i) {
@@ -71,14 +72,15 @@ Run from(const bench::MeasuredOrbits& measured, const std::vector<orbits::Cycle>
         parameters[i].start = start(static_cast<Eigen::Index>(i));
         if (!(parameters[i].start > 0.0)) parameters[i].scale = estimator::Scale::linear;
     }
-    apps::CycleStartOptions options;
+    identification::CycleStartOptions options;
     options.estimate.step_tolerance = 1e-3;
     options.scan = way == "scan";
     if (verbose) options.log = [](const std::string& line) { fmt::print("    {}\n", line); };
-    const apps::CycleStart found =
+    const identification::CycleStart found =
         way == "constraints" || way == "tails"
             ? by_one_estimate(measured, cycles, parameters, way == "constraints")
-            : apps::start_from_cycles({measured.system, measured.binding, cycles, 0.0, {}}, parameters, options);
+            : identification::start_from_cycles({measured.system, measured.binding, cycles, 0.0, {}}, parameters,
+                                                options);
     for (std::size_t i = 0; i < parameters.size(); ++i)
         parameters[i].start = found.theta(static_cast<Eigen::Index>(i));
     orbits::CycleResidual residual(measured.system, measured.binding, cycles, 0.0, found.theta, found.nodes);

@@ -6,13 +6,12 @@
 #include <string_view>
 #include <vector>
 
-#include "apps/estimation/cycle_start.hpp"
-#include "apps/estimation/recorded_residual.hpp"
 #include "apps/results/checkpoint_archive.hpp"
 #include "apps/results/posterior_results.hpp"
 #include "apps/results/strategy_results.hpp"
 #include "estimator/estimate/estimate.hpp"
 #include "estimator/exploration/multi_start.hpp"
+#include "identification/stages/stage_value.hpp"
 #include "orbits/cycles/cycle.hpp"
 
 /// What checkpoints hold. The archive fields of every struct are all members. Structured bindings name them, so that a
@@ -160,7 +159,9 @@ inline void fields(apps::Archive& archive, CycleSearch& value) {
 
 }  // namespace orbid::orbits
 
-namespace orbid::apps {
+namespace orbid::identification {
+
+using apps::Archive;
 
 inline void fields(Archive& archive, ResidualChange& value) {
     auto& [refreshed, block, theta, latents, scales] = value;
@@ -194,28 +195,14 @@ inline void fields(Archive& archive, AlternativeResult& value) {
             used);
 }
 
-inline void fields(Archive& archive, CriticismResult& value) {
+inline void fields(Archive& archive, ComparisonResult& value) {
     auto& [model, stage, large_defects, intervals, score, score_error, alternatives] = value;
     archive(model, stage, large_defects, intervals, score, score_error, alternatives);
 }
 
-/// The costly results of a finished stage of a strategy, for a run that continues from it. Residuals are rebuilt from
-/// them and taken through the same changes.
-struct StageCheckpoint {
-    std::string skipped;                        ///< the reason; empty: it ran
-    std::optional<orbits::CycleSearch> search;  ///< of a harvest: all cycles, new ones included
-    Eigen::VectorXd prediction;                 ///< start of a prediction
-    CycleStart cycles;                          ///< start from cycles
-    Eigen::VectorXd best_start;                 ///< of several starts; empty: only one
-    std::vector<estimator::Optimum> optima;
-    std::vector<estimator::StartedRun> runs;
-    estimator::Estimate estimate;                      ///< as the estimator returned it
-    std::vector<std::vector<ResidualChange>> changes;  ///< per residual
-};
-
-inline void fields(Archive& archive, StageCheckpoint& value) {
+inline void fields(Archive& archive, StageValue& value) {
     auto& [skipped, search, prediction, cycles, best_start, optima, runs, estimate, changes] = value;
     archive(skipped, search, prediction, cycles, best_start, optima, runs, estimate, changes);
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

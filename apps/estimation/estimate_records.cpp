@@ -6,11 +6,14 @@
 
 #include <fmt/format.h>
 
-#include "apps/estimation/estimated_values.hpp"
 #include "apps/job/segment_choice.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "identification/problem/estimated_values.hpp"
 
 namespace orbid::apps {
+
+using identification::estimated_theta;
+using identification::scale_of;
 
 namespace {
 

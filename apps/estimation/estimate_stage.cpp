@@ -1,28 +1,39 @@
 #include "apps/estimation/estimate_stage.hpp"
 
-#include <algorithm>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <fmt/format.h>
 
 #include "apps/estimation/checkpoint_fields.hpp"
-#include "apps/estimation/derivative_self_check.hpp"
 #include "apps/estimation/estimate_records.hpp"
-#include "apps/estimation/estimate_residuals.hpp"
-#include "apps/estimation/estimate_setup.hpp"
-#include "apps/estimation/estimate_strategy.hpp"
-#include "apps/estimation/estimated_values.hpp"
-#include "apps/estimation/matching_check.hpp"
-#include "apps/estimation/model_comparison.hpp"
+#include "apps/estimation/estimate_waveform.hpp"
+#include "apps/estimation/job_problem.hpp"
 #include "apps/estimation/posterior_stage.hpp"
+#include "apps/results/checkpoint.hpp"
 #include "apps/results/cycle_file.hpp"
 #include "apps/results/orbit_file.hpp"
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/workspace.hpp"
+#include "identification/comparison/residual_diagnosis.hpp"
+#include "identification/problem/estimated_values.hpp"
+#include "identification/problem/problem_residuals.hpp"
+#include "identification/stages/strategy_stage.hpp"
+#include "identification/strategy/identify.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
-#include "orbits/records/data_error.hpp"
-#include "orbits/series_residuals/series_residual.hpp"
 
 namespace orbid::apps {
+
+using identification::estimate_options;
+using identification::estimated_theta;
+using identification::EstimateSetup;
+using identification::IdentificationProblem;
+using identification::IdentificationResult;
+using identification::ProblemResiduals;
+using identification::StageRun;
+using identification::StageValue;
 
 namespace {
 
@@ -69,34 +80,30 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
     work.folder.store(name, orbits_text(cycle_file_head(work.job, fingerprint), orbits, names));
 }
 
-/// The estimate has a value for every record.
-bool is_evaluated(const StageRun& run) {
-    const std::size_t count = run.residuals.all().size();
-    return run.estimate.residuals.size() == count && run.estimate.latents.size() == count;
-}
-
 /// Rows of residuals.csv, and what result.json says segment by segment; stores orbits and plots.
-std::vector<ResidualRow> describe_records(const StageInput& input, const StageRun& run, ResultContext& context) {
-    const Workspace& work = input.work;
+std::vector<ResidualRow> describe_records(const Workspace& work, const IdentificationProblem& problem,
+                                          const EstimateSetup& setup, const orbits::CycleSearch& search,
+                                          const StageRun& run, ResultContext& context) {
     const Job& job = work.job;
     const estimator::Estimate& estimate = run.estimate;
-    const JobResiduals& residuals = run.residuals;
+    const ProblemResiduals& residuals = run.residuals;
     std::vector<ResidualRow> rows;
-    if (!is_evaluated(run)) return rows;
+    if (!run.is_evaluated()) return rows;
     const Eigen::VectorXd theta = estimated_theta(estimate);
     const auto sds = [&](std::size_t index) {
         return index < estimate.latent_sds.size() ? estimate.latent_sds[index] : std::vector<Eigen::VectorXd>{};
     };
     std::size_t index = 0;
     if (residuals.cycles) {
-        add_cycle_rows(work, *residuals.cycles, input.search, estimate, estimate.residuals[index++], rows);
+        add_cycle_rows(work, *residuals.cycles, search, estimate, estimate.residuals[index++], rows);
         if (!job.periodic)
-            store_orbits(work, *residuals.cycles, input.search, input.cycle_binding, theta, context.fingerprint);
+            store_orbits(work, *residuals.cycles, search, identification::searched_binding(problem, setup), theta,
+                         context.fingerprint);
     }
     for (std::size_t i = 0; i < residuals.series.size(); ++i, ++index) {
         const std::size_t experiment = residuals.experiments[i];
         add_series_rows(job, experiment, *residuals.series[i], estimate, estimate.residuals[index], rows);
-        add_initial_states(job, experiment, *residuals.series[i], estimate, input.setup.initial[experiment],
+        add_initial_states(job, experiment, *residuals.series[i], estimate, setup.initial[experiment],
                            estimate.latents[index], sds(index), context);
         add_predictions(job, experiment, *residuals.series[i], estimate, theta, true, context);
     }
@@ -107,7 +114,7 @@ std::vector<ResidualRow> describe_records(const StageInput& input, const StageRu
         const bool samples = job.data[experiment].sampling() == orbits::Series::Sampling::samples;
         if (job.data[experiment].predict.empty() || !samples) continue;
         // Segments that took no part: single shooting over each.
-        const auto single = single_shooting(job, experiment, input.setup, input.data[experiment]);
+        const auto single = identification::single_shooting(problem, experiment, setup);
         add_predictions(job, experiment, *single, estimate, theta, false, context);
     }
     if (residuals.waveform.residual) {
@@ -120,79 +127,111 @@ std::vector<ResidualRow> describe_records(const StageInput& input, const StageRu
 }
 
 /// result.json of a run that is left with what its strategy has come to.
-std::string interrupted_result(const StrategyRun& run, const ResultContext& context) {
-    estimator::Estimate estimate = strategy_estimate(run, true);
+std::string interrupted_result(estimator::Estimate estimate, const ResultContext& context) {
     estimate.status = estimator::EstimateStatus::interrupted;
     if (estimate.message.empty()) estimate.message = "interrupted";
     return result_text(estimate, context);
 }
 
-/// What is said of the matching of nodes, and of other models.
-void criticise_result(const StageInput& input, const StrategyRun& strategy, StrategyResults& results) {
-    const Job& job = input.work.job;
-    const StageRun& best = *strategy.best;
-    const auto chosen =
-        std::find_if(strategy.stages.begin(), strategy.stages.end(), [](const StageResult& one) { return one.chosen; });
-    if (chosen == strategy.stages.end() || !is_evaluated(best)) return;
-    const StageJob& stage = job.estimate->strategy[static_cast<std::size_t>(chosen - strategy.stages.begin())];
-    if (!input.checkpoint->recall("matching", results.matching)) {
-        results.matching = matching_results(input, best, !input.work.interruption.asked());
-        if (!input.work.interruption.asked()) input.checkpoint->keep("matching", results.matching);
-    }
-    if (!job.estimate->criticism.any() || input.work.interruption.asked()) return;
-    if (stage.kind == StageJob::Kind::prediction || !best.succeeded()) {
-        input.work.progress.say("other models are not compared: there is no estimate to compare them with");
-        return;
-    }
-    results.criticism = criticise(input, stage, best);
-}
+/// Shows an identification, and stores in the job's folder what it has come to.
+class JobObserver final : public identification::Observer {
+public:
+    JobObserver(const Workspace& work, const IdentificationProblem& problem, EstimateOutcome& outcome)
+        : work_(work),
+          problem_(problem),
+          outcome_(outcome),
+          checkpoint_(work.folder, outcome.context.fingerprint),
+          setup_(estimate_setup(problem, identification::fitted_labels(problem))) {}
 
-estimator::EstimateOptions estimate_options(const Workspace& work) {
-    estimator::EstimateOptions options;
-    options.variance = work.job.estimate->variance;
-    options.joint_priors = work.job.estimate->joint_priors;
-    // A thousandth of a posterior sd is below what anybody can see. Much less is below the rounding of clean data,
-    // whose sds reach down to 1e-10 of the value: the minimiser would only grope about there.
-    options.step_tolerance = 1e-3;
-    options.interrupted = [&work] { return work.interruption.asked(); };
-    options.progress = [&work](int iteration, double objective) {
-        work.progress.at(iteration, fmt::format("objective {:.6g}", objective));
-    };
-    return options;
-}
+    [[nodiscard]] Checkpoint& checkpoint() { return checkpoint_; }
+    [[nodiscard]] const EstimateSetup& setup() const { return setup_; }
 
-/// Runs the stages; what they have come to is stored after each, and shown if the run is left.
-StrategyRun run_stored_strategy(StageInput& input, EstimateOutcome& outcome) {
-    const Workspace& work = input.work;
-    const std::vector<StageJob>& stages = work.job.estimate->strategy;
-    const bool staged = stages.size() > 1;
-    return run_strategy(input, stages, input.setup.parameters, [&, staged](const StrategyRun& run) {
-        if (staged) outcome.context.strategy.stages = run.stages;
-        work.stop.shows(interrupted_result(run, outcome.context));
-        if (!staged) return;
-        work.folder.store("result.json",
-                          result_text(strategy_estimate(run, work.interruption.asked()), outcome.context));
-    });
-}
-
-/// What the best stage says beyond its estimate: records, other models, posterior.
-void describe_best(const StageInput& input, const StrategyRun& strategy, EstimateOutcome& outcome) {
-    const Workspace& work = input.work;
-    const StageRun& best = *strategy.best;
-    ResultContext& context = outcome.context;
-    count_cycles(input.search, context);
-    context.evidence.reason = "there is no estimate";
-    work.folder.store("residuals.csv", residuals_text(describe_records(input, best, context)));
-    const auto all = best.residuals.all();
-    if (is_evaluated(best)) {
-        context.posterior.diagnostics = diagnose_residuals(all, best.estimate);
-        context.evidence = evidence_of(work.job, best.parameters, all, input.options, best.estimate);
+    [[nodiscard]] bool stopped() const override { return work_.interruption.asked(); }
+    [[nodiscard]] bool left() const override { return asking_(); }
+    void unstoppable(bool begins) override {
+        leaving_.reset();
+        if (begins) leaving_.emplace(work_.stop);
     }
-    // Stored before what may take long, and again with it.
-    work.folder.store("result.json", result_text(outcome.estimate, context));
-    criticise_result(input, strategy, context.strategy);
-    explore_posterior(work, best.parameters, all, input.setup.derived, input.options, outcome.estimate,
-                      *input.checkpoint, context.posterior);
+    void begin(const std::string& step, double total, const std::string& unit) override {
+        work_.progress.begin(step, total, unit);
+    }
+    void at(double done, const std::string& note) override { work_.progress.at(done, note); }
+    void end(const std::string& outcome) override { work_.progress.end(outcome); }
+    void recalled(const std::string& step, const std::string& outcome) override {
+        work_.progress.reused(step, outcome);
+    }
+    void remark(const std::string& line) override { work_.progress.say(line); }
+    void detail(const std::string& line) override { work_.progress.log(line); }
+
+    void found(const orbits::CycleSearch& all) override {
+        cycles_ = all;
+        work_.folder.store("harvested_cycles.json",
+                           cycles_text({cycle_file_head(work_.job, outcome_.context.fingerprint), all}));
+    }
+    void stage_ended(const IdentificationResult& so_far) override {
+        const bool staged = work_.job.estimate->strategy.size() > 1;
+        ResultContext& context = outcome_.context;
+        if (staged) context.strategy.stages = so_far.stages;
+        context.posterior.optima = so_far.optima;
+        context.posterior.runs = so_far.runs;
+        work_.stop.shows(interrupted_result(so_far.estimate, context));
+        if (staged) work_.folder.store("result.json", result_text(so_far.estimate, context));
+    }
+    /// What the best stage says beyond its estimate, stored before what may take long, and again with it.
+    void estimated(const IdentificationResult& result) override {
+        // What is there is described, however long it takes.
+        if (stopped()) work_.stop.finish();
+        const StageRun& best = *result.best;
+        ResultContext& context = outcome_.context;
+        context.evidence.reason = "there is no estimate";
+        if (!cycles_.cycles.empty()) count_cycles(cycles_, context);
+        const orbits::CycleSearch& search = cycles_.cycles.empty() ? problem_.measured.search : cycles_;
+        work_.folder.store("residuals.csv",
+                           residuals_text(describe_records(work_, problem_, setup_, search, best, context)));
+        if (best.is_evaluated()) {
+            const auto all = best.residuals.all();
+            context.posterior.diagnostics = identification::diagnose_residuals(all, best.estimate);
+            context.evidence = evidence_of(work_.job, best.parameters, all, estimate_options(problem_, options_, *this),
+                                           best.estimate);
+        }
+        work_.folder.store("result.json", result_text(result.estimate, context));
+    }
+
+    [[nodiscard]] bool recall(const std::string& name, StageValue& value) override {
+        return checkpoint_.recall(name, value);
+    }
+    void keep(const std::string& name, StageValue& value) override { checkpoint_.keep(name, value); }
+    [[nodiscard]] bool recall(const std::string& name, std::vector<MatchingResult>& value) override {
+        return checkpoint_.recall(name, value);
+    }
+    void keep(const std::string& name, std::vector<MatchingResult>& value) override { checkpoint_.keep(name, value); }
+    [[nodiscard]] bool recall(const std::string& name, CriticismResult& value) override {
+        return checkpoint_.recall(name, value);
+    }
+    void keep(const std::string& name, CriticismResult& value) override { checkpoint_.keep(name, value); }
+    [[nodiscard]] bool recall(const std::string& name, AlternativeResult& value) override {
+        return checkpoint_.recall(name, value);
+    }
+    void keep(const std::string& name, AlternativeResult& value) override { checkpoint_.keep(name, value); }
+
+private:
+    const Workspace& work_;
+    const IdentificationProblem& problem_;
+    EstimateOutcome& outcome_;
+    Checkpoint checkpoint_;
+    EstimateSetup setup_;
+    identification::Options options_ = identification_options(work_.job);
+    orbits::CycleSearch cycles_;  ///< with those of a harvest; empty: the measured ones
+    std::function<bool()> asking_ = work_.asking();
+    std::optional<RunStop::AtOnce> leaving_;
+};
+
+/// Profiles, marginals and draws at the estimate.
+void explore(const Workspace& work, const IdentificationProblem& problem, JobObserver& observer, const StageRun& best,
+             EstimateOutcome& outcome) {
+    explore_posterior(work, best.parameters, best.residuals.all(), observer.setup().derived,
+                      estimate_options(problem, identification_options(work.job), observer), outcome.estimate,
+                      observer.checkpoint(), outcome.context.posterior);
     if (!work.interruption.asked() || outcome.estimate.status == estimator::EstimateStatus::interrupted) return;
     outcome.estimate.status = estimator::EstimateStatus::interrupted;
     outcome.estimate.message = "interrupted after the estimate, which is complete";
@@ -202,39 +241,27 @@ void describe_best(const StageInput& input, const StrategyRun& strategy, Estimat
 
 EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment>& data, const SearchedSection* section,
                              const orbits::CycleSearch& search) {
-    const Job& job = work.job;
-    EstimateSetup setup = estimate_setup(job, fitted_labels(job, data));
     EstimateOutcome outcome;
+    IdentificationProblem problem = identification_problem(work.job, data);
+    add_measured_cycles(work.job, section, search, problem);
     describe_data(work, data, search, outcome.context);
-
-    if (job.estimate->strategy.size() <= 1) work.progress.begin("estimate");
-    JobResiduals prepared;
-    add_series(job, data, setup, prepared);
-    for (const std::string& lost : add_waveform(job, data, setup, setup.start(), prepared.waveform))
-        work.progress.say(lost);
-    const models::ParameterBinding& cycle_binding = searched_binding(job, setup);
-    if (const auto flow = first_flow(job, data, search, setup, prepared, cycle_binding))
-        work.progress.log(compare_derivatives(*flow));
-
-    PosteriorResults& posterior = outcome.context.posterior;
-    for (const auto& parameter : setup.parameters)
-        posterior.parameters.push_back(parameter.name);
+    JobObserver observer(work, problem, outcome);
+    for (const auto& parameter : observer.setup().parameters)
+        outcome.context.posterior.parameters.push_back(parameter.name);
     work.stop.shows(interrupted_result({}, outcome.context));
-    Checkpoint checkpoint(work.folder, outcome.context.fingerprint);
-    StageInput input{work,   data,       section, setup,      cycle_binding, prepared, estimate_options(work),
-                     search, &posterior, {},      &checkpoint};
-    const StrategyRun strategy = run_stored_strategy(input, outcome);
-    outcome.estimate = strategy_estimate(strategy, work.interruption.asked());
+
+    const IdentificationResult result = identify(problem, identification_options(work.job), observer);
     // What is there is described, however long it takes.
     if (work.interruption.asked()) work.stop.finish();
-    const bool estimated = strategy.best && !strategy.best->residuals.all().empty();
+    outcome.estimate = result.estimate;
+    const bool estimated = result.best != nullptr;
     if (estimated) {
-        describe_best(input, strategy, outcome);
-    } else {
-        work.progress.end(outcome.estimate.message);
+        outcome.context.strategy.matching = result.matching;
+        outcome.context.strategy.criticism = result.comparison;
+        explore(work, problem, observer, *result.best, outcome);
     }
     work.folder.store("result.json", result_text(outcome.estimate, outcome.context));
-    if (estimated && !work.interruption.asked()) checkpoint.remove();
+    if (estimated && !work.interruption.asked()) observer.checkpoint().remove();
     return outcome;
 }
 

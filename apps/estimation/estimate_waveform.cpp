@@ -9,9 +9,9 @@
 
 #include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/waveform_plot.hpp"
-#include "apps/estimation/estimated_values.hpp"
 #include "apps/job/segment_choice.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "identification/problem/estimated_values.hpp"
 #include "models/definition/parameter.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -20,35 +20,7 @@ namespace orbid::apps {
 namespace {
 
 using Eigen::Index;
-
-std::string block_label(const Job& job, const orbits::Series& series, std::size_t experiment, std::size_t segment) {
-    const std::string& name = job.data[experiment].name;
-    return series.segments.size() > 1 ? fmt::format("{}, segment {}", name, series.segments[segment].label) : name;
-}
-
-/// Values and known sds of the observed coordinates; a coordinate that is not observed there is missing.
-void take_readings(const Job& job, const DataJob& data, const orbits::Series& series, std::size_t segment,
-                   periodic::WaveformRecord& record) {
-    const auto& errors = job.estimate->waveform->errors;
-    const orbits::Segment& from = series.segments[segment];
-    const Index count = from.values.cols();
-    record.times = from.times;
-    record.values = Eigen::MatrixXd::Constant(std::ssize(errors), count, estimator::nan_value);
-    const bool sds = std::any_of(errors.begin(), errors.end(), [](const auto& e) { return !e.sd_column.empty(); });
-    if (sds) record.deviations = record.values;
-    for (std::size_t c = 0; c < errors.size(); ++c) {
-        if (std::count(data.observe.begin(), data.observe.end(), errors[c].coordinate) == 0) continue;
-        const auto name = job.model.coordinate(errors[c].coordinate).name;
-        const auto at = std::find_if(series.coordinates.begin(), series.coordinates.end(),
-                                     [&](const orbits::SeriesCoordinate& one) { return one.name == name; });
-        if (at == series.coordinates.end())
-            throw orbits::DataError(fmt::format("{}: the series has no coordinate {}", data.name, name));
-        const auto row = at - series.coordinates.begin();
-        record.values.row(static_cast<Index>(c)) = from.values.row(row);
-        if (!errors[c].sd_column.empty() && from.deviations.size() > 0)
-            record.deviations.row(static_cast<Index>(c)) = from.deviations.row(row);
-    }
-}
+using identification::scale_of;
 
 double sd_of(const estimator::EstimatedScale& scale, const periodic::WaveformChannel& channel, double deviation,
              double predicted) {
@@ -59,77 +31,9 @@ double sd_of(const estimator::EstimatedScale& scale, const periodic::WaveformCha
     return s;
 }
 
-periodic::WaveformOptions waveform_options(const WaveformResidualJob& asked, const Eigen::VectorXd& start) {
-    periodic::WaveformOptions options;
-    std::vector<Index> coordinates;
-    for (const ErrorJob& error : asked.errors) {
-        options.channels.push_back(
-            {error.coordinate, error.scale, error.distribution, error.floor, !error.sd_column.empty()});
-        coordinates.push_back(error.coordinate);
-    }
-    options.covariances = joint_covariances(asked.covariances, coordinates);
-    options.start = start;
-    return options;
-}
-
-/// The record of one segment.
-periodic::WaveformRecord waveform_record(const Job& job, const orbits::Series& series, const EstimateSetup& setup,
-                                         const WaveformResidualJob::Experiment& own, JobWaveform::Place place) {
-    const DataJob& data = job.data[place.experiment];
-    periodic::WaveformRecord record;
-    record.label = block_label(job, series, place.experiment, place.segment);
-    record.binding = setup.experiments[place.experiment];
-    record.sensor = data.sensor;
-    take_readings(job, data, series, place.segment, record);
-    record.period = own.period;
-    record.time = own.time;
-    record.phase = own.phase;
-    record.offsets = own.offsets;
-    if (own.start.size() > 0) {
-        record.start.emplace();
-        record.start->points = own.start;
-        record.start->time = own.time;
-    }
-    return record;
-}
-
 }  // namespace
 
-std::vector<std::string> add_waveform(const Job& job, const std::vector<Experiment>& data, const EstimateSetup& setup,
-                                      const Eigen::VectorXd& start, JobWaveform& waveform) {
-    if (!job.estimate->waveform) return {};
-    const WaveformResidualJob& asked = *job.estimate->waveform;
-    waveform.places.clear();
-    std::vector<periodic::WaveformRecord> records;
-    for (std::size_t i = 0; i < asked.data.size(); ++i) {
-        const std::size_t experiment = asked.data[i];
-        const orbits::Series& series = data[experiment].series;
-        for (const std::size_t segment : fitted_segments(series, job.data[experiment])) {
-            waveform.places.push_back({experiment, segment});
-            records.push_back(waveform_record(job, series, setup, asked.experiments[i], waveform.places.back()));
-        }
-    }
-    try {
-        waveform.residual = std::make_unique<periodic::WaveformResidual>(job.model.system, std::move(records),
-                                                                         waveform_options(asked, start));
-    } catch (const std::invalid_argument& error) {
-        throw orbits::DataError(error.what());
-    }
-    std::vector<std::string> lost;
-    for (std::size_t b = 0; b < waveform.places.size(); ++b) {
-        const periodic::OrbitStatus status = waveform.residual->start_status(b);
-        if (status == periodic::OrbitStatus::converged) continue;
-        lost.push_back(fmt::format("{}: no periodic solution at the start: {}", waveform.residual->records()[b].label,
-                                   periodic::name(status)));
-    }
-    if (lost.size() == waveform.places.size())
-        throw orbits::DataError(
-            fmt::format("{}; start the parameters nearer, or give \"start\": states at phase 0 near the orbit",
-                        fmt::join(lost, "; ")));
-    return lost;
-}
-
-void add_waveform_rows(const Job& job, const JobWaveform& waveform, const estimator::Estimate& estimate,
+void add_waveform_rows(const Job& job, const ProblemWaveform& waveform, const estimator::Estimate& estimate,
                        const std::vector<estimator::BlockValue>& values, std::vector<ResidualRow>& rows) {
     const periodic::WaveformResidual& residual = *waveform.residual;
     for (std::size_t b = 0; b < values.size(); ++b) {
@@ -152,7 +56,7 @@ void add_waveform_rows(const Job& job, const JobWaveform& waveform, const estima
     }
 }
 
-void add_steady_states(const Job& job, const JobWaveform& waveform, const Eigen::VectorXd& theta,
+void add_steady_states(const Job& job, const ProblemWaveform& waveform, const Eigen::VectorXd& theta,
                        const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
                        ResultContext& context) {
     const periodic::WaveformResidual& residual = *waveform.residual;
@@ -185,7 +89,7 @@ void add_steady_states(const Job& job, const JobWaveform& waveform, const Eigen:
     }
 }
 
-std::vector<std::pair<std::string, std::string>> waveform_plots(const Job& job, const JobWaveform& waveform,
+std::vector<std::pair<std::string, std::string>> waveform_plots(const Job& job, const ProblemWaveform& waveform,
                                                                 const Eigen::VectorXd& theta,
                                                                 const std::vector<Eigen::VectorXd>& latents) {
     constexpr std::size_t places = 401;

@@ -14,17 +14,6 @@ namespace orbid::apps {
 
 namespace {
 
-/// A copy of every residual, for a run of its own.
-std::vector<std::unique_ptr<estimator::Residual>> copies(const JobResiduals& residuals) {
-    std::vector<std::unique_ptr<estimator::Residual>> list;
-    if (residuals.cycles) list.push_back(std::make_unique<orbits::CycleResidual>(*residuals.cycles));
-    for (const auto& series : residuals.series)
-        list.push_back(std::make_unique<orbits::SeriesResidual>(*series));
-    if (residuals.waveform.residual)
-        list.push_back(std::make_unique<periodic::WaveformResidual>(*residuals.waveform.residual));
-    return list;
-}
-
 /// Names as the estimator knows them; empty = all.
 std::vector<std::string> chosen(const ParameterChoice& choice,
                                 const std::vector<estimator::FreeParameter>& parameters) {
@@ -134,29 +123,6 @@ private:
 };
 
 }  // namespace
-
-void search_starts(const Workspace& work, const JobResiduals& residuals,
-                   const std::vector<estimator::DerivedQuantity>& derived, const estimator::EstimateOptions& options,
-                   std::vector<estimator::FreeParameter>& parameters, PosteriorResults& results) {
-    const MultiStartJob& job = work.job.estimate->multi_start;
-    if (job.starts <= 1) return;
-    estimator::MultiStartOptions search;
-    search.starts = static_cast<int>(job.starts);
-    search.seed = job.seed;
-    search.estimate = options;
-    search.estimate.progress = {};
-    search.estimate.verdict = false;
-    work.progress.begin("starts", static_cast<double>(job.starts), "starts");
-    search.progress = [&](int finished, int) { work.progress.at(finished); };
-    const auto found = estimator::multi_start(
-        parameters, [&] { return copies(residuals); }, derived, search);
-    results.optima = found.optima;
-    results.runs = found.runs;
-    work.progress.end(fmt::format("{} optima from {} starts", found.optima.size(), found.runs.size()));
-    if (found.best_start < 0 || found.best.parameters.size() != parameters.size()) return;
-    for (std::size_t i = 0; i < parameters.size(); ++i)
-        parameters[i].start = found.best.parameters[i].value;
-}
 
 void explore_posterior(const Workspace& work, const std::vector<estimator::FreeParameter>& parameters,
                        const std::vector<estimator::Residual*>& residuals,

@@ -15,6 +15,7 @@
 #include "apps/job/model_job.hpp"
 #include "estimator/interface/estimate_options.hpp"
 #include "estimator/interface/prior.hpp"
+#include "identification/problem/experiment.hpp"
 #include "models/definition/input_signal.hpp"
 #include "models/definition/sensor.hpp"
 #include "orbits/records/series.hpp"
@@ -78,29 +79,8 @@ struct InputJob {
     models::InputSignal::Interpolation interpolation = models::InputSignal::Interpolation::linear;
 };
 
-/// Where one coordinate of a segment's initial state comes from.
-struct InitialValueJob {
-    bool estimate = true;
-    std::optional<double> value;  ///< fixed value, or start when estimated; empty: start from the data
-    estimator::Prior prior = estimator::FlatPrior{};
-    estimator::Scale scale = estimator::Scale::linear;
-    double lower = -std::numeric_limits<double>::infinity();
-    double upper = std::numeric_limits<double>::infinity();
-
-    /// It has settings that a latent state cannot have. It becomes a parameter of the estimate, one per segment, named
-    /// by initial_parameter_name.
-    [[nodiscard]] bool is_parameter() const {
-        const bool plain = std::holds_alternative<estimator::FlatPrior>(prior) ||
-                           std::holds_alternative<estimator::NormalPrior>(prior);
-        return estimate && !(plain && scale == estimator::Scale::linear && std::isinf(lower) && std::isinf(upper));
-    }
-};
-
-/// "u_0@run1": a coordinate's value at the first sample of an experiment. With several fitted segments ".LABEL"
-/// follows.
-[[nodiscard]] inline std::string initial_parameter_name(const std::string& coordinate, const std::string& experiment) {
-    return coordinate + "_0@" + experiment;
-}
+using InitialValueJob = identification::InitialValue;
+using identification::initial_parameter_name;
 
 /// One experiment.
 struct DataJob {

@@ -15,8 +15,7 @@
 #include "estimator/interface/estimate_options.hpp"
 #include "estimator/interface/prior.hpp"
 #include "estimator/interface/residual.hpp"
-#include "models/formulas/expression.hpp"
-#include "periodic/waveforms/waveform_record.hpp"
+#include "identification/problem/identification_problem.hpp"
 
 namespace orbid::apps {
 
@@ -42,31 +41,10 @@ template <class Distribution>
     return shape;
 }
 
-struct FreeParameterJob {
-    Eigen::Index parameter;          ///< index into System::parameters()
-    estimator::FreeParameter value;  ///< start, scale, bounds, prior, tie; name and unit of the model
-};
-
-struct DerivedJob {
-    std::string name;
-    models::Expression expression;  ///< in System::parameters(), in that order
-};
-
-/// Errors of one coordinate. ErrorScale::value is 0 while estimated without a start: "start from the residuals".
-struct ErrorJob {
-    Eigen::Index coordinate = 0;
-    estimator::ErrorScale scale;  ///< with `sd_column` a factor on the sds there
-    estimator::ErrorDistribution distribution = estimator::NormalErrors{};
-    double floor = 0.0;     ///< least value of an estimated scale
-    std::string sd_column;  ///< header in the table of the data; empty: one sd for all readings
-};
-
-/// Several coordinates with one full covariance, estimated.
-struct CovarianceJob {
-    std::vector<Eigen::Index> coordinates;  ///< two or more, normal
-    double dof = 0.0;                       ///< of its inverse-Wishart prior; 0: none
-    Eigen::MatrixXd psi;                    ///< shape (m, m), with a prior
-};
+using FreeParameterJob = identification::FreeModelParameter;
+using DerivedJob = identification::ModelQuantity;
+using ErrorJob = identification::RecordErrors;
+using CovarianceJob = identification::JointErrors;
 
 struct CyclesResidualJob {
     std::vector<int> periods;
@@ -78,65 +56,14 @@ struct CyclesResidualJob {
     estimator::ErrorScale multiplier_error{true, 0.0, estimator::FlatPrior{}};  ///< as ErrorJob::scale
 };
 
-/// How closely the end of an interval of a series must agree with the beginning of the next.
-struct MatchingJob {
-    enum class Kind {
-        automatic,  ///< exact
-        exact,      ///< to far below the errors of the readings
-        given,      ///< normal errors of a known sd
-        estimated   ///< normal errors, their sd estimated
-    };
-    Kind kind = Kind::automatic;
-    double sd = 0.0;  ///< given: share of each coordinate's range, > 0
-};
-
-/// A recorded series, by single or multiple shooting.
-struct SeriesResidualJob {
-    static constexpr std::size_t automatic_interval = 0;  ///< chosen by how errors grow
-    /// Sampling intervals (sections) from node to node. Nothing: one free initial state per segment (single shooting).
-    std::optional<std::size_t> interval;
-    MatchingJob matching;           ///< ignored without an interval
-    std::vector<std::size_t> data;  ///< indices into Job::data
-    std::vector<ErrorJob> errors;   ///< one per coordinate observed in any of them, ascending
-    std::vector<CovarianceJob> covariances;
-};
-
-/// Measured periodic steady states, one per fitted segment.
-struct WaveformResidualJob {
-    struct Experiment {
-        int period = 1;     ///< in periods of the forcing
-        double time = 0.0;  ///< autonomous: a guess of T [s]
-        periodic::WaveformUnknown phase{true, 0.0};
-        std::vector<periodic::WaveformUnknown> offsets;  ///< one per entry of `errors`
-        Eigen::MatrixXd start;                           ///< shape (n, period): states at phase 0; empty: found
-    };
-    std::vector<std::size_t> data;        ///< indices into Job::data
-    std::vector<Experiment> experiments;  ///< one per entry of `data`
-    std::vector<ErrorJob> errors;         ///< one per coordinate observed in any of them, ascending
-    std::vector<CovarianceJob> covariances;
-};
-
-enum class ResidualType { cycles, series, waveform };
+using MatchingJob = identification::Matching;
+using SeriesResidualJob = identification::SeriesChoice;
+using WaveformResidualJob = identification::WaveformChoice;
+using identification::ResidualType;
+using StageJob = identification::Stage;
 
 /// As jobs write them, in the order of ResidualType.
 inline const std::vector<std::string> residual_type_names{"cycles", "series", "waveform"};
-
-/// One step of an estimate; it starts from the best earlier one.
-struct StageJob {
-    enum class Kind {
-        prediction,  ///< parameters only, by predictions over one interval from measured states
-        residuals,   ///< the residuals named, together
-        harvest      ///< adds cycles found with the present model, then as the stage of the cycles
-    };
-    Kind kind = Kind::residuals;
-    std::vector<ResidualType> residuals;  ///< in their order; empty for `prediction`
-
-    [[nodiscard]] bool uses(ResidualType type) const {
-        return std::find(residuals.begin(), residuals.end(), type) != residuals.end();
-    }
-    /// "prediction", "harvest", "series", "cycles + series".
-    [[nodiscard]] std::string name() const;
-};
 
 /// Other models that the estimate is compared with.
 struct CriticismJob {

@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "identification/problem/experiment.hpp"
 #include "models/equations/equations.hpp"
 #include "models/system/system.hpp"
 
@@ -38,11 +39,7 @@ struct ModelJob {
 /// As jobs write them, in the order of models::Domain.
 inline const std::vector<std::string> domain_names{"any", "positive", "nonnegative"};
 
-/// Values of single parameters, for one experiment.
-struct ParameterValue {
-    Eigen::Index parameter;  ///< index into System::parameters()
-    double value;
-};
+using identification::ParameterValue;
 
 /// What takes the steps of all flows: the library's own steppers (Verner's pair for smooth motion), or Boost.Odeint.
 enum class FlowStepper { verner, odeint };

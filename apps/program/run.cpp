@@ -12,7 +12,6 @@
 
 #include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/section_plot.hpp"
-#include "apps/estimation/derivative_self_check.hpp"
 #include "apps/estimation/estimate_stage.hpp"
 #include "apps/job/evaluated_model.hpp"
 #include "apps/job/input_checksums.hpp"
@@ -32,6 +31,7 @@
 #include "apps/stages/progress.hpp"
 #include "apps/stages/searched_section.hpp"
 #include "apps/stages/workspace.hpp"
+#include "identification/starts/derivative_self_check.hpp"
 #include "models/system/stopped.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -207,7 +207,7 @@ int run_job(const Job& asked, const RunOptions& options, const Console& console,
         return refused(error, wrong_call);
     } catch (const StaleFile& error) {
         return refused(error, wrong_call);
-    } catch (const WrongModel& error) {
+    } catch (const identification::WrongModel& error) {
         return refused(error, wrong_call);
     } catch (const orbits::DataError& error) {
         return refused(error, unusable_data);

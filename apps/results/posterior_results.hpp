@@ -13,30 +13,14 @@
 #include "estimator/exploration/multi_start.hpp"
 #include "estimator/exploration/profile.hpp"
 #include "estimator/sampling/posterior_sample.hpp"
-#include "estimator/uncertainty/residual_diagnostic.hpp"
+#include "identification/comparison/residual_diagnosis.hpp"
+#include "identification/problem/identification_result.hpp"
 
 namespace orbid::apps {
 
-/// A conspicuous record, by its place.
-struct OutlierRecord {
-    std::string block;    ///< as the residual labels it
-    Eigen::Index record;  ///< of the group within the block, from 0
-    double studentised;
-    double p;
-};
-
-/// What the residuals of one group show about its errors.
-struct GroupDiagnostic {
-    std::string group;
-    estimator::ResidualDiagnostic diagnostic;
-    std::vector<OutlierRecord> outliers;
-};
-
-/// The logarithm of the evidence, or why there is none.
-struct LogEvidence {
-    std::optional<double> value;
-    std::string reason;  ///< empty with a value
-};
+using identification::GroupDiagnostic;
+using identification::LogEvidence;
+using identification::OutlierRecord;
 
 /// {"value", "reason"}; null for what there is not.
 [[nodiscard]] nlohmann::ordered_json evidence_json(const LogEvidence& evidence);

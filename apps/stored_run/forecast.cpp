@@ -6,10 +6,10 @@
 
 #include <Eigen/Core>
 
-#include "apps/estimation/estimate_residuals.hpp"
-#include "apps/estimation/estimate_setup.hpp"
+#include "apps/estimation/job_problem.hpp"
 #include "apps/stored_run/segment_beginning.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "identification/problem/problem_residuals.hpp"
 #include "models/arithmetic/orthogonal_factor.hpp"
 
 namespace orbid::apps {
@@ -211,8 +211,9 @@ void judge_segment(const KnownSegment& known, SegmentForecast& out, std::vector<
 }
 
 void forecast_samples(const PredictionJob& job, const Experiment& record, Forecast& out) {
-    const EstimateSetup setup = estimate_setup(job.derived, fitted_labels(job.derived, {record}));
-    const auto residual = single_shooting(job.derived, 0, setup, record);
+    const auto problem = identification_problem(job.derived, {&record, 1});
+    const auto setup = estimate_setup(problem, fitted_labels(problem));
+    const auto residual = single_shooting(problem, 0, setup);
     const Eigen::VectorXd theta = setup.start();
     ErrorScales scales = scales_of(*residual);
     const std::size_t blocks = residual->layout().size();

@@ -4,8 +4,8 @@
 #include <optional>
 #include <variant>
 
-#include "apps/estimation/estimate_residuals.hpp"
-#include "apps/estimation/estimate_setup.hpp"
+#include "apps/estimation/job_problem.hpp"
+#include "identification/problem/problem_residuals.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
@@ -60,10 +60,11 @@ SegmentBeginning fitted_beginning(const PredictionJob& job, const Experiment& re
     while (true) {
         const Experiment part = beginning_of(record, segment, samples);
         const Job& started = found.ok ? starting_at(job.derived, found.state) : job.derived;
-        const EstimateSetup setup = estimate_setup(started, fitted_labels(started, {part}));
+        const auto problem = identification_problem(started, {&part, 1});
+        const auto setup = estimate_setup(problem, fitted_labels(problem));
         std::optional<orbits::SegmentPrediction> fit;
         try {
-            const auto residual = single_shooting(started, 0, setup, part);
+            const auto residual = single_shooting(problem, 0, setup);
             const ErrorScales scales = scales_of(*residual);
             fit = residual->predict(setup.start(), scales.value, {0}, scales.relative).front();
         } catch (const orbits::DataError&) {

@@ -32,8 +32,8 @@ std::vector<Index> coordinates_of(const models::System& system, const orbits::Se
 
 void complete(const IdentificationProblem& problem, Experiment& experiment) {
     const auto dimension = static_cast<std::size_t>(problem.system->dimension());
-    refuse_unless(experiment.series != nullptr, fmt::format("experiment {}: has no series", experiment.name));
-    if (experiment.observe.empty()) experiment.observe = coordinates_of(*problem.system, *experiment.series);
+    if (experiment.observe.empty() && experiment.series)
+        experiment.observe = coordinates_of(*problem.system, *experiment.series);
     refuse_unless(!experiment.observe.empty(),
                   fmt::format("experiment {}: its series has no coordinate of the model {}", experiment.name,
                               problem.system->name()));
@@ -51,7 +51,7 @@ void complete(const IdentificationProblem& problem, Experiment& experiment) {
 std::vector<std::size_t> sampled(const IdentificationProblem& problem, Sampling sampling) {
     std::vector<std::size_t> found;
     for (std::size_t e = 0; e < problem.experiments.size(); ++e)
-        if (problem.experiments[e].series->sampling == sampling) found.push_back(e);
+        if (problem.experiments[e].series && problem.experiments[e].series->sampling == sampling) found.push_back(e);
     return found;
 }
 
@@ -63,15 +63,19 @@ std::vector<RecordErrors> usual_errors(const IdentificationProblem& problem, con
             const auto& list = problem.experiments[e].observe;
             return std::find(list.begin(), list.end(), coordinate) != list.end();
         });
-        if (observed) errors.emplace_back().coordinate = coordinate;
+        if (observed)
+            errors.push_back({coordinate, {true, 0.0, estimator::FlatPrior{}}, estimator::NormalErrors{}, 0.0, {}});
     }
     return errors;
 }
 
 void check_experiments(const IdentificationProblem& problem, const std::vector<std::size_t>& data) {
-    for (const std::size_t index : data)
+    for (const std::size_t index : data) {
         refuse_unless(index < problem.experiments.size(),
                       fmt::format("experiment {}: there are {}", index, problem.experiments.size()));
+        refuse_unless(problem.experiments[index].series != nullptr,
+                      fmt::format("experiment {}: has no series", problem.experiments[index].name));
+    }
 }
 
 void complete_series(const IdentificationProblem& problem, SeriesChoice& series) {

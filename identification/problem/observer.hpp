@@ -19,6 +19,8 @@ public:
 
     /// Asked between steps: true ends with what has been found, status `interrupted`.
     [[nodiscard]] virtual bool stopped() const { return false; }
+    /// Asked within computations that are useless unless finished: true leaves them by models::Stopped.
+    [[nodiscard]] virtual bool left() const { return false; }
     /// A computation that cannot be stopped from inside begins, or has ended.
     virtual void unstoppable(bool /*begins*/) {}
 
@@ -54,6 +56,18 @@ public:
     virtual void keep(const std::string& /*name*/, ComparisonResult& /*value*/) {}
     [[nodiscard]] virtual bool recall(const std::string& /*name*/, AlternativeResult& /*value*/) { return false; }
     virtual void keep(const std::string& /*name*/, AlternativeResult& /*value*/) {}
+};
+
+/// While it exists, a computation runs that cannot be stopped from inside.
+class Unstoppable {
+public:
+    explicit Unstoppable(Observer& observer) : observer_(observer) { observer_.unstoppable(true); }
+    ~Unstoppable() { observer_.unstoppable(false); }
+    Unstoppable(const Unstoppable&) = delete;
+    Unstoppable& operator=(const Unstoppable&) = delete;
+
+private:
+    Observer& observer_;
 };
 
 }  // namespace orbid::identification

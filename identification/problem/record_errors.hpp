@@ -14,8 +14,8 @@ namespace orbid::identification {
 /// Errors of the readings of one coordinate. ErrorScale::value is 0 while estimated without a start: "start from the
 /// residuals".
 struct RecordErrors {
-    Eigen::Index coordinate = 0;                                     ///< of the model
-    estimator::ErrorScale scale{true, 0.0, estimator::FlatPrior{}};  ///< with `sd_column` a factor on the sds there
+    Eigen::Index coordinate = 0;  ///< of the model
+    estimator::ErrorScale scale;  ///< with `sd_column` a factor on the sds there
     estimator::ErrorDistribution distribution = estimator::NormalErrors{};
     double floor = 0.0;     ///< least value of an estimated scale
     std::string sd_column;  ///< not empty: orbits::Segment::deviations holds the sd of every reading

@@ -92,15 +92,6 @@ void read_stages(const ValueReader& value, const Job& job, EstimateJob& estimate
 
 }  // namespace
 
-std::string StageJob::name() const {
-    if (kind == Kind::prediction) return "prediction";
-    if (kind == Kind::harvest) return "harvest";
-    std::vector<std::string> names;
-    for (const ResidualType type : residuals)
-        names.push_back(residual_type_names[static_cast<std::size_t>(type)]);
-    return fmt::format("{}", fmt::join(names, " + "));
-}
-
 void add_usual_residuals(const ValueReader& at, const ValueSchema* residuals, const Job& job, EstimateJob& estimate) {
     JsonValue list;
     list.kind = JsonValue::Kind::array;

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
-#include "apps/estimation/estimate_residuals.hpp"
-#include "apps/estimation/estimate_setup.hpp"
+#include "apps/estimation/job_problem.hpp"
 #include "apps/job/input_checksums.hpp"
 #include "apps/results/cycle_reader.hpp"
 #include "apps/stages/data_stage.hpp"
 #include "apps/stages/searched_section.hpp"
+#include "identification/problem/problem_residuals.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
@@ -16,10 +16,11 @@ namespace {
 
 /// What an estimate asks of records that are all there: segments by name, readings enough.
 void check_estimate(const Job& job, const std::vector<Experiment>& data) {
-    EstimateSetup setup = estimate_setup(job, fitted_labels(job, data));
-    JobResiduals residuals;
-    add_series(job, data, setup, residuals);
-    check_enough_readings(job, setup, residuals);
+    const auto problem = identification_problem(job, data);
+    auto setup = estimate_setup(problem, fitted_labels(problem));
+    identification::ProblemResiduals residuals;
+    add_series(problem, setup, residuals);
+    check_enough_readings(problem, setup, residuals);
 }
 
 }  // namespace

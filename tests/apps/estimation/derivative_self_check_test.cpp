@@ -1,6 +1,6 @@
 // Derivatives are compared with differences before an estimate: a model that loses them ends the run.
 
-#include "apps/estimation/derivative_self_check.hpp"
+#include "identification/starts/derivative_self_check.hpp"
 
 #include <cmath>
 
@@ -12,7 +12,7 @@
 namespace derivative_self_check_test {
 
 using namespace orbid;
-using namespace orbid::apps;
+using namespace orbid::identification;
 using tests::ContainsSubstring;
 
 namespace {

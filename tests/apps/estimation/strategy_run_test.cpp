@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "apps/estimation/estimate_strategy.hpp"
 #include "apps/results/strategy_results.hpp"
+#include "identification/stages/strategy_run.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
@@ -138,7 +138,7 @@ TEST_CASE("cycles come before what they point to", "[apps][run]") {
 
 TEST_CASE("a later stage that fails loses nothing, and is told", "[apps][run]") {
     using estimator::EstimateStatus;
-    apps::StrategyRun strategy;
+    identification::StrategyRun strategy;
     strategy.best.emplace();
     strategy.best->estimate = estimate_of(2.0, EstimateStatus::converged);
     strategy.stages.resize(2);
@@ -151,22 +151,23 @@ TEST_CASE("a later stage that fails loses nothing, and is told", "[apps][run]") 
     strategy.last = EstimateStatus::failed;
     strategy.iterations = 7;
 
-    estimator::Estimate estimate = apps::strategy_estimate(strategy, false);
+    estimator::Estimate estimate = identification::strategy_estimate(strategy, false);
     CHECK(estimate.status == EstimateStatus::failed);
     CHECK(estimate.parameters.at(0).value == 2.0);
     CHECK(estimate.iterations == 7);
     CHECK(estimate.message == "the estimate is that of the stage cycles; series failed: no step helps");
 
     // Interrupted: the same, with that status.
-    CHECK(apps::strategy_estimate(strategy, true).status == EstimateStatus::interrupted);
+    CHECK(identification::strategy_estimate(strategy, true).status == EstimateStatus::interrupted);
     // A stage that had nothing to do changes nothing but the message.
     strategy.stages[1].status = "skipped";
     strategy.last = EstimateStatus::converged;
-    CHECK(apps::strategy_estimate(strategy, false).status == EstimateStatus::converged);
-    CHECK_THAT(apps::strategy_estimate(strategy, false).message, ContainsSubstring("series skipped: no step helps"));
+    CHECK(identification::strategy_estimate(strategy, false).status == EstimateStatus::converged);
+    CHECK_THAT(identification::strategy_estimate(strategy, false).message,
+               ContainsSubstring("series skipped: no step helps"));
     // Before anything has run.
-    CHECK(apps::strategy_estimate({}, true).status == EstimateStatus::interrupted);
-    CHECK(apps::strategy_estimate({}, true).message == "interrupted before the estimate");
+    CHECK(identification::strategy_estimate({}, true).status == EstimateStatus::interrupted);
+    CHECK(identification::strategy_estimate({}, true).message == "interrupted before the estimate");
 }
 
 TEST_CASE("the true model is told from its misprint", "[apps][run]") {

@@ -2,9 +2,10 @@
 #include <string>
 #include <vector>
 
-#include "apps/estimation/estimate_setup.hpp"
+#include "apps/estimation/job_problem.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/writing/job_writer.hpp"
+#include "identification/problem/estimate_setup.hpp"
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/catch.hpp"
 
@@ -184,7 +185,7 @@ TEST_CASE("ties are read, written back and checked", "[apps][job][tie]") {
 TEST_CASE("a tie of parameters that are free per experiment holds in each of them", "[apps][job][tie]") {
     const std::string parameters = R"("k2": { "start": 1e-3 }, "k3": { "tied": "k2" })";
     const Job own = good(job_with(parameters, "", R"("free": ["k2", "k3"], )", R"("free": ["k3"], )"));
-    const auto setup = estimate_setup(own, {{"0"}, {"0"}});
+    const auto setup = identification::estimate_setup(apps::identification_problem(own, {}), {{"0"}, {"0"}});
     std::vector<std::pair<std::string, std::string>> ties;
     for (const auto& parameter : setup.parameters)
         if (!parameter.tied_to.empty()) ties.emplace_back(parameter.name, parameter.tied_to);

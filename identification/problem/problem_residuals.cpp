@@ -1,4 +1,4 @@
-#include "apps/estimation/estimate_residuals.hpp"
+#include "identification/problem/problem_residuals.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,18 +8,17 @@
 
 #include <fmt/format.h>
 
-#include "apps/job/segment_choice.hpp"
 #include "orbits/records/data_error.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
-orbits::ErrorForm error_form(const ErrorJob& error) {
+orbits::ErrorForm error_form(const RecordErrors& error) {
     return {error.distribution, error.floor, !error.sd_column.empty()};
 }
 
 namespace {
 
-orbits::InitialStateRule initial_rule(const InitialValueJob& job, const std::vector<Eigen::Index>& parameters) {
+orbits::InitialStateRule initial_rule(const InitialValue& job, const std::vector<Eigen::Index>& parameters) {
     orbits::InitialStateRule rule;
     using Kind = orbits::InitialStateRule::Kind;
     if (!job.estimate) {
@@ -41,7 +40,7 @@ orbits::InitialStateRule initial_rule(const InitialValueJob& job, const std::vec
 }
 
 /// Starts of initial values that the job leaves to the data.
-void guess_starts(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+void guess_starts(const IdentificationProblem& problem, std::size_t experiment, const orbits::SeriesResidual& residual,
                   EstimateSetup& setup) {
     for (std::size_t i = 0; i < setup.initial[experiment].size(); ++i) {
         const auto& indices = setup.initial[experiment][i];
@@ -56,45 +55,44 @@ void guess_starts(const Job& job, std::size_t experiment, const orbits::SeriesRe
             throw orbits::DataError(
                 fmt::format("{}: the data suggest {} for {}, which its scale, bounds or prior do not allow: give it a "
                             "\"start\" in \"initial_state\"",
-                            job.data[experiment].name, parameter.start, parameter.name));
+                            problem.experiments[experiment].name, parameter.start, parameter.name));
         }
     }
 }
 
 }  // namespace
 
-std::unique_ptr<orbits::SeriesResidual> single_shooting(const Job& job, std::size_t experiment,
-                                                        const EstimateSetup& setup, const Experiment& measured) {
-    const orbits::Series& series = measured.series;
-    const DataJob& data = job.data[experiment];
+std::unique_ptr<orbits::SeriesResidual> single_shooting(const IdentificationProblem& problem, std::size_t experiment,
+                                                        const EstimateSetup& setup) {
+    const Experiment& data = problem.experiments[experiment];
+    const orbits::Series& series = *data.series;
     orbits::SeriesResidualOptions options;
-    options.name = job.estimate->series->data.size() > 1 ? "series." + data.name : "series";
+    options.name = problem.series->data.size() > 1 ? "series." + data.name : "series";
     options.sensor = data.sensor;
-    options.inputs = measured.inputs;
+    options.inputs = data.inputs;
     for (const Eigen::Index coordinate : data.observe) {
-        options.observe.emplace_back(job.model.coordinate(coordinate).name);
-        const auto& errors = job.estimate->series->errors;
+        options.observe.emplace_back(problem.coordinate(coordinate).name);
+        const auto& errors = problem.series->errors;
         const auto error = std::find_if(errors.begin(), errors.end(),
-                                        [&](const ErrorJob& one) { return one.coordinate == coordinate; });
+                                        [&](const RecordErrors& one) { return one.coordinate == coordinate; });
         // With nodes, the rate of a difference sensor has no errors of its own.
         options.errors.push_back(error == errors.end() ? estimator::ErrorScale{true, 0.0, estimator::FlatPrior{}}
                                                        : error->scale);
         options.forms.push_back(error == errors.end() ? orbits::ErrorForm{} : error_form(*error));
     }
-    options.covariances = joint_covariances(job.estimate->series->covariances, data.observe);
-    options.segments = fitted_segments(series, data);
+    options.covariances = joint_covariances(problem.series->covariances, data.observe);
+    options.segments = data.fitted_segments();
     for (std::size_t i = 0; i < data.initial_state.size(); ++i)
         options.initial.push_back(initial_rule(data.initial_state[i], setup.initial[experiment][i]));
     options.start = setup.start();
     try {
-        return std::make_unique<orbits::SeriesResidual>(job.model.system, setup.experiments[experiment], series,
-                                                        options);
+        return std::make_unique<orbits::SeriesResidual>(problem.system, setup.experiments[experiment], series, options);
     } catch (const std::invalid_argument& error) {
         throw orbits::DataError(fmt::format("{}: {}", data.name, error.what()));
     }
 }
 
-std::vector<estimator::Residual*> JobResiduals::all() const {
+std::vector<estimator::Residual*> ProblemResiduals::all() const {
     std::vector<estimator::Residual*> list;
     if (cycles) list.push_back(cycles.get());
     for (const auto& residual : series)
@@ -107,54 +105,53 @@ std::vector<estimator::Residual*> JobResiduals::all() const {
     return list;
 }
 
-std::vector<std::vector<std::string>> fitted_labels(const Job& job, const std::vector<Experiment>& data) {
-    std::vector<std::vector<std::string>> labels(job.data.size());
-    if (!job.estimate->series) return labels;
-    for (const std::size_t experiment : job.estimate->series->data) {
-        const orbits::Series& series = data[experiment].series;
-        for (const std::size_t segment : fitted_segments(series, job.data[experiment]))
+std::vector<std::unique_ptr<estimator::Residual>> ProblemResiduals::copies() const {
+    std::vector<std::unique_ptr<estimator::Residual>> list;
+    if (cycles) list.push_back(std::make_unique<orbits::CycleResidual>(*cycles));
+    for (const auto& one : series)
+        list.push_back(std::make_unique<orbits::SeriesResidual>(*one));
+    if (waveform.residual) list.push_back(std::make_unique<periodic::WaveformResidual>(*waveform.residual));
+    return list;
+}
+
+std::vector<std::shared_ptr<const models::System>> systems_with(const IdentificationProblem& problem,
+                                                                const Inputs& inputs) {
+    std::vector<std::shared_ptr<const models::System>> systems;
+    for (const auto& input : inputs)
+        systems.push_back(problem.system->with_input(input));
+    if (systems.empty()) systems.push_back(problem.system);
+    return systems;
+}
+
+std::vector<std::vector<std::string>> fitted_labels(const IdentificationProblem& problem) {
+    std::vector<std::vector<std::string>> labels(problem.experiments.size());
+    if (!problem.series) return labels;
+    for (const std::size_t experiment : problem.series->data) {
+        const orbits::Series& series = *problem.experiments[experiment].series;
+        for (const std::size_t segment : problem.experiments[experiment].fitted_segments())
             labels[experiment].push_back(series.segments[segment].label);
     }
     return labels;
 }
 
-orbits::CycleTargetOptions cycle_targets(const Job& whole) {
-    const CyclesResidualJob& job = *whole.estimate->cycles;
-    orbits::CycleTargetOptions targets;
-    targets.periods = job.periods;
-    targets.weights = job.covariance ? orbits::CycleWeights::covariance : orbits::CycleWeights::equal;
-    targets.positions = job.positions;
-    targets.multipliers = job.multipliers;
-    targets.multiplier_error = job.multiplier_error;
-    // Cycles of a file are states.
-    if (!whole.orbits->file) targets.sensor = whole.data[whole.orbits->data].sensor;
-    std::vector<Eigen::Index> coordinates;
-    for (const ErrorJob& error : job.errors) {
-        targets.errors.push_back(error.scale);
-        targets.forms.push_back(error_form(error));
-        coordinates.push_back(error.coordinate);
-    }
-    targets.covariances = joint_covariances(job.covariances, coordinates);
-    return targets;
-}
-
-void add_series(const Job& job, const std::vector<Experiment>& data, EstimateSetup& setup, JobResiduals& residuals) {
-    if (!job.estimate->series || job.estimate->series->interval) return;
-    for (const std::size_t experiment : job.estimate->series->data) {
-        residuals.series.push_back(single_shooting(job, experiment, setup, data[experiment]));
+void add_series(const IdentificationProblem& problem, EstimateSetup& setup, ProblemResiduals& residuals) {
+    if (!problem.series || problem.series->interval) return;
+    for (const std::size_t experiment : problem.series->data) {
+        residuals.series.push_back(single_shooting(problem, experiment, setup));
         residuals.experiments.push_back(experiment);
-        guess_starts(job, experiment, *residuals.series.back(), setup);
+        guess_starts(problem, experiment, *residuals.series.back(), setup);
     }
 }
 
-void check_enough_readings(const Job& job, const EstimateSetup& setup, const JobResiduals& residuals) {
+void check_enough_readings(const IdentificationProblem& problem, const EstimateSetup& setup,
+                           const ProblemResiduals& residuals) {
     const bool counted = !residuals.series.empty() || !residuals.shooting.empty() || residuals.waveform.residual;
     if (residuals.cycles || !counted) return;
     std::size_t readings = 0;
     std::size_t initial_values = 0;
     std::vector<std::string_view> names;
     const auto add_name = [&](std::size_t experiment) {
-        const std::string_view name = job.data[experiment].name;
+        const std::string_view name = problem.experiments[experiment].name;
         if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
     };
     const auto add_block = [&](const estimator::BlockLayout& block) {
@@ -184,4 +181,4 @@ void check_enough_readings(const Job& job, const EstimateSetup& setup, const Job
                     fmt::join(names, ", "), readings, free, initial_values, unknowns + 1));
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

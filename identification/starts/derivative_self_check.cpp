@@ -1,15 +1,14 @@
-#include "apps/estimation/derivative_self_check.hpp"
+#include "identification/starts/derivative_self_check.hpp"
 
 #include <algorithm>
 
 #include <fmt/format.h>
 
-#include "apps/job/segment_choice.hpp"
 #include "models/system/derivative_check.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/transition.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 namespace {
 
@@ -34,20 +33,21 @@ std::optional<FlowStart> of_series(const Experiment& experiment, const orbits::S
 }
 
 /// Over one interval of a series with nodes.
-std::optional<FlowStart> of_transition(const Job& job, std::size_t experiment, const Experiment& measured,
-                                       const models::ParameterBinding& binding, const Eigen::VectorXd& start) {
+std::optional<FlowStart> of_transition(const IdentificationProblem& problem, std::size_t experiment,
+                                       const models::ParameterBinding& binding, const Eigen::VectorXd& start,
+                                       std::uint64_t seed) {
     FlowStart flow;
     flow.theta = binding.values(start);
     flow.free = binding.parameter;
-    const DataJob& data = job.data[experiment];
-    const auto list = orbits::transitions(*job.model.system, flow.theta, measured.series, data.sensor,
-                                          fitted_segments(measured.series, data), 1, 1, job.seed);
+    const Experiment& data = problem.experiments[experiment];
+    const auto list =
+        orbits::transitions(*problem.system, flow.theta, *data.series, data.sensor, data.fitted_segments(), 1, 1, seed);
     if (list.empty()) return std::nullopt;
-    if (!measured.inputs.empty()) flow.system = job.model.system->with_input(measured.inputs[list.front().segment]);
+    if (!data.inputs.empty()) flow.system = problem.system->with_input(data.inputs[list.front().segment]);
     flow.state = list.front().from;
     flow.phase = list.front().phase;
     flow.durations = {list.front().duration};
-    flow.clock = orbits::transition_clock(*job.model.system, measured.series);
+    flow.clock = orbits::transition_clock(*problem.system, *data.series);
     return flow;
 }
 
@@ -81,22 +81,24 @@ FlowStart of_cycle(const models::System& system, const orbits::Cycle& cycle, dou
 
 }  // namespace
 
-std::optional<FlowStart> first_flow(const Job& job, const std::vector<Experiment>& data,
-                                    const orbits::CycleSearch& search, const EstimateSetup& setup,
-                                    const JobResiduals& residuals, const models::ParameterBinding& cycle_binding) {
+std::optional<FlowStart> first_flow(const IdentificationProblem& problem, const EstimateSetup& setup,
+                                    const ProblemResiduals& residuals, const models::ParameterBinding& cycle_binding,
+                                    std::uint64_t seed) {
     std::optional<FlowStart> flow;
     if (!residuals.series.empty()) {
         const std::size_t experiment = residuals.experiments.front();
-        flow = of_series(data[experiment], *residuals.series.front(), setup.experiments[experiment], setup.start());
+        flow = of_series(problem.experiments[experiment], *residuals.series.front(), setup.experiments[experiment],
+                         setup.start());
     } else if (residuals.waveform.residual) {
         flow = of_waveform(*residuals.waveform.residual, setup.start());
-    } else if (job.estimate->cycles && !search.cycles.empty()) {
-        flow = of_cycle(*job.model.system, search.cycles.front(), job.section_phase, cycle_binding, setup.start());
-    } else if (job.estimate->series) {
-        const std::size_t experiment = job.estimate->series->data.front();
-        flow = of_transition(job, experiment, data[experiment], setup.experiments[experiment], setup.start());
+    } else if (problem.cycles && !problem.measured.search.cycles.empty()) {
+        flow = of_cycle(*problem.system, problem.measured.search.cycles.front(), problem.measured.section_phase,
+                        cycle_binding, setup.start());
+    } else if (problem.series) {
+        const std::size_t experiment = problem.series->data.front();
+        flow = of_transition(problem, experiment, setup.experiments[experiment], setup.start(), seed);
     }
-    if (flow && !flow->system) flow->system = job.model.system;
+    if (flow && !flow->system) flow->system = problem.system;
     if (flow && !(flow->state.allFinite() && flow->theta.allFinite())) return std::nullopt;
     return flow;
 }
@@ -117,4 +119,4 @@ std::string compare_derivatives(const FlowStart& start) {
                        check.inconclusive > 0 ? fmt::format(", {} undecided", check.inconclusive) : "");
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

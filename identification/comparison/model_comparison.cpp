@@ -1,4 +1,4 @@
-#include "apps/estimation/model_comparison.hpp"
+#include "identification/comparison/model_comparison.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,17 +7,15 @@
 
 #include <fmt/format.h>
 
-#include "apps/estimation/checkpoint_fields.hpp"
-#include "apps/estimation/matching_check.hpp"
-#include "apps/estimation/model_fit.hpp"
-#include "apps/job/flow_stepper.hpp"
 #include "estimator/exploration/evidence.hpp"
 #include "estimator/exploration/predictive_score.hpp"
-#include "models/catalogue/registry.hpp"
+#include "identification/comparison/matching_check.hpp"
+#include "identification/comparison/model_fit.hpp"
+#include "identification/stages/stage_value.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/series_residuals/continuity.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 namespace {
 
@@ -27,52 +25,43 @@ constexpr double compared_tightness = 1.0;
 // Fits to the cycles that both models have; a third model that loses more each time is not worth a fourth.
 constexpr int most_rounds = 3;
 
-std::string own_name(const Job& job) {
-    return job.model.variant.empty() ? job.model.name : "variant " + job.model.variant;
-}
-
 /// Errors of readings over their ranges at which exact matching ends at this share: the inverse of exact_matching().
 double reading_noise(double share) {
     const bool noisy = share > orbits::exact_matching(orbits::noisy_readings);
     return share / (noisy ? orbits::noisy_tightness : orbits::exact_tightness);
 }
 
-/// What is compared is one stage of one model: nothing else that the job asks for runs again.
-Job plain(const StageInput& input, const StageRun& run) {
-    Job job = input.work.job;
-    EstimateJob& estimate = *job.estimate;
-    estimate.criticism = {};
-    estimate.multi_start.starts = 1;
-    estimate.sample.draws = 0;
+/// The problem whose matching is loosened to what models are compared at.
+IdentificationProblem compared_problem(const StageInput& input, const StageRun& run) {
+    IdentificationProblem problem = input.problem;
     const auto share = matching_share(run);
-    if (share && estimate.series->matching.kind != MatchingJob::Kind::estimated &&
-        estimate.series->matching.kind != MatchingJob::Kind::given && !run.residuals.shooting.empty()) {
+    if (share && problem.series->matching.kind != Matching::Kind::estimated &&
+        problem.series->matching.kind != Matching::Kind::given && !run.residuals.shooting.empty()) {
         // An estimated sd is part of the comparison, a given one the user's word.
         const bool exact = std::none_of(run.residuals.shooting.begin(), run.residuals.shooting.end(),
                                         [](const auto& one) { return one->groups().back().scale.estimate; });
-        if (exact) estimate.series->matching = {MatchingJob::Kind::given, compared_tightness * reading_noise(*share)};
+        if (exact) problem.series->matching = {Matching::Kind::given, compared_tightness * reading_noise(*share)};
     }
-    return job;
+    return problem;
 }
 
-Job with_variant(Job job, const std::string& variant) {
-    job.model.system = with_stepper(models::make_system(job.model.name, variant, job.model.size), job.stepper);
-    job.model.variant = variant;
-    return job;
-}
-
-Job without(Job job, Eigen::Index parameter) {
-    auto& free = job.estimate->parameters;
+IdentificationProblem without(IdentificationProblem problem, Eigen::Index parameter) {
+    auto& free = problem.parameters;
     free.erase(std::remove_if(free.begin(), free.end(),
-                              [&](const FreeParameterJob& one) { return one.parameter == parameter; }),
+                              [&](const FreeModelParameter& one) { return one.parameter == parameter; }),
                free.end());
-    job.model.values[parameter] = 0.0;
-    for (DataJob& data : job.data) {
+    problem.values[parameter] = 0.0;
+    for (Experiment& data : problem.experiments) {
         data.free.erase(std::remove(data.free.begin(), data.free.end(), parameter), data.free.end());
         for (ParameterValue& own : data.parameters)
             if (own.parameter == parameter) own.value = 0.0;
     }
-    return job;
+    return problem;
+}
+
+IdentificationProblem altered(IdentificationProblem problem, const Alternative& alternative) {
+    if (alternative.system) problem.system = alternative.system;
+    return alternative.without >= 0 ? without(std::move(problem), alternative.without) : problem;
 }
 
 /// Indices of the cycles that an estimate used.
@@ -146,28 +135,27 @@ void compare_scores(const estimator::PredictiveScore& own, const estimator::Pred
     if (count > 1.0) result.score_error = std::sqrt(std::max(square - sum * sum / count, 0.0) * count / (count - 1.0));
 }
 
-/// An alternative beside the job's model, both on the same records.
+/// An alternative beside the problem's model, both on the same records.
 class Comparison {
 public:
-    Comparison(const StageInput& input, const StageJob& stage, const StageRun& run)
-        : input_(input), run_(run), nodes_(estimated_nodes(run)), job_(plain(input, run)) {
+    Comparison(const StageInput& input, const Stage& stage, const StageRun& run)
+        : input_(input), run_(run), nodes_(estimated_nodes(run)), problem_(compared_problem(input, run)) {
         // As a stage that begins where an estimate has ended.
-        stage_.kind = StageJob::Kind::harvest;
+        stage_.kind = Stage::Kind::harvest;
         stage_.residuals = stage.residuals;
-        from_start_ = {StageJob::Kind::residuals, stage.residuals};
-        own_ = std::make_unique<ModelFit>(input, job_, nodes_);
+        from_start_ = {Stage::Kind::residuals, stage.residuals};
+        own_ = std::make_unique<ModelFit>(input, problem_, input.options.comparison.model, nodes_);
         base_ = own_->fit(stage_, run.estimate);
         if (held_out_share() > 0.0) base_score_ = held_out(*own_, base_, held_out_share());
     }
 
     [[nodiscard]] const StageRun& base() const { return base_; }
     [[nodiscard]] const estimator::PredictiveScore& base_score() const { return base_score_; }
-    [[nodiscard]] const Job& job() const { return job_; }
 
-    AlternativeResult against(Job job, std::string name) {
-        ModelFit model(input_, std::move(job), nodes_);
+    AlternativeResult against(const Alternative& alternative) {
+        ModelFit model(input_, altered(problem_, alternative), alternative.name, nodes_);
         StageRun other = model.fit(from_start_, run_.estimate);
-        std::optional<StageRun> fewer;  // the job's model on the common cycles
+        std::optional<StageRun> fewer;  // the problem's model on the common cycles
         for (int round = 0; round < most_rounds; ++round) {
             const auto mine = used_cycles(fewer ? *fewer : base_);
             const auto theirs = used_cycles(other);
@@ -176,18 +164,18 @@ public:
             std::set_intersection(mine.begin(), mine.end(), theirs.begin(), theirs.end(),
                                   std::inserter(common, common.end()));
             const orbits::CycleSearch part = part_of(model.cycles(), common);
-            ModelFit own(input_, job_, nodes_);
+            ModelFit own(input_, problem_, input_.options.comparison.model, nodes_);
             own.set_cycles(part);
             model.set_cycles(part);
             const estimator::Estimate theirs_before = other.estimate;
             fewer = own.fit(stage_, run_.estimate);
             other = model.fit(stage_, theirs_before);
         }
-        return describe(model, other, fewer ? *fewer : base_, !fewer, std::move(name));
+        return describe(model, other, fewer ? *fewer : base_, !fewer, alternative.name);
     }
 
 private:
-    [[nodiscard]] double held_out_share() const { return input_.work.job.estimate->criticism.held_out; }
+    [[nodiscard]] double held_out_share() const { return input_.options.comparison.held_out; }
 
     AlternativeResult describe(const ModelFit& model, const StageRun& other, const StageRun& own, bool all,
                                std::string name) const {
@@ -224,9 +212,9 @@ private:
     const StageInput& input_;
     const StageRun& run_;
     std::vector<std::vector<Eigen::MatrixXd>> nodes_;
-    Job job_;
-    StageJob stage_;
-    StageJob from_start_;
+    IdentificationProblem problem_;
+    Stage stage_;
+    Stage from_start_;
     std::unique_ptr<ModelFit> own_;
     StageRun base_;
     estimator::PredictiveScore base_score_;
@@ -234,36 +222,37 @@ private:
 
 }  // namespace
 
-CriticismResult criticise(const StageInput& input, const StageJob& stage, const StageRun& run) {
-    const Job& job = input.work.job;
-    const CriticismJob& asked = job.estimate->criticism;
-    CriticismResult result;
-    result.model = own_name(job);
+ComparisonResult criticise(const StageInput& input, const Stage& stage, const StageRun& run) {
+    const ComparisonOptions& asked = input.options.comparison;
+    ComparisonResult result;
+    result.model = asked.model;
     result.stage = stage.name();
-    const double models = static_cast<double>(asked.variants.size() + asked.without.size()) + 1.0;
-    if (input.checkpoint->recall("criticism", result)) {
-        input.work.progress.reused("criticism", fmt::format("{} models compared", result.alternatives.size() + 1));
+    const double models = static_cast<double>(asked.alternatives.size()) + 1.0;
+    if (input.observer.recall("criticism", result)) {
+        input.observer.recalled("criticism", fmt::format("{} models compared", result.alternatives.size() + 1));
         return result;
     }
-    input.work.progress.begin("criticism", models, "models");
+    input.observer.begin("criticism", models, "models");
+    double done = 0.0;
     Comparison comparison(input, stage, run);
-    input.work.progress.advance(1.0);
+    input.observer.at(++done, {});
     result.large_defects = large_defects(input, comparison.base());
     result.intervals = used_blocks(comparison.base());
     if (asked.held_out > 0.0) {
         result.score = told(comparison.base_score());
         result.score_error = comparison.base_score().standard_error;
     }
-    const auto add = [&](Job other, std::string name) {
-        if (input.work.interruption.asked()) return;
+    for (const Alternative& alternative : asked.alternatives) {
+        if (input.observer.stopped()) break;
+        const std::string& name = alternative.name;
         AlternativeResult known;
-        if (input.checkpoint->recall("criticism " + name, known)) {
+        if (input.observer.recall("criticism " + name, known)) {
             result.alternatives.push_back(std::move(known));
-            input.work.progress.advance(1.0);
-            return;
+            input.observer.at(++done, {});
+            continue;
         }
         try {
-            result.alternatives.push_back(comparison.against(std::move(other), name));
+            result.alternatives.push_back(comparison.against(alternative));
         } catch (const orbits::DataError& error) {
             // What this model makes of the data does not stop the others.
             AlternativeResult& failed = result.alternatives.emplace_back();
@@ -272,16 +261,12 @@ CriticismResult criticise(const StageInput& input, const StageJob& stage, const 
             failed.message = error.what();
             failed.ln_bayes_factor.reason = error.what();
         }
-        if (!input.work.interruption.asked()) input.checkpoint->keep("criticism " + name, result.alternatives.back());
-        input.work.progress.advance(1.0);
-    };
-    for (const std::string& variant : asked.variants)
-        add(with_variant(comparison.job(), variant), "variant " + variant);
-    for (const Eigen::Index parameter : asked.without)
-        add(without(comparison.job(), parameter), fmt::format("without {}", job.model.parameter(parameter).name));
-    if (!input.work.interruption.asked()) input.checkpoint->keep("criticism", result);
-    input.work.progress.end(fmt::format("{} models compared", result.alternatives.size() + 1));
+        if (!input.observer.stopped()) input.observer.keep("criticism " + name, result.alternatives.back());
+        input.observer.at(++done, {});
+    }
+    if (!input.observer.stopped()) input.observer.keep("criticism", result);
+    input.observer.end(fmt::format("{} models compared", result.alternatives.size() + 1));
     return result;
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

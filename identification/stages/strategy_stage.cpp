@@ -1,4 +1,4 @@
-#include "apps/estimation/strategy_stage.hpp"
+#include "identification/stages/strategy_stage.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,16 +7,15 @@
 
 #include <fmt/format.h>
 
-#include "apps/estimation/checkpoint_fields.hpp"
-#include "apps/estimation/cycle_start.hpp"
-#include "apps/estimation/estimate_shooting.hpp"
-#include "apps/estimation/estimated_values.hpp"
-#include "apps/estimation/harvest_stage.hpp"
-#include "apps/estimation/posterior_stage.hpp"
+#include "identification/problem/estimated_values.hpp"
+#include "identification/stages/harvest_stage.hpp"
+#include "identification/stages/stage_value.hpp"
+#include "identification/starts/cycle_start.hpp"
+#include "identification/starts/prediction_start.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "orbits/records/data_error.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 namespace {
 
@@ -25,7 +24,7 @@ constexpr const char* skipped_status = "skipped";
 using Parameters = std::vector<estimator::FreeParameter>;
 
 /// A stage that could not run: the parameters stay where they are.
-StageRun skipped(const StageJob& stage, const Parameters& parameters, std::string reason) {
+StageRun skipped(const Stage& stage, const Parameters& parameters, std::string reason) {
     StageRun run;
     run.parameters = parameters;
     run.result.stage = stage.name();
@@ -40,9 +39,9 @@ void begin_at(const Eigen::VectorXd& theta, Parameters& parameters) {
 }
 
 /// Makes the waveform residual anew, with its solutions at `start`.
-void make_waveform(const StageInput& input, const Eigen::VectorXd& start, JobResiduals& residuals) {
-    for (const std::string& lost : add_waveform(input.work.job, input.data, input.setup, start, residuals.waveform))
-        input.work.progress.say(lost);
+void make_waveform(const StageInput& input, const Eigen::VectorXd& start, ProblemResiduals& residuals) {
+    for (const std::string& lost : add_waveform(input.problem, input.setup, start, residuals.waveform))
+        input.observer.remark(lost);
 }
 
 /// The residual of the cycles, with its solutions around `start`.
@@ -52,23 +51,21 @@ std::unique_ptr<orbits::CycleResidual> cycle_residual(const StageInput& input,
                                                       const std::vector<Eigen::MatrixXd>& nodes) {
     orbits::CycleResidualOptions options;
     options.targets = targets;
-    return std::make_unique<orbits::CycleResidual>(input.work.job.model.system, input.cycle_binding,
-                                                   input.search.cycles, input.work.job.section_phase, start, nodes,
-                                                   options);
+    return std::make_unique<orbits::CycleResidual>(input.problem.system, input.cycle_binding, input.search.cycles,
+                                                   input.problem.measured.section_phase, start, nodes, options);
 }
 
 /// The residuals of a stage; cycles with a start of their own move `parameters`.
 /// @param known  `start` holds what was found here before.
-JobResiduals stage_residuals(StageInput& input, const StageJob& stage, Parameters& parameters, CycleStart& start,
-                             bool known) {
-    const Job& job = input.work.job;
-    JobResiduals residuals;
+ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Parameters& parameters, CycleStart& start,
+                                 bool known) {
+    const IdentificationProblem& problem = input.problem;
+    ProblemResiduals residuals;
     if (stage.uses(ResidualType::series)) {
         for (const auto& series : input.prepared.series)
             residuals.series.push_back(std::make_unique<orbits::SeriesResidual>(*series));
         residuals.experiments = input.prepared.experiments;
-        if (job.estimate->series->interval)
-            add_shooting(job, input.data, input.setup, starts(parameters), input.nodes, residuals);
+        if (problem.series->interval) add_shooting(problem, input.setup, starts(parameters), input.nodes, residuals);
     }
     if (stage.uses(ResidualType::waveform)) {
         if (starts(parameters) == input.setup.start()) {
@@ -80,15 +77,15 @@ JobResiduals stage_residuals(StageInput& input, const StageJob& stage, Parameter
         }
     }
     if (stage.uses(ResidualType::cycles) && !input.search.cycles.empty()) {
-        const orbits::CycleTargetOptions targets = cycle_targets(job);
+        const orbits::CycleTargetOptions targets = *input.problem.cycles;
         // A harvest begins where an estimate from cycles has ended.
-        if (stage.kind == StageJob::Kind::residuals) {
+        if (stage.kind == Stage::Kind::residuals) {
             CycleStartOptions start_options;
-            start_options.estimate = input.options;
-            start_options.log = [&](const std::string& line) { input.work.progress.log(line); };
+            start_options.estimate = input.estimate;
+            start_options.log = [&](const std::string& line) { input.observer.detail(line); };
             if (!known)
                 start = start_from_cycles(
-                    {job.model.system, input.cycle_binding, input.search.cycles, job.section_phase, targets},
+                    {problem.system, input.cycle_binding, input.search.cycles, problem.measured.section_phase, targets},
                     parameters, start_options);
             begin_at(start.theta, parameters);
         }
@@ -97,31 +94,50 @@ JobResiduals stage_residuals(StageInput& input, const StageJob& stage, Parameter
     return residuals;
 }
 
+/// Estimates from several starts and moves `parameters` to the best result.
+void search_starts(StageInput& input, const ProblemResiduals& residuals, Parameters& parameters) {
+    estimator::MultiStartOptions search;
+    search.starts = static_cast<int>(input.options.starts);
+    search.seed = input.options.start_seed;
+    search.estimate = input.estimate;
+    search.estimate.progress = {};
+    search.estimate.verdict = false;
+    input.observer.begin("starts", static_cast<double>(input.options.starts), "starts");
+    search.progress = [&](int finished, int) { input.observer.at(finished, {}); };
+    const auto found = estimator::multi_start(
+        parameters, [&] { return residuals.copies(); }, input.setup.derived, search);
+    input.starts->optima = found.optima;
+    input.starts->runs = found.runs;
+    input.observer.end(fmt::format("{} optima from {} starts", found.optima.size(), found.runs.size()));
+    if (found.best_start < 0 || found.best.parameters.size() != parameters.size()) return;
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        parameters[i].start = found.best.parameters[i].value;
+}
+
 /// Tries other starts and takes the residuals to the best end.
 /// @param known  `memory` holds what was found here before.
-void try_starts(StageInput& input, StageCheckpoint& memory, bool known, JobResiduals& residuals,
+void try_starts(StageInput& input, StageValue& memory, bool known, ProblemResiduals& residuals,
                 Parameters& parameters) {
     if (known) {
         input.starts->optima = memory.optima;
         input.starts->runs = memory.runs;
         begin_at(memory.best_start, parameters);
     } else {
-        search_starts(input.work, residuals, input.setup.derived, input.options, parameters, *input.starts);
+        search_starts(input, residuals, parameters);
         memory.optima = input.starts->optima;
         memory.runs = input.starts->runs;
         memory.best_start = starts(parameters);
     }
     // Its solutions are those around the first start.
     if (residuals.cycles)
-        residuals.cycles =
-            cycle_residual(input, cycle_targets(input.work.job), starts(parameters), memory.cycles.nodes);
+        residuals.cycles = cycle_residual(input, *input.problem.cycles, starts(parameters), memory.cycles.nodes);
     if (residuals.waveform.residual) make_waveform(input, starts(parameters), residuals);
-    if (!known) input.work.progress.begin("estimate");
+    if (!known) input.observer.begin("estimate", 0.0, {});
 }
 
 /// The minimisation, or what it came to before, with the residuals in the state that it left them in.
-estimator::Estimate minimised(const StageInput& input, const Parameters& parameters, const JobResiduals& residuals,
-                              const estimator::EstimateOptions& options, StageCheckpoint& memory, bool known) {
+estimator::Estimate minimised(const StageInput& input, const Parameters& parameters, const ProblemResiduals& residuals,
+                              const estimator::EstimateOptions& options, StageValue& memory, bool known) {
     const std::vector<estimator::Residual*> all = residuals.all();
     if (known) {
         for (std::size_t r = 0; r < all.size(); ++r)
@@ -140,16 +156,15 @@ estimator::Estimate minimised(const StageInput& input, const Parameters& paramet
 }
 
 /// @param known  the stage has run before and left `memory`, which is filled otherwise.
-StageRun estimate_stage(StageInput& input, const StageJob& stage, Parameters parameters, StageCheckpoint& memory,
-                        bool known) {
+StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parameters, StageValue& memory, bool known) {
     StageRun run;
     run.result.stage = stage.name();
-    estimator::EstimateOptions options = input.options;
-    if (stage.kind == StageJob::Kind::prediction) {
-        std::optional<RunStop::AtOnce> leaving(std::in_place, input.work.stop);
-        PredictionStart start = prediction_start(input.work.job, input.data, input.setup, input.cycle_binding,
+    estimator::EstimateOptions options = input.estimate;
+    if (stage.kind == Stage::Kind::prediction) {
+        std::optional<Unstoppable> computing(std::in_place, input.observer);
+        PredictionStart start = prediction_start(input.problem, input.options, input.setup, input.cycle_binding,
                                                  parameters, known ? &memory.prediction : nullptr);
-        leaving.reset();
+        computing.reset();
         run.residuals = std::move(start.residuals);
         memory.prediction = start.theta;
         begin_at(start.theta, parameters);
@@ -159,8 +174,8 @@ StageRun estimate_stage(StageInput& input, const StageJob& stage, Parameters par
     }
     if (run.residuals.all().empty())
         return skipped(stage, parameters, "no cycle was found: there is nothing to estimate from");
-    check_enough_readings(input.work.job, input.setup, run.residuals);
-    if (input.starts != nullptr && input.work.job.estimate->multi_start.starts > 1)
+    check_enough_readings(input.problem, input.setup, run.residuals);
+    if (input.starts != nullptr && input.options.starts > 1)
         try_starts(input, memory, known, run.residuals, parameters);
     run.estimate = minimised(input, parameters, run.residuals, options, memory, known);
     run.estimate.iterations += memory.cycles.iterations;
@@ -171,12 +186,12 @@ StageRun estimate_stage(StageInput& input, const StageJob& stage, Parameters par
 
 void describe(const StageInput& input, StageRun& run) {
     estimator::Estimate& estimate = run.estimate;
-    // The user's start is the job's, not that of the last stage.
+    // The user's start is the problem's, not that of the last stage.
     for (std::size_t i = 0; i < input.setup.parameters.size() && i < estimate.parameters.size(); ++i)
         estimate.parameters[i].start = input.setup.parameters[i].start;
-    const Eigen::VectorXd job_start = input.setup.start();
+    const Eigen::VectorXd first_start = input.setup.start();
     for (std::size_t i = 0; i < input.setup.derived.size() && i < estimate.derived.size(); ++i)
-        estimate.derived[i].start = input.setup.derived[i].value(job_start);
+        estimate.derived[i].start = input.setup.derived[i].value(first_start);
     StageResult& result = run.result;
     result.status = estimator::name(estimate.status);
     result.message = estimate.message;
@@ -190,22 +205,40 @@ void describe(const StageInput& input, StageRun& run) {
 
 }  // namespace
 
+estimator::EstimateOptions estimate_options(const IdentificationProblem& problem, const Options& options,
+                                            Observer& observer) {
+    estimator::EstimateOptions estimate;
+    estimate.variance = options.variance;
+    estimate.joint_priors = problem.joint_priors;
+    estimate.step_tolerance = options.step_tolerance;
+    estimate.interrupted = [&observer] { return observer.stopped(); };
+    estimate.progress = [&observer](int iteration, double objective) {
+        observer.at(iteration, fmt::format("objective {:.6g}", objective));
+    };
+    return estimate;
+}
+
 bool StageRun::usable() const {
     return !estimate.parameters.empty() && estimate.status != EstimateStatus::failed &&
            std::all_of(estimate.parameters.begin(), estimate.parameters.end(),
                        [](const estimator::Estimated& one) { return std::isfinite(one.value); });
 }
 
+bool StageRun::is_evaluated() const {
+    const std::size_t count = residuals.all().size();
+    return estimate.residuals.size() == count && estimate.latents.size() == count;
+}
+
 bool StageRun::skipped() const {
     return result.status == skipped_status;
 }
 
-const models::ParameterBinding& searched_binding(const Job& job, const EstimateSetup& setup) {
-    return job.orbits && !job.orbits->file ? setup.experiments[job.orbits->data] : setup.model;
+const models::ParameterBinding& searched_binding(const IdentificationProblem& problem, const EstimateSetup& setup) {
+    return problem.measured.experiment ? setup.experiments[*problem.measured.experiment] : setup.model;
 }
 
-StageRun fit_stage(StageInput& input, const StageJob& stage, const Parameters& parameters) {
-    StageCheckpoint unused;
+StageRun fit_stage(StageInput& input, const Stage& stage, const Parameters& parameters) {
+    StageValue unused;
     StageRun run = estimate_stage(input, stage, parameters, unused, false);
     if (!run.skipped()) describe(input, run);
     return run;
@@ -214,44 +247,42 @@ StageRun fit_stage(StageInput& input, const StageJob& stage, const Parameters& p
 namespace {
 
 /// A stage that has finished before: everything but the computing.
-StageRun remembered_stage(StageInput& input, const StageJob& stage, const Parameters& parameters,
-                          StageCheckpoint& memory) {
+StageRun remembered_stage(StageInput& input, const Stage& stage, const Parameters& parameters, StageValue& memory) {
     if (memory.search) {
         input.search = *memory.search;
-        store_harvest(input);
+        input.observer.found(input.search);
     }
     StageRun run = memory.skipped.empty() ? estimate_stage(input, stage, parameters, memory, true)
                                           : skipped(stage, parameters, memory.skipped);
     if (run.skipped()) {
-        input.work.progress.reused(stage.name(), run.result.message);
+        input.observer.recalled(stage.name(), run.result.message);
         return run;
     }
     describe(input, run);
-    input.work.progress.reused(
-        stage.name(), fmt::format("{} after {} iterations, from checkpoint.bin", estimator::name(run.estimate.status),
-                                  run.estimate.iterations));
+    input.observer.recalled(stage.name(), fmt::format("{} after {} iterations, from checkpoint.bin",
+                                                      estimator::name(run.estimate.status), run.estimate.iterations));
     return run;
 }
 
-StageRun computed_stage(StageInput& input, const StageJob& stage, const Parameters& parameters, const StageRun* before,
-                        StageCheckpoint& memory, const std::string& name) {
-    if (stage.kind == StageJob::Kind::harvest) {
+StageRun computed_stage(StageInput& input, const Stage& stage, const Parameters& parameters, const StageRun* before,
+                        StageValue& memory, const std::string& name) {
+    if (stage.kind == Stage::Kind::harvest) {
         const std::string cycles = name + " cycles";
-        const bool known = input.checkpoint != nullptr && input.checkpoint->recall(cycles, memory);
+        const bool known = input.kept && input.observer.recall(cycles, memory);
         if (known && memory.search) {
             input.search = *memory.search;
-            store_harvest(input);
-            input.work.progress.reused("more cycles", fmt::format("{} cycles", input.search.cycles.size()));
+            input.observer.found(input.search);
+            input.observer.recalled("more cycles", fmt::format("{} cycles", input.search.cycles.size()));
         } else if (!known) {
             memory.skipped =
                 before == nullptr ? "no estimate from cycles points anywhere" : harvest_cycles(input, *before);
             if (memory.skipped.empty()) memory.search = input.search;
-            if (input.checkpoint != nullptr && !input.work.interruption.asked()) input.checkpoint->keep(cycles, memory);
+            if (input.kept && !input.observer.stopped()) input.observer.keep(cycles, memory);
         }
         if (!memory.skipped.empty()) return skipped(stage, parameters, memory.skipped);
     }
     // A single stage is called after the whole, which has begun.
-    if (input.work.job.estimate->strategy.size() > 1) input.work.progress.begin(stage.name());
+    if (input.options.strategy.size() > 1) input.observer.begin(stage.name(), 0.0, {});
     StageRun run = estimate_stage(input, stage, parameters, memory, false);
     if (run.skipped()) {
         memory.skipped = run.result.message;
@@ -263,21 +294,20 @@ StageRun computed_stage(StageInput& input, const StageJob& stage, const Paramete
 
 }  // namespace
 
-StageRun run_stage(StageInput& input, const StageJob& stage, const Parameters& parameters, const StageRun* before,
+StageRun run_stage(StageInput& input, const Stage& stage, const Parameters& parameters, const StageRun* before,
                    const std::string& name) {
-    StageCheckpoint memory;
-    if (input.checkpoint != nullptr && input.checkpoint->recall(name, memory))
-        return remembered_stage(input, stage, parameters, memory);
+    StageValue memory;
+    if (input.kept && input.observer.recall(name, memory)) return remembered_stage(input, stage, parameters, memory);
     StageRun run = computed_stage(input, stage, parameters, before, memory, name);
     // Kept before it is told, so that what was told is there. An interruption leaves a stage half done.
-    if (input.checkpoint != nullptr && !input.work.interruption.asked()) input.checkpoint->keep(name, memory);
+    if (input.kept && !input.observer.stopped()) input.observer.keep(name, memory);
     if (run.skipped()) {
-        input.work.progress.end(run.result.message);
+        input.observer.end(run.result.message);
     } else {
-        input.work.progress.end(
+        input.observer.end(
             fmt::format("{} after {} iterations", estimator::name(run.estimate.status), run.estimate.iterations));
     }
     return run;
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

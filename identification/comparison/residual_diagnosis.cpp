@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "apps/estimation/estimated_values.hpp"
-#include "apps/estimation/posterior_stage.hpp"
 #include "estimator/errors/noise_model.hpp"
+#include "identification/comparison/residual_diagnosis.hpp"
+#include "identification/problem/estimated_values.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 namespace {
 
@@ -178,4 +178,4 @@ std::vector<GroupDiagnostic> diagnose_residuals(const std::vector<estimator::Res
     return WhitenedGroups(residuals, estimate).diagnostics();
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

@@ -5,7 +5,7 @@
 
 #include "estimator/interface/residual.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 /// One change that an estimate made to a residual.
 struct ResidualChange {
@@ -49,4 +49,4 @@ private:
 /// Applies the recorded changes of another residual.
 void repeat_changes(const std::vector<ResidualChange>& changes, estimator::Residual& residual);
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

@@ -6,14 +6,12 @@
 #include <string>
 #include <vector>
 
-#include "apps/estimation/estimate_residuals.hpp"
-#include "apps/estimation/estimate_setup.hpp"
-#include "apps/stages/data_stage.hpp"
-#include "apps/stages/workspace.hpp"
+#include "identification/problem/estimate_setup.hpp"
+#include "identification/problem/problem_residuals.hpp"
 #include "models/system/system.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 /// The derivatives of a model are not those of its equations: no estimate from them can be right.
 class WrongModel : public std::runtime_error {
@@ -33,14 +31,13 @@ struct FlowStart {
 
 /// The first flow of an estimate, at the start values: the first ten intervals of the first fitted segment, or from a
 /// point of the first cycle to the next section. Empty when there is neither, or its state is not finite.
-[[nodiscard]] std::optional<FlowStart> first_flow(const Job& job, const std::vector<Experiment>& data,
-                                                  const orbits::CycleSearch& search, const EstimateSetup& setup,
-                                                  const JobResiduals& residuals,
-                                                  const models::ParameterBinding& cycle_binding);
+[[nodiscard]] std::optional<FlowStart> first_flow(const IdentificationProblem& problem, const EstimateSetup& setup,
+                                                  const ProblemResiduals& residuals,
+                                                  const models::ParameterBinding& cycle_binding, std::uint64_t seed);
 
 /// Compares the derivatives of a flow with differences, and describes their agreement in one line. Models of more than
 /// 100 directions are skipped, which the line says: the cost grows with the square of their number.
 /// @throws WrongModel naming the entry that disagrees worst.
 [[nodiscard]] std::string compare_derivatives(const FlowStart& start);
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

@@ -9,7 +9,7 @@
 #include "estimator/interface/estimate_options.hpp"
 #include "estimator/interface/estimate_result.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 /// One field of all parameters, of those that are free or of those of an estimate.
 template <class Parameter>
@@ -37,4 +37,4 @@ template <class Parameter>
     return nullptr;
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

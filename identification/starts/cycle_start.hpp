@@ -8,7 +8,7 @@
 #include "estimator/estimate/estimate.hpp"
 #include "orbits/cycle_residuals/cycle_target.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 /// What the search for a start from measured cycles is given.
 struct CycleStartProblem {
@@ -43,4 +43,4 @@ struct CycleStart {
                                            const std::vector<estimator::FreeParameter>& parameters,
                                            const CycleStartOptions& options);
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

@@ -1,4 +1,4 @@
-#include "apps/estimation/harvest_stage.hpp"
+#include "identification/stages/harvest_stage.hpp"
 
 #include <optional>
 #include <stdexcept>
@@ -6,13 +6,10 @@
 
 #include <fmt/format.h>
 
-#include "apps/estimation/estimated_values.hpp"
-#include "apps/results/cycle_file.hpp"
-#include "apps/stages/orbits_stage.hpp"
-#include "apps/stages/workspace.hpp"
+#include "identification/problem/estimated_values.hpp"
 #include "orbits/cycles/model_guided_search.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 namespace {
 
@@ -27,46 +24,37 @@ std::optional<Eigen::MatrixXd> known_covariance(const estimator::Estimate& estim
 
 }  // namespace
 
-void store_harvest(const StageInput& input) {
-    input.work.folder.store(
-        "harvested_cycles.json",
-        cycles_text({cycle_file_head(input.work.job,
-                                     stage_fingerprint(input.work.document, {"/model", "/seed", "/section", "/flow",
-                                                                             "/data", "/orbits", "/estimate"})),
-                     input.search}));
-}
-
 std::string harvest_cycles(StageInput& input, const StageRun& before) {
-    const Job& job = input.work.job;
-    if (input.section == nullptr) return "cycles were not searched for in a series";
+    const IdentificationProblem& problem = input.problem;
+    const MeasuredCycles& measured = problem.measured;
+    if (!measured.section || !measured.experiment) return "cycles were not searched for in a series";
     const auto covariance = known_covariance(before.estimate, input.cycle_binding);
     if (!covariance) return "the estimate before leaves a direction undetermined: it points nowhere";
     orbits::ModelGuidedSearchOptions options;
-    options.search = input.section->options;
-    options.search.interrupted = input.work.asking();
+    options.search = measured.options;
+    options.search.interrupted = [&observer = input.observer] { return observer.left(); };
     // Known from the first search, they need not be estimated again.
     if (options.search.reading_covariance.size() == 0 &&
-        input.search.reading_covariance.rows() == input.section->series().dimension())
+        input.search.reading_covariance.rows() == measured.section->dimension())
         options.search.reading_covariance = input.search.reading_covariance;
-    options.sensor = job.data[job.orbits->data].sensor;
-    options.phase = job.section_phase;
+    options.sensor = problem.experiments[*measured.experiment].sensor;
+    options.phase = measured.section_phase;
     options.covariance = *covariance;
     options.free = input.cycle_binding.parameter;
-    input.work.progress.begin("more cycles");
+    input.observer.begin("more cycles", 0.0, {});
     orbits::ModelGuidedSearch found;
     try {
-        const RunStop::AtOnce leaving(input.work.stop);
+        const Unstoppable computing(input.observer);
         const Eigen::VectorXd values = input.cycle_binding.values(estimated_theta(before.estimate));
-        found = orbits::model_guided_search(input.section->series(), *job.model.system, values, input.search.cycles,
-                                            options);
+        found = orbits::model_guided_search(*measured.section, *problem.system, values, input.search.cycles, options);
     } catch (const std::invalid_argument& error) {
-        input.work.progress.end(error.what());
+        input.observer.end(error.what());
         return error.what();
     }
-    input.work.progress.end(fmt::format("{} new cycles from {} orbits; {} not visited, {} rejected",
-                                        found.cycles.size(), found.candidates, found.not_visited, found.rejected));
+    input.observer.end(fmt::format("{} new cycles from {} orbits; {} not visited, {} rejected", found.cycles.size(),
+                                   found.candidates, found.not_visited, found.rejected));
     for (const std::string& remark : found.remarks)
-        input.work.progress.say(remark);
+        input.observer.remark(remark);
     if (found.cycles.empty()) return "no further cycle was found in the series";
     // Partners are indices into the list: those of new cycles count from their own beginning.
     const std::size_t known = input.search.cycles.size();
@@ -74,8 +62,8 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
         if (cycle.mirror) *cycle.mirror += known;
         input.search.cycles.push_back(std::move(cycle));
     }
-    store_harvest(input);
+    input.observer.found(input.search);
     return {};
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

@@ -5,10 +5,10 @@
 
 #include <Eigen/Core>
 
-#include "apps/estimation/strategy_stage.hpp"
-#include "apps/results/strategy_results.hpp"
+#include "identification/problem/identification_result.hpp"
+#include "identification/stages/strategy_stage.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 /// Defects at the nodes of every series of a stage, at its estimate; empty without nodes.
 /// @param compared  estimate again with ten times looser matching and report how far the parameters move, see
@@ -21,4 +21,4 @@ namespace orbid::apps {
 /// Nodes at the estimate: by experiment of the stage, by fitted segment, shape (n, nodes).
 [[nodiscard]] std::vector<std::vector<Eigen::MatrixXd>> estimated_nodes(const StageRun& run);
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

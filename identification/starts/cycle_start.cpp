@@ -1,4 +1,4 @@
-#include "apps/estimation/cycle_start.hpp"
+#include "identification/starts/cycle_start.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -7,11 +7,11 @@
 
 #include <fmt/format.h>
 
-#include "apps/estimation/estimated_values.hpp"
+#include "identification/problem/estimated_values.hpp"
 #include "orbits/cycle_residuals/lifted_cycle_residual.hpp"
 #include "orbits/cycle_residuals/one_period_residual.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 namespace {
 
@@ -196,4 +196,4 @@ CycleStart start_from_cycles(const CycleStartProblem& problem, const std::vector
     return result;
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

@@ -1,27 +1,27 @@
-#include "apps/estimation/estimate_setup.hpp"
+#include "identification/problem/estimate_setup.hpp"
 
 #include <algorithm>
 #include <limits>
 
 #include <fmt/format.h>
 
-#include "apps/estimation/estimated_values.hpp"
+#include "identification/problem/estimated_values.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 namespace {
 
 /// What the parameter that another one follows is called in an experiment.
-std::string name_in(const Job& job, const DataJob& data, const std::string& name) {
-    for (const FreeParameterJob& free : job.estimate->parameters)
+std::string name_in(const IdentificationProblem& problem, const Experiment& data, const std::string& name) {
+    for (const FreeModelParameter& free : problem.parameters)
         if (free.value.name == name && data.has_own(free.parameter)) return fmt::format("{}@{}", name, data.name);
     return name;
 }
 
 /// All experiments have it for themselves: nothing is left to share.
-bool is_shared(const Job& job, Eigen::Index parameter) {
-    return job.data.empty() ||
-           !std::all_of(job.data.begin(), job.data.end(), [&](const DataJob& data) { return data.has_own(parameter); });
+bool is_shared(const IdentificationProblem& problem, Eigen::Index parameter) {
+    return problem.experiments.empty() || !std::all_of(problem.experiments.begin(), problem.experiments.end(),
+                                                       [&](const Experiment& data) { return data.has_own(parameter); });
 }
 
 void bind(models::ParameterBinding& binding, Eigen::Index parameter, std::size_t estimated) {
@@ -29,15 +29,15 @@ void bind(models::ParameterBinding& binding, Eigen::Index parameter, std::size_t
     binding.estimated.push_back(static_cast<Eigen::Index>(estimated));
 }
 
-void add_initial_values(const Job& job, std::size_t experiment, const std::vector<std::string>& segments,
-                        EstimateSetup& setup) {
-    const DataJob& data = job.data[experiment];
+void add_initial_values(const IdentificationProblem& problem, std::size_t experiment,
+                        const std::vector<std::string>& segments, EstimateSetup& setup) {
+    const Experiment& data = problem.experiments[experiment];
     auto& indices = setup.initial[experiment];
     indices.resize(data.initial_state.size());
     for (std::size_t i = 0; i < data.initial_state.size(); ++i) {
-        const InitialValueJob& initial = data.initial_state[i];
+        const InitialValue& initial = data.initial_state[i];
         if (!initial.is_parameter()) continue;
-        const models::Coordinate& coordinate = job.model.system->coordinates()[i];
+        const models::Coordinate& coordinate = problem.system->coordinates()[i];
         for (const std::string& segment : segments) {
             estimator::FreeParameter parameter;
             parameter.name = initial_parameter_name(std::string(coordinate.name), data.name);
@@ -54,7 +54,7 @@ void add_initial_values(const Job& job, std::size_t experiment, const std::vecto
     }
 }
 
-estimator::DerivedQuantity derived_quantity(const DerivedJob& derived, const models::ParameterBinding& binding) {
+estimator::DerivedQuantity derived_quantity(const ModelQuantity& derived, const models::ParameterBinding& binding) {
     const models::Expression expression = derived.expression;
     return {derived.name,
             [expression, binding](const Eigen::VectorXd& theta) { return expression.value(binding.values(theta)); },
@@ -69,10 +69,10 @@ estimator::DerivedQuantity derived_quantity(const DerivedJob& derived, const mod
 
 }  // namespace
 
-std::vector<estimator::JointCovariance> joint_covariances(const std::vector<CovarianceJob>& jobs,
+std::vector<estimator::JointCovariance> joint_covariances(const std::vector<JointErrors>& jobs,
                                                           const std::vector<Eigen::Index>& coordinates) {
     std::vector<estimator::JointCovariance> covariances;
-    for (const CovarianceJob& job : jobs) {
+    for (const JointErrors& job : jobs) {
         estimator::JointCovariance& covariance = covariances.emplace_back();
         for (const Eigen::Index coordinate : job.coordinates) {
             const auto at = std::find(coordinates.begin(), coordinates.end(), coordinate);
@@ -88,43 +88,45 @@ Eigen::VectorXd EstimateSetup::start() const {
     return starts(parameters);
 }
 
-EstimateSetup estimate_setup(const Job& job, const std::vector<std::vector<std::string>>& segments) {
+EstimateSetup estimate_setup(const IdentificationProblem& problem,
+                             const std::vector<std::vector<std::string>>& segments) {
     EstimateSetup setup;
-    setup.model.base = job.model.values;
-    setup.experiments.resize(job.data.size());
+    setup.model.base = problem.values;
+    setup.experiments.resize(problem.experiments.size());
     // A simulated experiment's own values made its data; what is estimated there starts elsewhere.
-    for (std::size_t e = 0; e < job.data.size(); ++e)
-        setup.experiments[e].base = job.data[e].with_own(job.model.values);
-    for (const FreeParameterJob& free : job.estimate->parameters) {
-        if (!is_shared(job, free.parameter)) continue;
+    for (std::size_t e = 0; e < problem.experiments.size(); ++e)
+        setup.experiments[e].base = problem.experiments[e].with_own(problem.values);
+    for (const FreeModelParameter& free : problem.parameters) {
+        if (!is_shared(problem, free.parameter)) continue;
         bind(setup.model, free.parameter, setup.parameters.size());
-        for (std::size_t e = 0; e < job.data.size(); ++e)
-            if (!job.data[e].has_own(free.parameter))
+        for (std::size_t e = 0; e < problem.experiments.size(); ++e)
+            if (!problem.experiments[e].has_own(free.parameter))
                 bind(setup.experiments[e], free.parameter, setup.parameters.size());
         setup.parameters.push_back(free.value);
     }
-    for (std::size_t e = 0; e < job.data.size(); ++e) {
-        for (const FreeParameterJob& free : job.estimate->parameters) {
-            if (!job.data[e].has_own(free.parameter)) continue;
+    for (std::size_t e = 0; e < problem.experiments.size(); ++e) {
+        for (const FreeModelParameter& free : problem.parameters) {
+            if (!problem.experiments[e].has_own(free.parameter)) continue;
             bind(setup.experiments[e], free.parameter, setup.parameters.size());
-            if (e == 0 && !is_shared(job, free.parameter)) bind(setup.model, free.parameter, setup.parameters.size());
+            if (e == 0 && !is_shared(problem, free.parameter))
+                bind(setup.model, free.parameter, setup.parameters.size());
             setup.parameters.push_back(free.value);
-            setup.parameters.back().name = fmt::format("{}@{}", free.value.name, job.data[e].name);
-            setup.parameters.back().tied_to = name_in(job, job.data[e], free.value.tied_to);
+            setup.parameters.back().name = fmt::format("{}@{}", free.value.name, problem.experiments[e].name);
+            setup.parameters.back().tied_to = name_in(problem, problem.experiments[e], free.value.tied_to);
         }
     }
-    setup.initial.resize(job.data.size());
-    if (job.estimate->series) {
-        for (const std::size_t experiment : job.estimate->series->data)
-            add_initial_values(job, experiment, segments[experiment], setup);
+    setup.initial.resize(problem.experiments.size());
+    if (problem.series) {
+        for (const std::size_t experiment : problem.series->data)
+            add_initial_values(problem, experiment, segments[experiment], setup);
     }
     const auto count = static_cast<Eigen::Index>(setup.parameters.size());
     setup.model.estimated_count = count;
     for (models::ParameterBinding& binding : setup.experiments)
         binding.estimated_count = count;
-    for (const DerivedJob& derived : job.estimate->derived)
+    for (const ModelQuantity& derived : problem.derived)
         setup.derived.push_back(derived_quantity(derived, setup.model));
     return setup;
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

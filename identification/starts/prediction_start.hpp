@@ -4,24 +4,23 @@
 
 #include <Eigen/Core>
 
-#include "apps/estimation/estimate_residuals.hpp"
-#include "apps/estimation/estimate_setup.hpp"
-#include "apps/stages/data_stage.hpp"
 #include "estimator/estimate/estimate.hpp"
+#include "identification/problem/estimate_setup.hpp"
+#include "identification/problem/identification_options.hpp"
+#include "identification/problem/problem_residuals.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 /// Adds a residual by multiple shooting per experiment of the series, its nodes guessed at `start`.
 /// @param nodes  known ones by experiment of the series and fitted segment; empty: guessed.
 /// @throws orbits::DataError when the data do not suffice, naming the experiment.
-void add_shooting(const Job& job, const std::vector<Experiment>& data, const EstimateSetup& setup,
-                  const Eigen::VectorXd& start, const std::vector<std::vector<Eigen::MatrixXd>>& nodes,
-                  JobResiduals& residuals);
+void add_shooting(const IdentificationProblem& problem, const EstimateSetup& setup, const Eigen::VectorXd& start,
+                  const std::vector<std::vector<Eigen::MatrixXd>>& nodes, ProblemResiduals& residuals);
 
 /// A start by prediction over one interval, and the residuals for the estimate that follows.
 struct PredictionStart {
     Eigen::VectorXd theta;
-    JobResiduals residuals;
+    ProblemResiduals residuals;
 };
 
 /// Adds a residual of predictions over one interval per experiment: those of the series residual, or the one searched
@@ -29,7 +28,7 @@ struct PredictionStart {
 /// @param parameters  with the starts.
 /// @param known       the start found here before; nullptr: none.
 /// @throws orbits::DataError as add_shooting; also when a record has no interval that can be predicted.
-[[nodiscard]] PredictionStart prediction_start(const Job& job, const std::vector<Experiment>& data,
+[[nodiscard]] PredictionStart prediction_start(const IdentificationProblem& problem, const Options& options,
                                                const EstimateSetup& setup,
                                                const models::ParameterBinding& cycle_binding,
                                                const std::vector<estimator::FreeParameter>& parameters,
@@ -38,4 +37,4 @@ struct PredictionStart {
 /// Options of an estimate by predictions: it need only come near.
 [[nodiscard]] estimator::EstimateOptions prediction_options(const estimator::EstimateOptions& options);
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

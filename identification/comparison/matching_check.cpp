@@ -1,13 +1,13 @@
-#include "apps/estimation/matching_check.hpp"
+#include "identification/comparison/matching_check.hpp"
 
 #include <cmath>
 
 #include <fmt/format.h>
 
-#include "apps/estimation/estimated_values.hpp"
+#include "identification/problem/estimated_values.hpp"
 #include "orbits/series_residuals/continuity_report.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 namespace {
 
@@ -23,8 +23,8 @@ Eigen::VectorXd matching_sds(const orbits::ShootingResidual& residual, const est
     return sds;
 }
 
-/// Index of the first residual by multiple shooting in the order of JobResiduals::all().
-std::size_t first_shooting(const JobResiduals& residuals) {
+/// Index of the first residual by multiple shooting in the order of ProblemResiduals::all().
+std::size_t first_shooting(const ProblemResiduals& residuals) {
     return (residuals.cycles ? 1 : 0) + residuals.series.size();
 }
 
@@ -48,12 +48,12 @@ void compare_looser(const StageInput& input, const StageRun& run, std::vector<or
         parameters[i].start = run.estimate.parameters[i].value;
         names.push_back(parameters[i].name);
     }
-    estimator::EstimateOptions options = input.options;
+    estimator::EstimateOptions options = input.estimate;
     options.verdict = false;
     options.progress = {};
     const auto other = estimator::estimate(parameters, residuals, {}, options);
-    input.work.progress.log(fmt::format("ten times looser matching: {}, {} iterations; {}",
-                                        estimator::name(other.status), other.iterations, other.message));
+    input.observer.detail(fmt::format("ten times looser matching: {}, {} iterations; {}", estimator::name(other.status),
+                                      other.iterations, other.message));
     if (other.status != estimator::EstimateStatus::converged) return;
     for (std::size_t i = 0; i < shooting.size(); ++i)
         orbits::compare(reports[i], *shooting[i], names, estimated_theta(run.estimate), laplace_sds(run.estimate),
@@ -63,7 +63,7 @@ void compare_looser(const StageInput& input, const StageRun& run, std::vector<or
 }  // namespace
 
 std::vector<MatchingResult> matching_results(const StageInput& input, const StageRun& run, bool compared) {
-    const Job& job = input.work.job;
+    const IdentificationProblem& problem = input.problem;
     const auto& shooting = run.residuals.shooting;
     const std::size_t first = first_shooting(run.residuals);
     if (shooting.empty() || run.estimate.latents.size() != run.residuals.all().size()) return {};
@@ -75,11 +75,11 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
     if (compared && alone && run.estimate.status == estimator::EstimateStatus::converged)
         compare_looser(input, run, reports);
     std::vector<MatchingResult> results;
-    const auto coordinates = job.model.system->coordinates();
+    const auto coordinates = problem.system->coordinates();
     for (std::size_t i = 0; i < shooting.size(); ++i) {
         const orbits::ContinuityReport& report = reports[i];
         MatchingResult& result = results.emplace_back();
-        result.experiment = job.data[run.residuals.shooting_experiments[i]].name;
+        result.experiment = problem.experiments[run.residuals.shooting_experiments[i]].name;
         result.interval = static_cast<std::size_t>(shooting[i]->interval());
         result.intervals = report.defect.count;
         result.large = report.defect.large;
@@ -130,4 +130,4 @@ std::vector<std::vector<Eigen::MatrixXd>> estimated_nodes(const StageRun& run) {
     return all;
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

@@ -4,9 +4,9 @@
 #include <optional>
 #include <vector>
 
-#include "apps/estimation/strategy_stage.hpp"
+#include "identification/stages/strategy_stage.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 /// The outcome of the stages of a strategy.
 struct StrategyRun {
@@ -20,7 +20,7 @@ struct StrategyRun {
 
 /// Runs stages in order, each from the best before it; none begins after an interruption.
 /// @param stored  called after every stage with the results so far.
-[[nodiscard]] StrategyRun run_strategy(StageInput& input, const std::vector<StageJob>& stages,
+[[nodiscard]] StrategyRun run_strategy(StageInput& input, const std::vector<Stage>& stages,
                                        const std::vector<estimator::FreeParameter>& parameters,
                                        const std::function<void(const StrategyRun&)>& stored);
 
@@ -28,4 +28,4 @@ struct StrategyRun {
 /// another succeeded loses nothing, but is reported.
 [[nodiscard]] estimator::Estimate strategy_estimate(const StrategyRun& strategy, bool interrupted);
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

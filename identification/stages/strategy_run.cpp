@@ -1,19 +1,19 @@
-#include "apps/estimation/estimate_strategy.hpp"
+#include "identification/stages/strategy_run.hpp"
 
 #include <algorithm>
 #include <utility>
 
 #include <fmt/format.h>
 
-namespace orbid::apps {
+namespace orbid::identification {
 
-StrategyRun run_strategy(StageInput& input, const std::vector<StageJob>& stages,
+StrategyRun run_strategy(StageInput& input, const std::vector<Stage>& stages,
                          const std::vector<estimator::FreeParameter>& parameters,
                          const std::function<void(const StrategyRun&)>& stored) {
     StrategyRun strategy;
     std::vector<estimator::FreeParameter> current = parameters;
-    for (const StageJob& stage : stages) {
-        if (input.work.interruption.asked()) break;
+    for (const Stage& stage : stages) {
+        if (input.observer.stopped()) break;
         StageRun run = run_stage(input, stage, current, strategy.best ? &*strategy.best : nullptr,
                                  fmt::format("stage {}", strategy.stages.size()));
         strategy.stages.push_back(run.result);
@@ -62,4 +62,4 @@ estimator::Estimate strategy_estimate(const StrategyRun& strategy, bool interrup
     return estimate;
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

@@ -1,6 +1,6 @@
-#include "apps/estimation/recorded_residual.hpp"
+#include "identification/stages/recorded_residual.hpp"
 
-namespace orbid::apps {
+namespace orbid::identification {
 
 estimator::RefreshReport RecordedResidual::update_active_set(const Eigen::VectorXd& theta,
                                                              const std::vector<Eigen::VectorXd>& latents,
@@ -24,4 +24,4 @@ void repeat_changes(const std::vector<ResidualChange>& changes, estimator::Resid
     }
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::identification

@@ -1,0 +1,108 @@
+#include "apps/estimation/job_problem.hpp"
+
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "apps/job/flow_stepper.hpp"
+#include "identification/problem/problem_residuals.hpp"
+#include "models/catalogue/registry.hpp"
+
+namespace orbid::apps {
+
+namespace {
+
+/// Refers to what somebody else owns.
+std::shared_ptr<const orbits::Series> borrowed(const orbits::Series& series) {
+    return {std::shared_ptr<const orbits::Series>(), &series};
+}
+
+/// How the measured cycles are weighted, how their errors are distributed and how their points were read.
+orbits::CycleTargetOptions cycle_targets(const Job& whole) {
+    const CyclesResidualJob& job = *whole.estimate->cycles;
+    orbits::CycleTargetOptions targets;
+    targets.periods = job.periods;
+    targets.weights = job.covariance ? orbits::CycleWeights::covariance : orbits::CycleWeights::equal;
+    targets.positions = job.positions;
+    targets.multipliers = job.multipliers;
+    targets.multiplier_error = job.multiplier_error;
+    // Cycles of a file are states.
+    if (!whole.orbits->file) targets.sensor = whole.data[whole.orbits->data].sensor;
+    std::vector<Eigen::Index> coordinates;
+    for (const ErrorJob& error : job.errors) {
+        targets.errors.push_back(error.scale);
+        targets.forms.push_back(identification::error_form(error));
+        coordinates.push_back(error.coordinate);
+    }
+    targets.covariances = identification::joint_covariances(job.covariances, coordinates);
+    return targets;
+}
+
+identification::Experiment identification_experiment(const DataJob& job, const Experiment* record) {
+    identification::Experiment experiment;
+    experiment.name = job.name;
+    if (record != nullptr) {
+        experiment.series = borrowed(record->series);
+        experiment.inputs = record->inputs;
+    }
+    experiment.sensor = job.sensor;
+    experiment.observe = job.observe;
+    experiment.parameters = job.parameters;
+    experiment.free = job.free;
+    experiment.fit = job.fit;
+    experiment.predict = job.predict;
+    experiment.initial_state = job.initial_state;
+    experiment.follows_model = job.simulation.has_value();
+    return experiment;
+}
+
+}  // namespace
+
+identification::IdentificationProblem identification_problem(const Job& job, std::span<const Experiment> data) {
+    identification::IdentificationProblem problem;
+    problem.system = job.model.system;
+    problem.values = job.model.values;
+    problem.parameters = job.estimate->parameters;
+    problem.joint_priors = job.estimate->joint_priors;
+    problem.derived = job.estimate->derived;
+    for (std::size_t e = 0; e < job.data.size(); ++e)
+        problem.experiments.push_back(identification_experiment(job.data[e], e < data.size() ? &data[e] : nullptr));
+    if (job.estimate->cycles) problem.cycles = cycle_targets(job);
+    problem.series = job.estimate->series;
+    problem.waveform = job.estimate->waveform;
+    problem.measured.section_phase = job.section_phase;
+    if (job.orbits && !job.orbits->file) problem.measured.experiment = job.orbits->data;
+    return problem;
+}
+
+void add_measured_cycles(const Job& job, const SearchedSection* section, const orbits::CycleSearch& search,
+                         identification::IdentificationProblem& problem) {
+    problem.measured.search = search;
+    if (section == nullptr) return;
+    problem.measured.section = borrowed(section->series());
+    problem.measured.options = section->options;
+    problem.measured.experiment = job.orbits->data;
+}
+
+identification::Options identification_options(const Job& job) {
+    const EstimateJob& estimate = *job.estimate;
+    identification::Options options;
+    options.strategy = estimate.strategy;
+    options.scan = estimate.scan;
+    options.seed = job.seed;
+    options.variance = estimate.variance;
+    options.starts = estimate.multi_start.starts;
+    options.start_seed = estimate.multi_start.seed;
+    options.comparison.model = job.model.variant.empty() ? job.model.name : "variant " + job.model.variant;
+    options.comparison.held_out = estimate.criticism.held_out;
+    for (const std::string& variant : estimate.criticism.variants)
+        options.comparison.alternatives.push_back(
+            {"variant " + variant,
+             with_stepper(models::make_system(job.model.name, variant, job.model.size), job.stepper)});
+    for (const Eigen::Index parameter : estimate.criticism.without)
+        options.comparison.alternatives.push_back(
+            {fmt::format("without {}", job.model.parameter(parameter).name), nullptr, parameter});
+    return options;
+}
+
+}  // namespace orbid::apps

@@ -1,0 +1,53 @@
+#include "identification/comparison/model_fit.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+namespace orbid::identification {
+
+namespace {
+
+/// One stage of one model: nothing else runs again.
+Options plain_options(Options options) {
+    options.comparison = {};
+    options.starts = 1;
+    return options;
+}
+
+/// Another model than that of the estimate, which is asked to stop as that is.
+IdentificationProblem asking(IdentificationProblem problem, const Observer& observer) {
+    problem.system = problem.system->with_stop([&observer] { return observer.left(); });
+    return problem;
+}
+
+}  // namespace
+
+ModelFit::ModelFit(const StageInput& input, IdentificationProblem problem, std::string name,
+                   std::vector<std::vector<Eigen::MatrixXd>> nodes)
+    : name_(std::move(name)),
+      problem_(asking(std::move(problem), input.observer)),
+      options_(plain_options(input.options)),
+      setup_(estimate_setup(problem_, fitted_labels(problem_))),
+      input_{problem_,  options_,       input.observer, setup_,  searched_binding(problem_, setup_),
+             prepared_, input.estimate, input.search,   nullptr, std::move(nodes),
+             false} {
+    input_.estimate.progress = {};
+    add_series(problem_, setup_, prepared_);
+    (void)add_waveform(problem_, setup_, setup_.start(), prepared_.waveform);
+}
+
+StageRun ModelFit::fit(const Stage& stage, const estimator::Estimate& from) {
+    std::vector<estimator::FreeParameter> parameters = setup_.parameters;
+    for (estimator::FreeParameter& parameter : parameters) {
+        const auto same = std::find_if(from.parameters.begin(), from.parameters.end(),
+                                       [&](const estimator::Estimated& one) { return one.name == parameter.name; });
+        if (same != from.parameters.end()) parameter.start = same->value;
+    }
+    StageRun run = fit_stage(input_, stage, parameters);
+    input_.observer.detail(fmt::format("{}: {}, {} iterations, objective {:.6g}; {}", name_, run.result.status,
+                                       run.result.iterations, run.result.objective, run.result.message));
+    return run;
+}
+
+}  // namespace orbid::identification

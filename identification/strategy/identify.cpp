@@ -1,0 +1,93 @@
+#include "identification/strategy/identify.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "identification/comparison/matching_check.hpp"
+#include "identification/comparison/model_comparison.hpp"
+#include "identification/stages/strategy_run.hpp"
+#include "identification/starts/derivative_self_check.hpp"
+
+namespace orbid::identification {
+
+namespace {
+
+/// What is said of the matching of nodes, and of other models.
+void criticise_result(const StageInput& input, const StageRun& best, IdentificationResult& result) {
+    const auto chosen =
+        std::find_if(result.stages.begin(), result.stages.end(), [](const StageResult& one) { return one.chosen; });
+    if (chosen == result.stages.end() || !best.is_evaluated()) return;
+    const Stage& stage = input.options.strategy[static_cast<std::size_t>(chosen - result.stages.begin())];
+    if (!input.observer.recall("matching", result.matching)) {
+        result.matching = matching_results(input, best, !input.observer.stopped());
+        if (!input.observer.stopped()) input.observer.keep("matching", result.matching);
+    }
+    if (!input.options.comparison.any() || input.observer.stopped()) return;
+    if (stage.kind == Stage::Kind::prediction || !best.succeeded()) {
+        input.observer.remark("other models are not compared: there is no estimate to compare them with");
+        return;
+    }
+    result.comparison = criticise(input, stage, best);
+}
+
+}  // namespace
+
+IdentificationResult identify(const IdentificationProblem& asked, const Options& given, Observer& observer) {
+    validate(given);
+    const IdentificationProblem problem = completed(asked);
+    Options options = given;
+    if (options.strategy.empty()) options.strategy = automatic_strategy(problem);
+    EstimateSetup setup = estimate_setup(problem, fitted_labels(problem));
+    if (options.strategy.size() <= 1) observer.begin("estimate", 0.0, {});
+    ProblemResiduals prepared;
+    add_series(problem, setup, prepared);
+    for (const std::string& lost : add_waveform(problem, setup, setup.start(), prepared.waveform))
+        observer.remark(lost);
+    const models::ParameterBinding& cycle_binding = searched_binding(problem, setup);
+    if (const auto flow = first_flow(problem, setup, prepared, cycle_binding, options.seed))
+        observer.detail(compare_derivatives(*flow));
+
+    IdentificationResult result;
+    StartResults starts;
+    StageInput input{problem,
+                     options,
+                     observer,
+                     setup,
+                     cycle_binding,
+                     prepared,
+                     estimate_options(problem, options, observer),
+                     problem.measured.search,
+                     &starts,
+                     {},
+                     true};
+    const auto take = [&](const StrategyRun& run) {
+        result.stages = run.stages;
+        result.estimate = strategy_estimate(run, observer.stopped());
+        result.optima = starts.optima;
+        result.runs = starts.runs;
+        result.cycles = input.search.cycles;
+    };
+    StrategyRun strategy = run_strategy(input, options.strategy, setup.parameters, [&](const StrategyRun& run) {
+        take(run);
+        observer.stage_ended(result);
+    });
+    take(strategy);
+    if (!strategy.best || strategy.best->residuals.all().empty()) {
+        observer.end(result.estimate.message);
+        return result;
+    }
+    const auto best = std::make_shared<const StageRun>(std::move(*strategy.best));
+    result.best = best;
+    observer.estimated(result);
+    criticise_result(input, *best, result);
+    return result;
+}
+
+IdentificationResult identify(const IdentificationProblem& problem, const Options& options) {
+    Observer observer;
+    return identify(problem, options, observer);
+}
+
+}  // namespace orbid::identification
