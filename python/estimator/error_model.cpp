@@ -1,5 +1,8 @@
 #include "python/estimator/error_model.hpp"
 
+#include <limits>
+#include <utility>
+
 #include <pybind11/stl.h>
 
 #include "python/conversion/arguments.hpp"
@@ -24,56 +27,6 @@ estimator::ErrorScale error_scale(py::handle value, const std::string& where) {
     // From the residuals on unless a start is given.
     const estimator::ErrorParameter sd = error_parameter(value, 0.0, where);
     return {sd.estimate, sd.value, sd.prior};
-}
-
-estimator::FreeParameter free_parameter(const std::string& name, py::handle description) {
-    estimator::FreeParameter result;
-    result.name = name;
-    const std::string where = "parameter '" + name + "'";
-    if (!is_mapping(description)) {
-        result.start = finite_number(description, where);
-        return result;
-    }
-    NamedArguments given(where, description);
-    if (const py::object tied = given.find_value("tied")) {
-        if (py::isinstance<py::str>(tied)) {
-            result.tied_to = tied.cast<std::string>();
-        } else {
-            NamedArguments how(where + ": tied", tied);
-            result.tied_to = how.text("to", "");
-            result.tie_factor = how.number("factor", 1.0);
-            how.finish();
-            if (result.tied_to.empty()) throw py::type_error(where + ": tied: 'to' is missing");
-        }
-        given.take("unit", result.unit);
-        given.finish();
-        return result;
-    }
-    result.start = given.required_number("start");
-    given.take("unit", result.unit);
-    using estimator::Scale;
-    result.scale = given.word<Scale>(
-        "scale", {{"linear", Scale::linear}, {"log", Scale::log}, {"log10", Scale::log10}, {"logit", Scale::logit}},
-        result.scale);
-    if (const py::object bounds = given.find_value("bounds")) {
-        if (!is_list(bounds) || py::len(bounds) != 2)
-            throw py::value_error(where + ": bounds: needs [lower, upper], None where there is none");
-        const py::object lower = bounds[py::int_(0)];
-        const py::object upper = bounds[py::int_(1)];
-        const auto bound = [&](const py::object& value, double none) {
-            if (value.is_none()) return none;
-            if (PyFloat_Check(value.ptr()) && value.cast<double>() == none) return none;
-            return finite_number(value, where + ": bounds");
-        };
-        result.lower = bound(lower, result.lower);
-        result.upper = bound(upper, result.upper);
-    } else if (result.scale == estimator::Scale::log || result.scale == estimator::Scale::log10) {
-        result.lower = 0.0;
-    }
-    result.prior = prior(given.find("prior"), where + ": prior");
-    given.take("typical_size", result.typical_size);
-    given.finish();
-    return result;
 }
 
 }  // namespace
@@ -214,13 +167,74 @@ estimator::Group group(py::handle description, std::size_t number) {
     return result;
 }
 
+bool read_bounds(NamedArguments& given, const std::string& where, double& lower, double& upper) {
+    const py::object bounds = given.find_value("bounds");
+    if (!bounds) return false;
+    if (!is_list(bounds) || py::len(bounds) != 2)
+        throw py::value_error(where + ": bounds: needs [lower, upper], None where there is none");
+    const auto bound = [&](int place, double none) {
+        const py::object value = bounds[py::int_(place)];
+        if (value.is_none() || (PyFloat_Check(value.ptr()) && value.cast<double>() == none)) return none;
+        return finite_number(value, where + ": bounds");
+    };
+    constexpr double infinite = std::numeric_limits<double>::infinity();
+    lower = bound(0, -infinite);
+    upper = bound(1, infinite);
+    return true;
+}
+
+estimator::FreeParameter free_parameter(estimator::FreeParameter usual, py::handle description, bool known) {
+    const std::string where = "parameter '" + usual.name + "'";
+    if (!is_mapping(description)) {
+        usual.start = finite_number(description, where);
+        return usual;
+    }
+    NamedArguments given(where, description);
+    given.take("unit", usual.unit);
+    if (const py::object tied = given.find_value("tied")) {
+        if (py::isinstance<py::str>(tied)) {
+            usual.tied_to = tied.cast<std::string>();
+        } else {
+            NamedArguments how(where + ": tied", tied);
+            how.take({{"to", usual.tied_to}, {"factor", usual.tie_factor}});
+            how.finish();
+            if (usual.tied_to.empty()) throw py::type_error(where + ": tied: 'to' is missing");
+        }
+        given.finish();
+        return usual;
+    }
+    usual.start = known ? given.number("start", usual.start) : given.required_number("start");
+    using estimator::Scale;
+    usual.scale = given.word<Scale>(
+        "scale", {{"linear", Scale::linear}, {"log", Scale::log}, {"log10", Scale::log10}, {"logit", Scale::logit}},
+        usual.scale);
+    if (!read_bounds(given, where, usual.lower, usual.upper) &&
+        (usual.scale == Scale::log || usual.scale == Scale::log10))
+        usual.lower = 0.0;
+    usual.prior = prior(given.find("prior"), where + ": prior");
+    given.take("typical_size", usual.typical_size);
+    given.finish();
+    return usual;
+}
+
+std::vector<estimator::JointNormalPrior> joint_priors(NamedArguments& given) {
+    std::vector<estimator::JointNormalPrior> result;
+    const py::object priors = given.find_value("joint_priors");
+    if (!priors) return result;
+    if (!py::isinstance<py::sequence>(priors)) throw py::type_error(given.place("joint_priors") + ": needs a list");
+    for (const py::handle one : priors)
+        result.push_back(joint_prior(one, given.place("joint_priors")));
+    return result;
+}
+
 std::vector<estimator::FreeParameter> estimated_parameters(py::handle parameters) {
     if (!parameters || !is_mapping(parameters))
         throw py::type_error("parameters: needs a dict from names to start values, or to dicts with \"start\"");
     std::vector<estimator::FreeParameter> result;
     for (const auto& [key, value] : mapping(parameters, "parameters")) {
-        if (!py::isinstance<py::str>(key)) throw py::type_error("parameters: a name is no text");
-        result.push_back(free_parameter(key.cast<std::string>(), value));
+        estimator::FreeParameter usual;
+        usual.name = key.cast<std::string>();
+        result.push_back(free_parameter(std::move(usual), value, false));
     }
     if (result.empty()) throw py::value_error("parameters: there is none");
     return result;

@@ -41,6 +41,15 @@ struct ErrorModel {
 /// scale, bounds, prior, tied) with "unit" and "typical_size".
 [[nodiscard]] std::vector<estimator::FreeParameter> estimated_parameters(pybind11::handle parameters);
 
+/// The same for one parameter, where `usual` has its name and what is not given. @param known  its start as well.
+[[nodiscard]] estimator::FreeParameter free_parameter(estimator::FreeParameter usual, pybind11::handle description,
+                                                      bool known);
+/// "bounds": [lower, upper], None where there is none. @return whether they are given.
+bool read_bounds(NamedArguments& given, const std::string& where, double& lower, double& upper);
+
+/// "joint_priors": a list of them, empty unless given.
+[[nodiscard]] std::vector<estimator::JointNormalPrior> joint_priors(NamedArguments& given);
+
 /// A number that is fixed, "estimate", or {"estimate": {"start": .., "prior": ..}}.
 [[nodiscard]] estimator::ErrorParameter error_parameter(pybind11::handle value, double start, const std::string& where);
 

@@ -149,11 +149,7 @@ estimator::EstimateOptions estimate_options(NamedArguments& given) {
                 {"relative_singular_value", options.relative_singular_value},
                 {"verdict", options.verdict},
                 {"full_hessian", options.full_hessian}});
-    if (const py::object priors = given.find_value("joint_priors")) {
-        if (!py::isinstance<py::sequence>(priors)) throw py::type_error("estimate: joint_priors: needs a list");
-        for (const py::handle one : priors)
-            options.joint_priors.push_back(joint_prior(one, "estimate: joint_priors"));
-    }
+    options.joint_priors = joint_priors(given);
     return options;
 }
 

@@ -169,11 +169,21 @@ void bind_numbers(Class& result) {
     member(result, "remaining", &Estimate::remaining, "full step that is left, in posterior sds");
 }
 
-py::array theta_array(const Estimate& estimate) {
-    Eigen::VectorXd theta(std::ssize(estimate.parameters));
-    for (Eigen::Index i = 0; i < theta.size(); ++i)
-        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
-    return read_only(array(std::move(theta)));
+/// One number of each parameter, in the order of theta.
+py::array numbers(const Estimate& estimate, double Estimated::*which) {
+    std::vector<double> values;
+    for (const Estimated& one : estimate.parameters)
+        values.push_back(one.*which);
+    return read_only(array(std::move(values)));
+}
+
+py::array intervals(const Estimate& estimate) {
+    Eigen::MatrixXd values(2, std::ssize(estimate.parameters));
+    for (Eigen::Index i = 0; i < values.cols(); ++i) {
+        const Estimated& one = estimate.parameters[static_cast<std::size_t>(i)];
+        values.col(i) << one.lower95, one.upper95;
+    }
+    return read_only(array(std::move(values)));
 }
 
 }  // namespace
@@ -206,7 +216,13 @@ void bind_estimate_result(py::module_& module) {
         "dict of Estimated, in the order of theta");
     made(
         result, "derived", [](const Estimate& one) { return all_by_name(one.derived); }, "");
-    made(result, "theta", theta_array, "values of the parameters, shape (parameters,)");
+    made(
+        result, "theta", [](const Estimate& one) { return numbers(one, &Estimated::value); },
+        "values of the parameters, shape (parameters,)");
+    made(
+        result, "sds", [](const Estimate& one) { return numbers(one, &Estimated::sd); },
+        "of the parameters, shape (parameters,); nan where undetermined");
+    made(result, "intervals", intervals, "of 95 %, (lower, upper) in each row, shape (parameters, 2)");
     made(result, "scales", scales_by_group, "dict of EstimatedScale by group");
     made(result, "covariances", covariances, "full covariances of several responses");
     made(

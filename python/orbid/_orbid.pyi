@@ -244,6 +244,8 @@ class Estimate:
     parameters: Final[Dict[str, Estimated]]
     derived: Final[Dict[str, Estimated]]
     theta: Final[Array]
+    sds: Final[Array]
+    intervals: Final[Array]
     scales: Final[Dict[str, EstimatedScale]]
     covariances: Final[Rows]
     covariance: Final[Array]

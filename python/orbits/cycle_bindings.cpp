@@ -38,31 +38,6 @@ parameters  of the system: dict, array of all, or None. known: the cycles of fin
 covariance  of the free parameters, shape (f, f), and free, their names: how far off they may be; sensor, phase, section as
             in simulate(); maximum_orbits (400), search_points (100000); and the options of find_cycles().)";
 
-orbits::CycleSearchOptions search_options(NamedArguments& given, const std::vector<std::string>& names) {
-    orbits::CycleSearchOptions options;
-    options.method = given.word<Method>("method",
-                                        {{"automatic", Method::automatic},
-                                         {"local_maps", Method::local_maps},
-                                         {"patch_map", Method::spline_map},
-                                         {"closest_return", Method::closest_return}},
-                                        Method::automatic);
-    given.take({{"periods", options.periods, 1},
-                {"box", options.box},
-                {"neighbours", options.neighbours},
-                {"order", options.order},
-                {"minimum_recurrences", options.minimum_recurrences, 1}});
-    given.take({{"symmetry_signs", options.symmetry_signs}, {"reading_covariance", options.reading_covariance}});
-    if (const py::object partition = given.find_value("partition")) {
-        NamedArguments parts("partition", partition);
-        orbits::Partition cut;
-        cut.coordinate = index_of(parts.text("coordinate", names.front()), names, "coordinate");
-        parts.take({{"boundaries", cut.boundaries}, {"symbols", cut.symbols}});
-        parts.finish();
-        options.partition = std::move(cut);
-    }
-    return options;
-}
-
 std::shared_ptr<CycleSearch> find_cycles(const std::shared_ptr<orbits::Series>& series, const py::kwargs& keywords) {
     NamedArguments given("find_cycles", keywords);
     const orbits::CycleSearchOptions options = search_options(given, coordinate_names(*series));
@@ -122,6 +97,31 @@ Cycle make_cycle(const py::object& points, const py::kwargs& keywords) {
 }
 
 }  // namespace
+
+orbits::CycleSearchOptions search_options(NamedArguments& given, const std::vector<std::string>& names) {
+    orbits::CycleSearchOptions options;
+    options.method = given.word<Method>("method",
+                                        {{"automatic", Method::automatic},
+                                         {"local_maps", Method::local_maps},
+                                         {"patch_map", Method::spline_map},
+                                         {"closest_return", Method::closest_return}},
+                                        Method::automatic);
+    given.take({{"periods", options.periods, 1},
+                {"box", options.box},
+                {"neighbours", options.neighbours},
+                {"order", options.order},
+                {"minimum_recurrences", options.minimum_recurrences, 1}});
+    given.take({{"symmetry_signs", options.symmetry_signs}, {"reading_covariance", options.reading_covariance}});
+    if (const py::object partition = given.find_value("partition")) {
+        NamedArguments parts("partition", partition);
+        orbits::Partition cut;
+        cut.coordinate = index_of(parts.text("coordinate", names.front()), names, "coordinate");
+        parts.take({{"boundaries", cut.boundaries}, {"symbols", cut.symbols}});
+        parts.finish();
+        options.partition = std::move(cut);
+    }
+    return options;
+}
 
 void bind_cycles(py::module_& module) {
     py::class_<Cycle>(module, "Cycle",

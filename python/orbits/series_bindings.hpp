@@ -8,6 +8,7 @@
 
 #include "models/definition/sensor.hpp"
 #include "models/system/system.hpp"
+#include "orbits/cycles/cycle_search.hpp"
 #include "orbits/records/series.hpp"
 
 namespace orbid::python {
@@ -29,6 +30,9 @@ class NamedArguments;
 
 /// "sampling" among keyword arguments: "samples" or "section"; not given, samples where records have times.
 [[nodiscard]] orbits::Series::Sampling sampling(NamedArguments& given, bool timed);
+
+/// Options of find_cycles() among keyword arguments; `names` of the coordinates.
+[[nodiscard]] orbits::CycleSearchOptions search_options(NamedArguments& given, const std::vector<std::string>& names);
 
 /// rtol, atol and maximum_steps among keyword arguments.
 [[nodiscard]] models::FlowOptions flow_options(NamedArguments& given, models::FlowOptions usual);

@@ -28,6 +28,10 @@ def test_a_line_is_exact():
     assert result.status == "converged"
     # Linear: exact but for rounding of the normal equations here, condition 2.
     assert result.theta == pytest.approx(beta, rel=1e-12)
+    values = list(result.parameters.values())
+    assert list(result.sds) == [one.sd for one in values] and (result.sds > 0.0).all()
+    assert result.intervals.shape == (len(values), 2)
+    assert [tuple(row) for row in result.intervals] == [one.interval95 for one in values]
     # The scale ends within 1e-6 of its own sd, which is 0.2 of it.
     assert result.scales["readings"].value ** 2 == pytest.approx(variance, rel=1e-6)
     assert result.covariance == pytest.approx(covariance, rel=1e-6)
