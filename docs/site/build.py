@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "docs"))
 from markdown_page import FENCE, LINK, read_page, slug  # noqa: E402
 
-ROOMS = ["models", "periodic", "orbits", "estimator", "apps"]
+ROOMS = ["models", "periodic", "orbits", "estimator", "identification", "apps"]
 CONTENTS = ROOT / "docs" / "README.md"
 # Pages whose links make the tree.
 TABLES_OF_CONTENTS = [CONTENTS, ROOT / "docs" / "tutorial" / "README.md"]

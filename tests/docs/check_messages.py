@@ -11,7 +11,7 @@ import re
 import sys
 from pathlib import Path
 
-ROOMS = ["models", "periodic", "orbits", "estimator", "apps"]
+ROOMS = ["models", "periodic", "orbits", "estimator", "identification", "apps"]
 
 
 def texts(root):

@@ -11,7 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOMS = ("apps", "estimator", "models", "orbits", "periodic", "python")
+ROOMS = ("apps", "estimator", "identification", "models", "orbits", "periodic", "python")
 CODE = {".cpp", ".hpp", ".py", ".js", ".pyi"}
 LONGEST_FILE, LONGEST_FUNCTION = 300, 60
 NO_FUNCTION = re.compile(

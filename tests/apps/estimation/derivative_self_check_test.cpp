@@ -66,7 +66,7 @@ TEST_CASE("the log of a run says how derivatives agree", "[apps][run]") {
     const auto run = tests::orbid_with({"run", job, "--out", out, "--quiet"});
     CAPTURE(run.error);
     REQUIRE(run.code == 0);
-    CHECK_THAT(read_whole_file(out / "log.txt"),
+    CHECK_THAT(orbid::apps::read_whole_file(out / "log.txt"),
                ContainsSubstring("model duffing: derivatives agree with differences; worst: d "));
 }
 
