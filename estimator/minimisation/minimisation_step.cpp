@@ -6,31 +6,13 @@
 
 namespace orbid::estimator {
 
-namespace {
-
-/// Steps shorter than this, in posterior sds, are judged by gradients. Computed orbits carry rounding of up to 1e-6 sds
-/// of their targets. That hides the 5e-7 that a step of 1e-3 gains, and is a fiftieth of the 5e-5 of a step of 1e-2.
-constexpr double tiny_sds = 1e-2;
-
-}  // namespace
-
-/// Lists the blocks that the rule holds for as stopped. Where that is half of a residual's blocks none stands out.
-bool Minimisation::stopped_blocks(const std::function<bool(std::size_t)>& rule) {
-    for (std::size_t b = 0; b < set_.blocks.size(); ++b)
-        if (rule(b)) minimum_.stopped.push_back(b);
-    if (half_of_a_residual(set_, minimum_.stopped)) minimum_.stopped.clear();
-    if (minimum_.stopped.empty()) return false;
-    minimum_.outcome = Outcome::blocks_stopped;
-    return true;
-}
-
 /// The state after a step, on bounds exactly where the step rests on them.
 State Minimisation::moved(const TrialStep& step) const {
     State state = state_;
     for (Eigen::Index i = 0; i < state.u.size(); ++i) {
         const int side = step.parameters.active[static_cast<std::size_t>(i)];
-        state.u[i] = std::clamp(state_.u[i] + step.parameters.d[i], lower_[i], upper_[i]);
-        if (side != 0) state.u[i] = side < 0 ? lower_[i] : upper_[i];
+        state.u[i] = std::clamp(state_.u[i] + step.parameters.d[i], stages_.lower()[i], stages_.upper()[i]);
+        if (side != 0) state.u[i] = side < 0 ? stages_.lower()[i] : stages_.upper()[i];
     }
     state.theta = natural_parameters(problem_, state.u);
     for (std::size_t b = 0; b < set_.blocks.size(); ++b)
@@ -49,7 +31,7 @@ Minimisation::Trial Minimisation::evaluated(const TrialStep& step) {
     ++ledger_.evaluations;
     if (!trial.evaluation.failed.empty()) {
         for (const std::size_t b : trial.evaluation.failed)
-            cut_[b] = true;
+            stopping_.note_failure(b);
         trial.reason = "block failed";
         return trial;
     }
@@ -60,14 +42,15 @@ Minimisation::Trial Minimisation::evaluated(const TrialStep& step) {
     if (set_.constraints > 0)
         trial.change += violation_change(set_, from, to) / (minimum_.matching * minimum_.matching);
     trial.curvature = 2.0 * (trial.change - step.slope);
-    if (derivatives_at_trial_ && step.curvature < tiny_sds * tiny_sds) compare_slopes(step, trial);
+    if (derivatives_at_trial_ && step.curvature < gradient_judged_sds * gradient_judged_sds)
+        compare_slopes(step, trial);
     // Step length of the parabola through both values and the first slope.
     if (trial.change > 0.0) trial.keep = std::clamp(-0.5 * step.slope / (trial.change - step.slope), 0.1, 0.5);
     return trial;
 }
 
 /// Tiny steps: the gradients at both ends keep what the difference of two objectives loses to rounding.
-void Minimisation::compare_slopes(const TrialStep& step, Trial& trial) {
+void Minimisation::compare_slopes(const TrialStep& step, Trial& trial) const {
     trial.rows = linearise(set_, problem_.laws, trial.evaluation.values, problem_.coordinates, trial.state.theta);
     const BlockArrow arrow =
         standard_arrow(trial.rows, problem_.laws, state_.psi, minimum_.matching, curvature(), false, false).arrow;
@@ -79,8 +62,7 @@ void Minimisation::compare_slopes(const TrialStep& step, Trial& trial) {
 
 /// Whether a trial lowers the objective enough, and has the derivatives that the next step needs.
 bool Minimisation::decreases(Trial& trial) {
-    // A ten-thousandth of the predicted decrease is the usual least gain that still proves convergence.
-    if (!(trial.change < 0.0) || !(gain_ > 1e-4)) {
+    if (!(trial.change < 0.0) || !(trial.gain > least_gain)) {
         if (trial.reason.empty()) trial.reason = "no decrease";
         return false;
     }
@@ -92,15 +74,11 @@ bool Minimisation::decreases(Trial& trial) {
 }
 
 void Minimisation::adopt(const TrialStep& step, Trial trial) {
-    // Near the minimum Gauss-Newton steps keep their direction and are too long or too short by the same factor each
-    // time (Hartley's interpolation, applied to the next step).
-    stretch_ = last_step_full_ && gain_ > 0.3 && trial.curvature > 0.0
-                   ? std::clamp(step.curvature / trial.curvature, 0.4, 2.5)
+    last_ = {trial.gain, -trial.change, misfit(), step.mu == 0.0};
+    stretch_ = last_.full && last_.gain > 0.3 && trial.curvature > 0.0
+                   ? stretch_of_next(step.curvature / trial.curvature)
                    : 1.0;
     ++ledger_.iterations;
-    last_objective_ = misfit();
-    last_decrease_ = -trial.change;
-    ++accepted_;
     state_ = std::move(trial.state);
     if (trial.rows.empty())
         trial.rows = linearise(set_, problem_.laws, trial.evaluation.values, problem_.coordinates, state_.theta);
@@ -108,9 +86,9 @@ void Minimisation::adopt(const TrialStep& step, Trial trial) {
     minimum_.rows = std::move(trial.rows);
     minimum_.prior = std::move(trial.prior);
     derivatives_at_trial_ = true;
-    if (gain_ < 0.25)
+    if (last_.gain < 0.25)
         radius_ = 0.5 * std::min(radius_, step.length);
-    else if (gain_ > 0.75)
+    else if (last_.gain > 0.75)
         radius_ = std::max(radius_, 2.5 * step.length);
 }
 
@@ -119,7 +97,7 @@ bool Minimisation::try_step(const TrialStep& step) {
     const double before = objective();
     Trial trial = evaluated(step);
     const double predicted = step.predicted_decrease();
-    gain_ = predicted > 0.0 ? -trial.change / predicted : -infinity;
+    if (predicted > 0.0) trial.gain = -trial.change / predicted;
     const bool accepted = decreases(trial);
     const double after = accepted ? before + trial.change : before;
     ledger_.history.push_back(

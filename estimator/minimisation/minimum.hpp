@@ -12,9 +12,6 @@
 
 namespace orbid::estimator {
 
-/// Steps continue while they gain digits, but not below this length in posterior sds, where no reported figure changes.
-inline constexpr double polished_sds = 1e-10;
-
 enum class Outcome { converged, no_progress, iteration_limit, interrupted, blocks_stopped, start_failed, no_freedom };
 
 /// The end of one minimisation with a frozen set of blocks.
@@ -60,8 +57,5 @@ struct SolverStatistics {
 /// is below `rounding_sds`, the residuals' own rounding is reached: converged too, and the message says so. Otherwise
 /// no_progress.
 [[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger);
-
-/// See minimise(): a thousandth of a sd changes no reported figure.
-inline constexpr double rounding_sds = 1e-3;
 
 }  // namespace orbid::estimator

@@ -9,6 +9,7 @@
 
 #include "estimator/algebra/r_factor.hpp"
 #include "estimator/minimisation/stacked_rows.hpp"
+#include "estimator/minimisation/step_rules.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
@@ -19,8 +20,6 @@ namespace {
 constexpr double first_damping = 1e-4;
 /// Damping beyond which a step is below the rounding of every parameter.
 constexpr double largest_damping = 1e32;
-/// Least fraction of the predicted decrease for a step to count.
-constexpr double least_gain = 1e-3;
 /// Damping falls to these fractions after a step (Nielsen's third, a fifth where the model was right). A tenth costs
 /// half as many derivatives again, because later steps overshoot.
 constexpr double slow_fall = 1.0 / 3.0;
@@ -34,10 +33,6 @@ constexpr double probe = 0.03;
 constexpr double longest_correction = 0.75;
 /// A path that bent less than this, while the decrease was as predicted, is treated as straight from there on.
 constexpr double least_bend = 0.1;
-/// Below this length in sds of the parameters corrections do not pay for their evaluation, and decreases are soon
-/// hidden by rounding. Plain Gauss-Newton steps follow, judged by the length of the remaining step.
-constexpr double plain_within_sds = 1e-3;
-constexpr double curved_sds = 0.05;
 /// Steps that leave more than this fraction of their length are not worth continuing.
 constexpr double least_contraction = 0.9;
 /// A parameter is damped at least as if a change by its own size changed the residuals by this fraction of themselves.
@@ -191,7 +186,7 @@ LeastSquares::Verdict LeastSquares::try_step() {
         Eigen::VectorXd e = rows_.errors(trial_values_);
         change = (e - e_).dot(e + e_);
         const double gain = gain_ = -change / predicted;
-        if (gain > least_gain && (derivatives_at_trial_ || move_to(trial_.u, true))) {
+        if (gain > least_plain_gain && (derivatives_at_trial_ || move_to(trial_.u, true))) {
             record(square_, true, change, "");
             adopt(std::move(trial_values_), std::move(e));
             damping_ *= std::max(gain > good_gain ? fast_fall : slow_fall, 1.0 - std::pow(2.0 * gain - 1.0, 3));
@@ -212,8 +207,7 @@ LeastSquares::Verdict LeastSquares::try_step() {
                                                                                         : Verdict::stop;
 }
 
-/// One full step, kept when it shortens the remaining step. Near the minimum these steps keep their direction and are
-/// too long or too short by the same factor each time. The slopes at both ends of the last one give that factor.
+/// One full step, kept when it shortens the remaining step. The slopes at both ends give the stretch of the next one.
 LeastSquares::Verdict LeastSquares::polish() {
     const Eigen::Index q = parameters_;
     Eigen::VectorXd full = -triangle_.col(q).head(q);
@@ -243,7 +237,7 @@ LeastSquares::Verdict LeastSquares::polish() {
     record(square, true, change, "");
     const double left =
         triangle_.col(q).head(q).dot(triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>() * full);
-    stretch_ = left > slope ? std::clamp(stretch_ * slope / (slope - left), 0.4, 2.5) : 1.0;
+    stretch_ = left > slope ? stretch_of_next(stretch_ * slope / (slope - left)) : 1.0;
     return remaining_ < least_contraction * before ? Verdict::accepted : Verdict::stop;
 }
 
@@ -266,7 +260,7 @@ Evaluation LeastSquares::run() {
     while (remaining_ > polished_sds && std::isfinite(remaining_)) {
         if (ledger_.trials >= problem_.options.maximum_iterations) break;
         if (problem_.options.interrupted && problem_.options.interrupted()) break;
-        if ((remaining_ < plain_within_sds ? polish() : try_step()) == Verdict::stop) break;
+        if ((remaining_ < rounding_sds ? polish() : try_step()) == Verdict::stop) break;
     }
     start_scale();
     return std::move(now_);

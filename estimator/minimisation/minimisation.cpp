@@ -1,0 +1,113 @@
+#include "estimator/minimisation/minimisation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "estimator/minimisation/plain_least_squares.hpp"
+
+namespace orbid::estimator {
+
+bool Minimisation::start() {
+    if (is_plain_least_squares(problem_, set_)) {
+        minimum_.evaluation = solve_plain_least_squares(problem_, set_, state_, ledger_);
+    } else {
+        minimum_.evaluation = evaluate(problem_.residuals, set_, problem_.laws, state_.theta, state_.latents, true);
+        ++ledger_.evaluations;
+    }
+    if (!minimum_.evaluation.failed.empty()) {
+        minimum_.stopped = minimum_.evaluation.failed;
+        minimum_.outcome = Outcome::start_failed;
+        return false;
+    }
+    minimum_.rows = linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta);
+    minimum_.prior = prior_at(problem_, state_.u);
+    minimum_.error_at_floor.assign(problem_.errors.size(), false);
+    minimum_.error_at_ceiling = minimum_.error_at_floor;
+    minimum_.matching = ConstraintStages::first(violation(set_, minimum_.evaluation.values));
+    errors_.start(minimum_, state_, ledger_.round);
+    return true;
+}
+
+Minimum Minimisation::run() {
+    using enum Decision::Next;
+    if (!start() || !update_errors()) return std::move(minimum_);
+    radius_ = initial_radius();
+    while (true) {
+        const Decision decision = stopping_.decide(standing());
+        if (decision.next == stage) {
+            tighten();
+        } else if (decision.next == end) {
+            conclude(decision.outcome, decision.message);
+            break;
+        } else if (!go_on()) {
+            break;
+        }
+    }
+    return std::move(minimum_);
+}
+
+Standing Minimisation::standing() {
+    const TrialStep& full = full_step();
+    minimum_.step = full.parameters;
+    minimum_.remaining = std::sqrt(std::max(full.curvature, 0.0));
+    const std::vector<bool>& floor = minimum_.error_at_floor;
+    return {minimum_.remaining, errors_.rounding(), std::find(floor.begin(), floor.end(), true) != floor.end(),
+            radius_ < 1e-14 * model_.damping.cwiseProduct(model_.fallback).norm(), stages_.left(minimum_.matching)};
+}
+
+/// One trial. @return false: the minimisation is over
+bool Minimisation::go_on() {
+    const TrialStep& full = full_step();
+    TrialStep step = full.length <= 1.1 * radius_ ? full : step_within(model_, radius_);
+    stages_.count_trial(minimum_.matching);
+    if (unsettled()) return false;
+    if (step.mu == 0.0 && !stopping_.after_rejection() && minimum_.remaining < stretched_within_sds)
+        stretch(step, stretch_);
+    if (try_step(step)) return after_step();
+    return !end_at(stopping_.rejected());
+}
+
+/// What an accepted step asks for. @return false: the minimisation is over
+bool Minimisation::after_step() {
+    if (end_at(stopping_.accepted()) || !update_errors()) return false;
+    if (stages_.decide(last_, minimum_.matching)) tighten();
+    if (!stopping_.ends_intermediate_stage(last_)) return true;
+    conclude(Outcome::converged, "a provisional round is over");
+    return false;
+}
+
+/// Ends the minimisation where blocks stopped too many steps. @return whether some did
+bool Minimisation::end_at(std::vector<std::size_t> stopped) {
+    if (stopped.empty()) return false;
+    minimum_.stopped = std::move(stopped);
+    minimum_.outcome = Outcome::blocks_stopped;
+    return true;
+}
+
+/// The error parameters at a new point. @return false: they cannot be estimated
+bool Minimisation::update_errors() {
+    factorise_errors();
+    set_model();
+    const auto adopt_errors = [this](const Eigen::VectorXd& psi) {
+        if (psi != state_.psi) rescale([&] { state_.psi = psi; });
+    };
+    if (set_.provisional && stopping_.at_start()) adopt_errors(errors_.followed(minimum_, state_, ledger_.round));
+    const ErrorUpdates::Decision decision = errors_.decide(minimum_, arrow_, state_.psi, last_);
+    std::string refusal = decision.refusal;
+    if (decision.search) {
+        adopt_errors(errors_.searched(decision.follow, model_length_, state_, minimum_, ledger_));
+        refusal = errors_.refusal(minimum_, state_.psi);
+    }
+    if (!refusal.empty()) conclude(Outcome::no_freedom, refusal);
+    return refusal.empty();
+}
+
+/// The next stage of the constraints.
+void Minimisation::tighten() {
+    rescale([this] { minimum_.matching = stages_.begin_next(minimum_.matching); });
+    errors_.forget_curvature();
+    radius_ = std::max(radius_, initial_radius());
+}
+
+}  // namespace orbid::estimator
