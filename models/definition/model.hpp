@@ -39,8 +39,8 @@ concept ModelTables = requires {
 /// that would otherwise be computed at every evaluation. `rhs` then takes these constants in the place of the
 /// parameters.
 template <class M>
-concept ReducedModel = ModelTables<M> && requires(const Values<double, parameter_count_of<M>>& p) {
-    {M::reduced(p)};
+concept ReducedModel = ModelTables<M> && requires(const M& model, const Values<double, parameter_count_of<M>>& p) {
+    {model.reduced(p)};
 };
 
 namespace detail {
@@ -50,7 +50,7 @@ struct ConstantsOf {
 };
 template <ReducedModel M, class T>
 struct ConstantsOf<M, T> {
-    using type = decltype(M::reduced(std::declval<const Values<T, parameter_count_of<M>>&>()));
+    using type = decltype(std::declval<const M&>().reduced(std::declval<const Values<T, parameter_count_of<M>>&>()));
 };
 }  // namespace detail
 
@@ -59,9 +59,9 @@ template <class M, class T>
 using Constants = typename detail::ConstantsOf<M, T>::type;
 
 template <class M, class T>
-Constants<M, T> constants_from(const Values<T, parameter_count_of<M>>& p) {
+Constants<M, T> constants_from(const Values<T, parameter_count_of<M>>& p, [[maybe_unused]] const M& model = M()) {
     if constexpr (ReducedModel<M>)
-        return M::reduced(p);
+        return model.reduced(p);
     else
         return p;
 }
@@ -98,9 +98,9 @@ using Side = std::conditional_t<SurfaceTable<M>, std::array<double, surface_coun
 
 namespace detail {
 template <class M, class T, class... Extra>
-concept RhsTaking = requires(const T& t, const State<T, dimension_of<M>>& x, const Constants<M, T>& c,
+concept RhsTaking = requires(const M& model, const T& t, const State<T, dimension_of<M>>& x, const Constants<M, T>& c,
                              const Extra&... extra) {
-    { M::rhs(t, x, c, extra...) } -> std::same_as<State<T, dimension_of<M>>>;
+    { model.rhs(t, x, c, extra...) } -> std::same_as<State<T, dimension_of<M>>>;
 };
 /// rhs without a side.
 template <class M, class T>
@@ -115,16 +115,19 @@ concept OneSidedRhs = (input_count_of<M> == 0 && RhsTaking<M, T, Side<M>>) ||
 /// x -> F(x; theta): a function template `map` in the place of rhs.
 template <class M>
 concept MapModel = ModelTables<M> &&
-    requires(const State<double, dimension_of<M>>& x, const Constants<M, double>& c,
+    requires(const M& model, const State<double, dimension_of<M>>& x, const Constants<M, double>& c,
              const State<Dual<2>, dimension_of<M>>& dual_x, const Constants<M, Dual<2>>& dual_c) {
-    { M::map(x, c) } -> std::same_as<State<double, dimension_of<M>>>;
-    { M::map(dual_x, dual_c) } -> std::same_as<State<Dual<2>, dimension_of<M>>>;
+    { model.map(x, c) } -> std::same_as<State<double, dimension_of<M>>>;
+    { model.map(dual_x, dual_c) } -> std::same_as<State<Dual<2>, dimension_of<M>>>;
 };
 
 /// x' = f(x, t; theta), as one struct. It holds the tables `coordinates` and `parameters`, and the equations as a
 /// function template `rhs` on the scalar. For a forced model the first argument of rhs is the phase omega t [rad];
 /// other models must not use it (but see InputTable). Or a map. What the compiler cannot check: rhs is pure, and never
 /// throws.
+///
+/// What computes with M takes a model as its last argument, M() by default: an empty struct where all members are
+/// static. Equations known at run time only are const members of an object (InterpretedShape).
 template <class M>
 concept Model = MapModel<M> ||(ModelTables<M> && ((detail::PlainRhs<M, double> && detail::PlainRhs<M, Dual<2>>) ||
                                                   (detail::OneSidedRhs<M, double> && detail::OneSidedRhs<M, Dual<2>>)));
@@ -158,8 +161,8 @@ concept ForcedModel = Model<M> && requires {
 template <class M>
 concept SwitchingModel =
     Model<M> && !SurfaceTable<M> && !MapModel<M> && detail::OneSidedRhs<M, double> && detail::OneSidedRhs<M, Dual<2>> &&
-    dimension_of<M> == 2 && requires(const Values<double, parameter_count_of<M>>& p) {
-    { M::smooth(p) } -> std::same_as<bool>;  ///< no jump in f at these parameters
+    dimension_of<M> == 2 && requires(const M& model, const Values<double, parameter_count_of<M>>& p) {
+    { model.smooth(p) } -> std::same_as<bool>;  ///< no jump in f at these parameters
 };
 
 /// General switching surfaces: f jumps, or the state does, where h_j(t, x; theta) passes zero.
@@ -174,18 +177,18 @@ concept SwitchingModel =
 /// check: h_j is differentiable, and f+ and f- are transversal to it except at isolated points.
 template <class M>
 concept SurfaceModel = Model<M> && SurfaceTable<M> && !SwitchingModel<M> &&
-                       requires(const double& t, const State<double, dimension_of<M>>& x, const Constants<M, double>& c,
-                                const Values<double, parameter_count_of<M>>& p) {
-    { M::surfaces(t, x, c) } -> std::same_as<Values<double, surface_count_of<M>>>;
-    { M::smooth(p) } -> std::same_as<bool>;
+                       requires(const M& model, const double& t, const State<double, dimension_of<M>>& x,
+                                const Constants<M, double>& c, const Values<double, parameter_count_of<M>>& p) {
+    { model.surfaces(t, x, c) } -> std::same_as<Values<double, surface_count_of<M>>>;
+    { model.smooth(p) } -> std::same_as<bool>;
 };
 
 /// Some surfaces are impacts: the state jumps there.
 template <class M>
 concept ImpactModel = SurfaceModel<M> &&
-    requires(const double& t, const State<double, dimension_of<M>>& x, const Constants<M, double>& c) {
+    requires(const M& model, const double& t, const State<double, dimension_of<M>>& x, const Constants<M, double>& c) {
     { M::impacts } -> std::convertible_to<const std::array<bool, surface_count_of<M>>&>;
-    { M::reset(std::size_t{}, t, x, c) } -> std::same_as<State<double, dimension_of<M>>>;
+    { model.reset(std::size_t{}, t, x, c) } -> std::same_as<State<double, dimension_of<M>>>;
 };
 
 /// x -> diag(symmetry_signs) x maps solutions at phase tau to solutions at tau + symmetry_phase_shift [rad].
@@ -197,9 +200,9 @@ concept SymmetricModel = Model<M> && requires {
 
 /// What the instrument reads is not the plain state (an encoder with an offset): readings = instrument(x, p).
 template <class M>
-concept InstrumentModel = Model<M> &&
-    requires(const State<Dual<2>, dimension_of<M>>& x, const Values<Dual<2>, parameter_count_of<M>>& p) {
-    { M::instrument(x, p) } -> std::same_as<State<Dual<2>, dimension_of<M>>>;
+concept InstrumentModel = Model<M> && requires(const M& model, const State<Dual<2>, dimension_of<M>>& x,
+                                               const Values<Dual<2>, parameter_count_of<M>>& p) {
+    { model.instrument(x, p) } -> std::same_as<State<Dual<2>, dimension_of<M>>>;
 };
 
 /// One of several forms of the same model.
@@ -230,16 +233,16 @@ concept DescribedModel = Model<M> && detail::Texts<M>;
 ///
 /// Autonomous, smooth, not stiff. What the compiler cannot check: rhs is pure, writes all of f, and never throws.
 template <class M>
-concept DynamicModel = requires(const double& t, std::span<const double> x, std::span<double> f, const Dual<2>& dual_t,
-                                std::span<const Dual<2>> dual_x, std::span<Dual<2>> dual_f) {
+concept DynamicModel = requires(const M& model, const double& t, std::span<const double> x, std::span<double> f,
+                                const Dual<2>& dual_t, std::span<const Dual<2>> dual_x, std::span<Dual<2>> dual_f) {
     { M::coordinate } -> std::convertible_to<const Coordinate&>;
     { M::parameters[0] } -> std::convertible_to<const Parameter&>;
     requires(parameter_count_of<M> > 0);
     { M::smallest_size } -> std::convertible_to<std::size_t>;
     { M::default_size } -> std::convertible_to<std::size_t>;
     requires(M::smallest_size > 0 && M::smallest_size <= M::default_size);
-    { M::rhs(t, x, Values<double, parameter_count_of<M>>{}, f) } -> std::same_as<void>;
-    { M::rhs(dual_t, dual_x, Values<Dual<2>, parameter_count_of<M>>{}, dual_f) } -> std::same_as<void>;
+    { model.rhs(t, x, Values<double, parameter_count_of<M>>{}, f) } -> std::same_as<void>;
+    { model.rhs(dual_t, dual_x, Values<Dual<2>, parameter_count_of<M>>{}, dual_f) } -> std::same_as<void>;
     requires !ModelTables<M> && detail::Texts<M>;
 };
 
@@ -247,16 +250,17 @@ concept DynamicModel = requires(const double& t, std::span<const double> x, std:
 template <Model M, class T>
 State<T, dimension_of<M>> rhs_of(const T& t, const State<T, dimension_of<M>>& x, const Constants<M, T>& c,
                                  [[maybe_unused]] const Side<M>& side,
-                                 [[maybe_unused]] const std::array<T, input_count_of<M>>& u = {}) {
+                                 [[maybe_unused]] const std::array<T, input_count_of<M>>& u = {},
+                                 const M& model = M()) {
     constexpr bool sided = SwitchingModel<M> || SurfaceModel<M>;
     if constexpr (sided && InputModel<M>)
-        return M::rhs(t, x, c, side, u);
+        return model.rhs(t, x, c, side, u);
     else if constexpr (sided)
-        return M::rhs(t, x, c, side);
+        return model.rhs(t, x, c, side);
     else if constexpr (InputModel<M>)
-        return M::rhs(t, x, c, u);
+        return model.rhs(t, x, c, u);
     else
-        return M::rhs(t, x, c);
+        return model.rhs(t, x, c);
 }
 
 /// Index of the velocity in a switching model.

@@ -28,7 +28,7 @@ public:
 
     /// @param kernel  of the same model, for the flows that packs cannot follow; must outlive this object, as starts
     PackedFlows(const Kernel& kernel, const FlowStarts& starts, std::span<const double> durations,
-                std::span<const std::ptrdiff_t> free)
+                std::span<const std::ptrdiff_t> free, const M& model = M())
         : kernel_(kernel),
           starts_(starts),
           durations_(durations.begin(), durations.end()),
@@ -38,7 +38,7 @@ public:
             State<Dual<N>, n> x{};
             auto p = array_from<Dual<N>, q>(starts.theta);
             seed<N, n, q>(x, p, free, first);
-            passes_.push_back(std::make_unique<Pass>(p, starts, first));
+            passes_.push_back(std::make_unique<Pass>(p, starts, first, model));
             first += N - n;
         } while (first < free.size());
         if constexpr (ForcedModel<M>) share_steps();
@@ -83,8 +83,8 @@ private:
         Steps steps;
         std::size_t first;  ///< free parameter with which it begins
         std::vector<SharedStep<Steps>> shared;
-        Pass(const Values<Dual<N>, q>& p, const FlowStarts& starts, std::size_t first_)
-            : steps(p, starts.clock, starts.options), first(first_) {}
+        Pass(const Values<Dual<N>, q>& p, const FlowStarts& starts, std::size_t first_, const M& model)
+            : steps(p, starts.clock, starts.options, model), first(first_) {}
     };
 
     void share_steps() requires ForcedModel<M> {

@@ -49,7 +49,7 @@ public:
         for (std::size_t i = 0; i < forcing.size(); ++i) {
             const double at = s + verner98.nodes[i] * ds;
             Dual<N> through = clock_ == Clock::phase ? Dual<N>(phase + at) : omega_ * at + phase;
-            if constexpr (TabulatedFlowModel<M>) through = M::forcing(through, scalar_);
+            if constexpr (TabulatedFlowModel<M>) through = model_.forcing(through, scalar_);
             forcing[i][0] = through.value;
             std::copy(through.partial.begin() + n, through.partial.end(), forcing[i].begin() + 1);
         }
@@ -57,9 +57,11 @@ public:
     }
     /// Seconds per unit of the clock.
     [[nodiscard]] double seconds() const { return seconds_; }
+    [[nodiscard]] const M& model() const { return model_; }
 
 protected:
-    FlowFieldBase(const Values<Dual<N>, q>& p, Clock clock) : clock_(clock), scalar_(constants_from<M, Dual<N>>(p)) {
+    FlowFieldBase(const Values<Dual<N>, q>& p, Clock clock, const M& model)
+        : model_(model), clock_(clock), scalar_(constants_from<M, Dual<N>>(p, model)) {
         if constexpr (ForcedModel<M>) {
             omega_ = p[M::forcing_frequency];
             if (clock == Clock::phase) {
@@ -97,6 +99,7 @@ protected:
         return through;
     }
 
+    [[no_unique_address]] M model_;
     Clock clock_;
     double seconds_ = 1.0;
     Constants<M, Dual<N>> scalar_;
@@ -119,7 +122,7 @@ public:
     using typename Base::Parametric;
 
     /// @param p  with partials in the N directions
-    FlowField(const Values<Dual<N>, Base::q>& p, Clock clock) : Base(p, clock) {
+    FlowField(const Values<Dual<N>, Base::q>& p, Clock clock, const M& model = M()) : Base(p, clock, model) {
         for (std::size_t i = 0; i < m; ++i)
             constants_[i] = Base::in_all_lanes(Base::scalar_[i]);
     }
@@ -149,11 +152,11 @@ public:
         const Local through = Local::variable(forcing[0], n + m);
         State<Local, n> f;
         if constexpr (TabulatedFlowModel<M>)
-            f = M::rhs_forced(through, x, constants, side);
+            f = Base::model_.rhs_forced(through, x, constants, side);
         else if constexpr (SwitchingModel<M>)
-            f = M::rhs(through, x, constants, side);
+            f = Base::model_.rhs(through, x, constants, side);
         else
-            f = M::rhs(through, x, constants);
+            f = Base::model_.rhs(through, x, constants);
         [&]<std::size_t... c>(std::index_sequence<c...>) __attribute__((always_inline)) {
             (store<c>(f[c], forcing, at, time, slope), ...);
         }
@@ -178,7 +181,7 @@ private:
             ((constants[i] = Local::variable(constants_[i][0], 1 + i)), ...);
         }
         (std::make_index_sequence<m>{});
-        const Local f = M::forcing(Local::variable(phase[0], 0), constants);
+        const Local f = Base::model_.forcing(Local::variable(phase[0], 0), constants);
         Parametric through;
         through[0] = f.value;
         [&]<std::size_t... j>(std::index_sequence<j...>) __attribute__((always_inline)) {

@@ -39,8 +39,9 @@ public:
     };
 
     /// @param p  with partials in the N directions
-    FlowSteps(const Values<Dual<N>, parameter_count_of<M>>& p, Clock clock, const FlowOptions& options)
-        : field_(p, clock), options_(options), coefficients_(1.0) {}
+    FlowSteps(const Values<Dual<N>, parameter_count_of<M>>& p, Clock clock, const FlowOptions& options,
+              const M& model = M())
+        : field_(p, clock, model), options_(options), coefficients_(1.0) {}
 
     /// A step of ds from x at s.
     /// @param phase    of the forcing at s = 0
@@ -146,7 +147,7 @@ private:
             const P& end = step.end[index(c, 0)];
             P extent = max(abs(x[index(c, 0)]), abs(end));
             finite = finite & isfinite(end) & isfinite(error[index(c, 0)]);
-            if (M::coordinates[c].angle) extent = min(extent, P(std::numbers::pi));
+            if (field_.model().coordinates[c].angle) extent = min(extent, P(std::numbers::pi));
             const P allowed = fma(options_.relative_tolerance, extent, P(options_.absolute_tolerance));
             step.ratio = max(step.ratio, abs(error[index(c, 0)]) / allowed);
         }

@@ -186,10 +186,10 @@ concept PackDualRhs = (SwitchingModel<M> && RhsTaking<M, LocalDual<2, P>, P>) ||
 /// The phase enters f only through one number, in dual arithmetic over packs: see TabulatedModel.
 template <class M, class P = Pack<1>>
 concept TabulatedFlowModel = ForcedModel<M> &&
-    requires(const LocalDual<2, P>& phase, const State<LocalDual<2, P>, dimension_of<M>>& x,
+    requires(const M& model, const LocalDual<2, P>& phase, const State<LocalDual<2, P>, dimension_of<M>>& x,
              const Constants<M, LocalDual<2, P>>& c, const P& side) {
-    { M::forcing(phase, c) } -> std::same_as<LocalDual<2, P>>;
-    { M::rhs_forced(phase, x, c, side) } -> std::same_as<State<LocalDual<2, P>, dimension_of<M>>>;
+    { model.forcing(phase, c) } -> std::same_as<LocalDual<2, P>>;
+    { model.rhs_forced(phase, x, c, side) } -> std::same_as<State<LocalDual<2, P>, dimension_of<M>>>;
 };
 
 /// Flows with derivatives can be computed in packs. Conditions: smooth, or with a velocity that switches; explicit

@@ -23,8 +23,9 @@ public:
     static constexpr bool in_packs = !requires { requires !M::packs; };
 
     /// @param interrupted  as in FlowOptions
-    explicit MapEnsemble(const Values<double, q>& p, const std::function<bool()>* interrupted = nullptr)
-        : p_(p), constants_(constants_from<M, double>(p)), interrupted_(interrupted) {}
+    explicit MapEnsemble(const Values<double, q>& p, const std::function<bool()>* interrupted = nullptr,
+                         const M& model = M())
+        : model_(model), p_(p), constants_(constants_from<M, double>(p, model)), interrupted_(interrupted) {}
 
     /// As Kernel::ensemble().
     void advance(const double* starts, std::size_t count, std::size_t iterations, double* const* sections,
@@ -56,7 +57,7 @@ private:
         Values<P, q> p;
         for (std::size_t j = 0; j < q; ++j)
             p[j] = P(p_[j]);
-        const auto constants = constants_from<M, P>(p);
+        const auto constants = constants_from<M, P>(p, model_);
         std::array<std::size_t, P::width> point;  // of each lane; those beyond `alive` repeat the last
         std::size_t alive = count;
         for (std::size_t l = 0; l < P::width; ++l)
@@ -73,12 +74,12 @@ private:
         gather(0);
         for (std::size_t k = 1; k <= iterations && alive > 0; ++k) {
             if (k % 1024 == 0) stop_if_asked(interrupted_);
-            x = M::map(x, constants);
+            x = model_.map(x, constants);
             auto finite = isfinite(x[0]);
             for (std::size_t c = 0; c < n; ++c) {
                 finite = finite & isfinite(x[c]);
                 x[c].store(lanes[c].data());
-                if (M::coordinates[c].angle) {
+                if (model_.coordinates[c].angle) {
                     for (double& angle : lanes[c])
                         angle = wrapped(angle);
                     x[c] = P::load(lanes[c].data());
@@ -117,14 +118,15 @@ private:
         State<double, n> x;
         std::copy(sections + (columns - 1) * n, sections + columns * n, x.begin());
         if (columns % 1024 == 0) stop_if_asked(interrupted_);
-        x = M::map(x, constants_);
+        x = model_.map(x, constants_);
         for (std::size_t c = 0; c < n; ++c) {
             if (!std::isfinite(x[c])) status = FlowStatus::not_finite;
-            sections[columns * n + c] = M::coordinates[c].angle ? wrapped(x[c]) : x[c];
+            sections[columns * n + c] = model_.coordinates[c].angle ? wrapped(x[c]) : x[c];
         }
         if (status == FlowStatus::ok) ++columns;
     }
 
+    [[no_unique_address]] M model_;
     Values<double, q> p_;
     Constants<M, double> constants_;
     const std::function<bool()>* interrupted_;

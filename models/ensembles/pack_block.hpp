@@ -93,7 +93,7 @@ private:
         Lane& lane = lanes_[i];
         if (lane.ended) return;
         for (std::size_t c = 0; c < n; ++c)
-            lane.section[c] = M::coordinates[c].angle ? wrapped(x_[c][i]) : x_[c][i];
+            lane.section[c] = steps_.model().coordinates[c].angle ? wrapped(x_[c][i]) : x_[c][i];
         std::size_t& columns = columns_[lane.trajectory];
         std::copy(lane.section.begin(), lane.section.end(), sections_[lane.trajectory] + columns * n);
         ++columns;
@@ -272,7 +272,7 @@ private:
         State<double, n> x;
         for (std::size_t c = 0; c < n; ++c)
             x[c] = x_[c][i];
-        Trajectory<M, 0> trajectory(p_, x, phase_, Clock::phase, options);
+        Trajectory<M, 0> trajectory(p_, x, phase_, Clock::phase, options, nullptr, steps_.model());
         trajectory.restart(x, steps.start(k));
         const FlowStatus status = trajectory.advance(steps.end(k));
         charge(i, trajectory.steps());

@@ -19,10 +19,10 @@ namespace orbid::models {
 
 /// The phase enters f only through one number, forcing(phase, constants), as in (M1) and (M2): it can be tabulated.
 template <class M, class T = double>
-concept TabulatedModel = ForcedModel<M> &&
-    requires(const T& phase, const State<T, dimension_of<M>>& x, const Constants<M, T>& c, const T& side) {
-    { M::forcing(phase, c) } -> std::same_as<T>;
-    { M::rhs_forced(phase, x, c, side) } -> std::same_as<State<T, dimension_of<M>>>;
+concept TabulatedModel = ForcedModel<M> && requires(const M& model, const T& phase, const State<T, dimension_of<M>>& x,
+                                                    const Constants<M, T>& c, const T& side) {
+    { model.forcing(phase, c) } -> std::same_as<T>;
+    { model.rhs_forced(phase, x, c, side) } -> std::same_as<State<T, dimension_of<M>>>;
 };
 
 namespace detail {
@@ -75,9 +75,10 @@ public:
     using Wide = Pack<(n <= 2 ? 4 : n <= 4 ? 2 : 1), Arch>;
     using Narrow = Pack<1, Arch>;
 
-    PackSteps(const Values<double, q>& p, double phase, const FlowOptions& options)
-        : wide_(constants_from<M, Wide>(spread<Wide>(p))),
-          narrow_(constants_from<M, Narrow>(spread<Narrow>(p))),
+    PackSteps(const Values<double, q>& p, double phase, const FlowOptions& options, const M& model = M())
+        : model_(model),
+          wide_(constants_from<M, Wide>(spread<Wide>(p), model)),
+          narrow_(constants_from<M, Narrow>(spread<Narrow>(p), model)),
           omega_(p[M::forcing_frequency]),
           phase_(phase),
           options_(options),
@@ -97,6 +98,8 @@ public:
                 .store(&steps.forcing[k / verner98.stages][k % verner98.stages]);
         return steps;
     }
+
+    [[nodiscard]] const M& model() const { return model_; }
 
     /// The step k of the period. Flattened: the model's functions too have to be inlined, as the operations of packs
     /// are.
@@ -207,21 +210,21 @@ private:
             return narrow_;
     }
     template <class P>
-    static P forcing_at(const P& phase, const Constants<M, P>& constants) {
+    P forcing_at(const P& phase, const Constants<M, P>& constants) const {
         if constexpr (TabulatedModel<M, P>)
-            return M::forcing(phase, constants);
+            return model_.forcing(phase, constants);
         else
             return phase;
     }
     template <class P>
-    static State<P, n> rate(const P& forcing, const State<P, n>& x, const Constants<M, P>& constants,
-                            [[maybe_unused]] const P& side) {
+    State<P, n> rate(const P& forcing, const State<P, n>& x, const Constants<M, P>& constants,
+                     [[maybe_unused]] const P& side) const {
         if constexpr (TabulatedModel<M, P>)
-            return M::rhs_forced(forcing, x, constants, side);
+            return model_.rhs_forced(forcing, x, constants, side);
         else if constexpr (SwitchingModel<M>)
-            return M::rhs(forcing, x, constants, side);
+            return model_.rhs(forcing, x, constants, side);
         else
-            return M::rhs(forcing, x, constants);
+            return model_.rhs(forcing, x, constants);
     }
 
     /// The tolerances of error_ratio(), and what switching models look for.
@@ -234,7 +237,7 @@ private:
         for (std::size_t i = 0; i < n; ++i) {
             P size = max(abs(x[i]), abs(step.end[i]));
             step.kept = step.kept & (size <= P(std::numeric_limits<double>::max()));
-            if (M::coordinates[i].angle) size = min(size, P(std::numbers::pi));
+            if (model_.coordinates[i].angle) size = min(size, P(std::numbers::pi));
             step.kept =
                 step.kept & (abs(error[i]) <= fma(options_.relative_tolerance, size, P(options_.absolute_tolerance)));
         }
@@ -254,6 +257,7 @@ private:
         }
     }
 
+    [[no_unique_address]] M model_;
     Constants<M, Wide> wide_;
     Constants<M, Narrow> narrow_;
     double omega_;

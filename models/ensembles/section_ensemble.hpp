@@ -19,8 +19,8 @@ public:
     static constexpr std::size_t q = parameter_count_of<M>;
     using Point = State<double, n>;
 
-    SectionEnsemble(const Values<double, q>& p, double phase, const FlowOptions& options)
-        : p_(p), phase_(phase), options_(options) {}
+    SectionEnsemble(const Values<double, q>& p, double phase, const FlowOptions& options, const M& model = M())
+        : model_(model), p_(p), phase_(phase), options_(options) {}
 
     /// As Kernel::ensemble().
     void advance(const double* starts, std::size_t count, std::size_t periods, double* const* sections,
@@ -40,7 +40,7 @@ private:
         // The step budget holds for one call of a flow; here that is one period.
         FlowOptions whole = options_;
         whole.maximum_steps = std::numeric_limits<std::size_t>::max();
-        TrajectoryOf<M, 0> trajectory(p_, x, phase_, Clock::phase, whole);
+        TrajectoryOf<M, 0> trajectory(p_, x, phase_, Clock::phase, whole, nullptr, model_);
         for (; columns <= periods; ++columns) {
             trajectory.limit_steps(trajectory.steps() + options_.maximum_steps);
             trajectory.restart(x);
@@ -48,13 +48,14 @@ private:
             if (status != FlowStatus::ok) return status;
             x = trajectory.state();
             for (std::size_t i = 0; i < n; ++i) {
-                if (M::coordinates[i].angle) x[i] = wrapped(x[i]);
+                if (model_.coordinates[i].angle) x[i] = wrapped(x[i]);
                 sections[columns * n + i] = x[i];
             }
         }
         return FlowStatus::ok;
     }
 
+    [[no_unique_address]] M model_;
     Values<double, q> p_;
     double phase_;
     FlowOptions options_;
@@ -67,12 +68,13 @@ public:
     static constexpr std::size_t n = dimension_of<M>;
     static constexpr std::size_t q = parameter_count_of<M>;
 
-    SectionEnsemble(const Values<double, q>& p, double phase, const FlowOptions& options)
-        : SectionEnsemble(p, phase, options, steps_for(options)) {}
+    SectionEnsemble(const Values<double, q>& p, double phase, const FlowOptions& options, const M& model = M())
+        : SectionEnsemble(p, phase, options, steps_for(options), model) {}
 
     /// With a given number of steps per period.
-    SectionEnsemble(const Values<double, q>& p, double phase, const FlowOptions& options, std::size_t steps)
-        : p_(p), phase_(phase), options_(options), steps_(p, phase, options), period_(steps_.period_in(steps)) {}
+    SectionEnsemble(const Values<double, q>& p, double phase, const FlowOptions& options, std::size_t steps,
+                    const M& model = M())
+        : p_(p), phase_(phase), options_(options), steps_(p, phase, options, model), period_(steps_.period_in(steps)) {}
 
     void advance(const double* starts, std::size_t count, std::size_t periods, double* const* sections,
                  std::size_t* columns, FlowStatus* status) const {

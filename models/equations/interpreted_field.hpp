@@ -11,8 +11,7 @@ namespace orbid::models {
 
 /// A model whose equations are interpreted.
 template <class M>
-concept InterpretedPackModel =
-    FlowPackModel<M> && std::same_as<std::remove_cvref_t<decltype(M::coordinates)>, CoordinatesInUse<dimension_of<M>>>;
+concept InterpretedPackModel = FlowPackModel<M> && std::derived_from<M, InterpretedShape<dimension_of<M>>>;
 
 /// FlowField of an interpreted model. LocalDual leaves it to the compiler to find which partials are not zero. Here the
 /// program knows, and computes only those, by formulas of their own.
@@ -26,7 +25,8 @@ public:
     using typename Base::P;
     using typename Base::Parametric;
 
-    FlowField(const Values<Dual<N>, Base::q>& p, Clock clock) : Base(p, clock), program_(*equations_in_use.program) {
+    FlowField(const Values<Dual<N>, Base::q>& p, Clock clock, const M& model)
+        : Base(p, clock, model), program_(*model.program) {
         for (std::size_t i = 0; i < program_.constant_count; ++i) {
             values_[i] = P(Base::scalar_[i].value);
             partials_[i] = Base::in_all_lanes(Base::scalar_[i]);

@@ -23,33 +23,39 @@ std::vector<std::size_t> places_of(const Equations& equations) {
     return places;
 }
 
+/// What a shape reads: the program and its coordinates, filled up to those of the shape.
+struct Interpreted {
+    std::vector<std::size_t> places;
+    EquationProgram program;
+    std::vector<Coordinate> coordinates;
+    Interpreted(const Equations& equations, std::size_t size)
+        : places(places_of(equations)),
+          program(equation_program(equations, places)),
+          coordinates(equations.coordinates().begin(), equations.coordinates().end()) {
+        coordinates.resize(size, real("", "1"));
+    }
+};
+
 /// A shape with N >= n coordinates as a kernel of n: starts are filled up, results picked out.
 class InterpretedKernel final : public NamedKernel {
 public:
-    InterpretedKernel(const std::shared_ptr<const Equations>& equations, std::shared_ptr<const Kernel> shape,
-                      std::size_t size)
-        : NamedKernel(equations, std::move(shape)),
-          places_(places_of(*equations)),
-          program_(equation_program(*equations, places_)),
+    InterpretedKernel(const std::shared_ptr<const Equations>& equations, const InterpretedShapeChoice& shape,
+                      std::unique_ptr<const Interpreted> interpreted)
+        : NamedKernel(equations, shape.kernel(interpreted->program, interpreted->coordinates)),
+          interpreted_(std::move(interpreted)),
           n_(equations->coordinates().size()),
-          size_(size),
-          coordinates_(equations->coordinates().begin(), equations->coordinates().end()) {
-        coordinates_.resize(size, real("", "1"));
-    }
+          size_(shape.size) {}
 
     bool at_rest(const double* state, const double* theta) const override {
-        const Use use(*this);
         return other()->at_rest(padded(state).data(), placed(theta).data());
     }
     void rhs(double phase, const double* state, const double* theta, const double* input, double* f) const override {
-        const Use use(*this);
         std::vector<double> all(size_);
         other()->rhs(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(), all.data());
         std::copy_n(all.begin(), n_, f);
     }
     void rhs_derivatives(double phase, const double* state, const double* theta, const double* input,
                          std::span<const std::ptrdiff_t> free, double* derivatives) const override {
-        const Use use(*this);
         std::vector<double> all(size_ * (size_ + free.size()));
         other()->rhs_derivatives(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(),
                                  placed(free), all.data());
@@ -57,7 +63,6 @@ public:
     }
     void rhs_second_derivatives(double phase, const double* state, const double* theta, const double* input,
                                 std::span<const std::ptrdiff_t> free, double* second, double* by_phase) const override {
-        const Use use(*this);
         const std::size_t d = size_ + free.size();
         std::vector<double> all(size_ * d * d), all_by_phase(size_);
         other()->rhs_second_derivatives(phase, padded(state).data(), placed(theta).data(), padded_input(input).data(),
@@ -68,7 +73,6 @@ public:
 
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
                  const FlowOutput& output) const override {
-        const Use use(*this);
         const Start from(*this, start);
         if (n_ == size_) return other()->flow(from.start, durations, placed(free), output);
         Padded all(*this, durations.size(), free.size(), output);
@@ -79,7 +83,6 @@ public:
 
     FlowEnd crossings(const FlowStart& start, const SectionPlane& plane, std::size_t count, double longest,
                       std::span<const std::ptrdiff_t> free, const FlowOutput& output) const override {
-        const Use use(*this);
         const Start from(*this, start);
         if (n_ == size_) return other()->crossings(from.start, plane, count, longest, placed(free), output);
         std::vector<double> normal(plane.normal.begin(), plane.normal.end());
@@ -98,7 +101,6 @@ public:
 
     std::unique_ptr<const FlowBatch> flow_batch(const FlowStarts& starts, std::span<const double> durations,
                                                 std::span<const std::ptrdiff_t> free) const override {
-        const Use use(*this);
         auto batch = std::make_unique<Batch>(*this, starts, durations.size(), free.size());
         batch->flows = other()->flow_batch(batch->starts, durations, placed(free));
         if (!batch->flows) return nullptr;
@@ -108,7 +110,6 @@ public:
     void ensemble(const double* starts, std::size_t count, double phase, std::size_t periods, const double* theta,
                   const FlowOptions& options, double* const* sections, std::size_t* columns,
                   FlowStatus* status) const override {
-        const Use use(*this);
         const auto p = placed(theta);
         if (n_ == size_)
             return other()->ensemble(starts, count, phase, periods, p.data(), options, sections, columns, status);
@@ -126,20 +127,6 @@ public:
     }
 
 private:
-    /// The program in use by this thread as long as it lives.
-    class Use {
-    public:
-        explicit Use(const InterpretedKernel& kernel) : before_(equations_in_use) {
-            equations_in_use = {&kernel.program_, kernel.coordinates_.data()};
-        }
-        ~Use() { equations_in_use = before_; }
-        Use(const Use&) = delete;
-        Use& operator=(const Use&) = delete;
-
-    private:
-        EquationsInUse before_;
-    };
-
     std::vector<double> padded(const double* state) const {
         std::vector<double> all(state, state + n_);
         all.resize(size_, 0.0);
@@ -153,14 +140,14 @@ private:
     }
     std::vector<double> placed(const double* theta) const {
         std::vector<double> all(EquationProgram::most_parameters, 1.0);
-        for (std::size_t i = 0; i < places_.size(); ++i)
-            all[places_[i]] = theta[i];
+        for (std::size_t i = 0; i < interpreted_->places.size(); ++i)
+            all[interpreted_->places[i]] = theta[i];
         return all;
     }
     std::vector<std::ptrdiff_t> placed(std::span<const std::ptrdiff_t> free) const {
         std::vector<std::ptrdiff_t> all;
         for (const std::ptrdiff_t i : free)
-            all.push_back(static_cast<std::ptrdiff_t>(places_[static_cast<std::size_t>(i)]));
+            all.push_back(static_cast<std::ptrdiff_t>(interpreted_->places[static_cast<std::size_t>(i)]));
         return all;
     }
 
@@ -244,7 +231,6 @@ private:
             starts.theta = theta.data();
         }
         void run(std::size_t first, std::size_t count, const FlowOutput* outputs, FlowEnd* ends) const override {
-            const Use use(kernel);
             if (kernel.n_ == kernel.size_) return flows->run(first, count, outputs, ends);
             std::vector<Padded> all;
             std::vector<FlowOutput> to;
@@ -258,19 +244,18 @@ private:
         }
     };
 
-    std::vector<std::size_t> places_;
-    EquationProgram program_;
+    std::unique_ptr<const Interpreted> interpreted_;
     std::size_t n_, size_;
-    std::vector<Coordinate> coordinates_;
 };
 
 }  // namespace
 
 std::shared_ptr<const Kernel> interpreted_kernel(const std::shared_ptr<const Equations>& equations, std::string& why) {
-    InterpretedShapeChoice shape = interpreted_shape_for(*equations, why);
+    const InterpretedShapeChoice shape = interpreted_shape_for(*equations, why);
     if (!shape.kernel) return nullptr;
     try {
-        return std::make_shared<InterpretedKernel>(equations, std::move(shape.kernel), shape.size);
+        return std::make_shared<InterpretedKernel>(equations, shape,
+                                                   std::make_unique<const Interpreted>(*equations, shape.size));
     } catch (const std::length_error&) {
         why = fmt::format("formulas with more than {} intermediate results at a time", FormulaCode::most_registers);
         return nullptr;

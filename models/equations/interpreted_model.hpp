@@ -12,23 +12,13 @@
 
 namespace orbid::models {
 
-/// The program that the interpreted models of this thread evaluate.
-struct EquationsInUse {
-    const EquationProgram* program = nullptr;
-    const Coordinate* coordinates = nullptr;  ///< as many as the model's shape has
-};
-
-/// A model is a type: its equations are static functions. Those of a program that is known at run time only read it
-/// from here. InterpretedKernel sets it at the beginning of each call and resets it at the end. Within a call no work
-/// is given to other threads.
-inline constinit thread_local EquationsInUse equations_in_use{};
-
-/// The coordinates of the program in use, in the place of a table.
+/// The coordinates of a model known at run time, in the place of a table.
 template <std::size_t n>
-struct CoordinatesInUse {
-    const Coordinate& operator[](std::size_t i) const { return equations_in_use.coordinates[i]; }
-    [[nodiscard]] const Coordinate* begin() const { return equations_in_use.coordinates; }
-    [[nodiscard]] const Coordinate* end() const { return equations_in_use.coordinates + n; }
+struct CoordinateView {
+    const Coordinate* first;
+    const Coordinate& operator[](std::size_t i) const { return first[i]; }
+    [[nodiscard]] const Coordinate* begin() const { return first; }
+    [[nodiscard]] const Coordinate* end() const { return first + n; }
 };
 
 namespace detail {
@@ -62,38 +52,48 @@ Values<T, n> interpreted(const FormulaCode& code, std::size_t count, double rest
         results[i] = i < count ? code.result(given, i) : T(rest);
     return results;
 }
+
+template <class T>
+Values<T, EquationProgram::most_constants> interpreted_constants(const EquationProgram& program,
+                                                                 const Values<T, EquationProgram::most_parameters>& p) {
+    return interpreted<EquationProgram::most_constants, T>(program.constants, program.constant_count, 0.0, {p.data()});
+}
 }  // namespace detail
 
 /// Common base of all shapes of interpreted models: n coordinates, of which smaller programs leave the last ones
-/// unused, and room for parameters and constants.
+/// unused, and room for parameters and constants. A model of this shape refers to a program and its n coordinates,
+/// which must outlive it.
 template <std::size_t n>
 struct InterpretedShape {
+    InterpretedShape(const EquationProgram& program_, std::span<const Coordinate> coordinates_)
+        : program(&program_), coordinates{coordinates_.data()} {}
+
+    const EquationProgram* program;
+    CoordinateView<n> coordinates;
+
     static constexpr std::string_view name = "equations";
     static constexpr std::string_view summary = "";
     static constexpr std::string_view equations = "";
     static constexpr std::size_t q = EquationProgram::most_parameters;
     static constexpr std::size_t constant_count = EquationProgram::most_constants;
-    static constexpr CoordinatesInUse<n> coordinates{};
     static constexpr std::array parameters = detail::numbered_parameters<q>(std::make_index_sequence<q>{});
 
     template <class T>
-    static Values<T, constant_count> reduced(const Values<T, q>& p) {
-        const EquationProgram& program = *equations_in_use.program;
-        return detail::interpreted<constant_count, T>(program.constants, program.constant_count, 0.0, {p.data()});
+    Values<T, constant_count> reduced(const Values<T, q>& p) const {
+        return detail::interpreted_constants(*program, p);
     }
 
 protected:
     /// @param through  the forcing, or the phase
     template <class T, class S = double>
-    static State<T, n> rates(const T* through, const State<T, n>& x, const Values<T, constant_count>& c, const T* u,
-                             const S* sides = nullptr) {
-        const EquationProgram& program = *equations_in_use.program;
-        return detail::interpreted<n, T>(program.rates, program.coordinate_count, 0.0, {x.data(), c.data(), through, u},
-                                         sides);
+    State<T, n> rates(const T* through, const State<T, n>& x, const Values<T, constant_count>& c, const T* u,
+                      const S* sides = nullptr) const {
+        return detail::interpreted<n, T>(program->rates, program->coordinate_count, 0.0,
+                                         {x.data(), c.data(), through, u}, sides);
     }
     template <class T>
-    static T force(const T& phase, const Values<T, constant_count>& c) {
-        return detail::interpreted<1, T>(equations_in_use.program->forcing, 1, 0.0, {nullptr, c.data(), &phase})[0];
+    T force(const T& phase, const Values<T, constant_count>& c) const {
+        return detail::interpreted<1, T>(program->forcing, 1, 0.0, {nullptr, c.data(), &phase})[0];
     }
 };
 
@@ -101,8 +101,9 @@ protected:
 template <std::size_t n>
 struct InterpretedFlow : InterpretedShape<n> {
     using Shape = InterpretedShape<n>;
+    using Shape::Shape;
     template <class T>
-    static State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c) {
+    State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c) const {
         return Shape::rates(&t, x, c, &t);
     }
 };
@@ -111,18 +112,19 @@ struct InterpretedFlow : InterpretedShape<n> {
 template <std::size_t n>
 struct InterpretedForcedFlow : InterpretedShape<n> {
     using Shape = InterpretedShape<n>;
+    using Shape::Shape;
     static constexpr std::size_t forcing_frequency = 0;
     template <class T>
-    static T forcing(const T& phase, const Values<T, Shape::constant_count>& c) {
+    T forcing(const T& phase, const Values<T, Shape::constant_count>& c) const {
         return Shape::force(phase, c);
     }
     template <class T>
-    static State<T, n> rhs_forced(const T& force, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
-                                  const auto& /*side*/) {
+    State<T, n> rhs_forced(const T& force, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
+                           const auto& /*side*/) const {
         return Shape::rates(&force, x, c, &force);
     }
     template <class T>
-    static State<T, n> rhs(const T& phase, const State<T, n>& x, const Values<T, Shape::constant_count>& c) {
+    State<T, n> rhs(const T& phase, const State<T, n>& x, const Values<T, Shape::constant_count>& c) const {
         return rhs_forced<T>(forcing<T>(phase, c), x, c, 0.0);
     }
 };
@@ -130,9 +132,10 @@ struct InterpretedForcedFlow : InterpretedShape<n> {
 /// One degree of freedom with dry friction.
 struct InterpretedFriction : InterpretedShape<2> {
     using Shape = InterpretedShape<2>;
+    using Shape::Shape;
     static bool smooth(const Values<double, q>& /*p*/) { return false; }  // InterpretedKernel is not asked
     template <class T, class S>
-    static State<T, 2> rhs(const T& t, const State<T, 2>& x, const Values<T, constant_count>& c, const S& side) {
+    State<T, 2> rhs(const T& t, const State<T, 2>& x, const Values<T, constant_count>& c, const S& side) const {
         return Shape::rates(&t, x, c, &t, &side);
     }
 };
@@ -140,19 +143,20 @@ struct InterpretedFriction : InterpretedShape<2> {
 /// The same, forced.
 struct InterpretedForcedFriction : InterpretedShape<2> {
     using Shape = InterpretedShape<2>;
+    using Shape::Shape;
     static constexpr std::size_t forcing_frequency = 0;
     static bool smooth(const Values<double, q>& /*p*/) { return false; }
     template <class T>
-    static T forcing(const T& phase, const Values<T, constant_count>& c) {
+    T forcing(const T& phase, const Values<T, constant_count>& c) const {
         return Shape::force(phase, c);
     }
     template <class T, class S>
-    static State<T, 2> rhs_forced(const T& force, const State<T, 2>& x, const Values<T, constant_count>& c,
-                                  const S& side) {
+    State<T, 2> rhs_forced(const T& force, const State<T, 2>& x, const Values<T, constant_count>& c,
+                           const S& side) const {
         return Shape::rates(&force, x, c, &force, &side);
     }
     template <class T, class S>
-    static State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, constant_count>& c, const S& side) {
+    State<T, 2> rhs(const T& phase, const State<T, 2>& x, const Values<T, constant_count>& c, const S& side) const {
         return rhs_forced<T>(forcing<T>(phase, c), x, c, side);
     }
 };
@@ -161,18 +165,18 @@ struct InterpretedForcedFriction : InterpretedShape<2> {
 template <std::size_t n>
 struct InterpretedSurfaces : InterpretedShape<n> {
     using Shape = InterpretedShape<n>;
+    using Shape::Shape;
     static constexpr std::size_t surface_count = 4;
     static bool smooth(const Values<double, Shape::q>& /*p*/) { return false; }
     template <class T>
-    static Values<T, surface_count> surfaces(const T& t, const State<T, n>& x,
-                                             const Values<T, Shape::constant_count>& c) {
-        const EquationProgram& program = *equations_in_use.program;
-        return detail::interpreted<surface_count, T>(program.surfaces, program.surface_count, 1.0,
+    Values<T, surface_count> surfaces(const T& t, const State<T, n>& x,
+                                      const Values<T, Shape::constant_count>& c) const {
+        return detail::interpreted<surface_count, T>(Shape::program->surfaces, Shape::program->surface_count, 1.0,
                                                      {x.data(), c.data(), &t, &t});
     }
     template <class T>
-    static State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
-                           const std::array<double, surface_count>& sides) {
+    State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
+                    const std::array<double, surface_count>& sides) const {
         return Shape::rates(&t, x, c, &t, sides.data());
     }
 };
@@ -180,6 +184,7 @@ struct InterpretedSurfaces : InterpretedShape<n> {
 /// The same, forced.
 template <std::size_t n>
 struct InterpretedForcedSurfaces : InterpretedSurfaces<n> {
+    using InterpretedSurfaces<n>::InterpretedSurfaces;
     static constexpr std::size_t forcing_frequency = 0;
 };
 
@@ -187,10 +192,11 @@ struct InterpretedForcedSurfaces : InterpretedSurfaces<n> {
 template <std::size_t n>
 struct InterpretedInputs : InterpretedShape<n> {
     using Shape = InterpretedShape<n>;
+    using Shape::Shape;
     static constexpr std::array inputs{real("u1", "1"), real("u2", "1"), real("u3", "1"), real("u4", "1")};
     template <class T>
-    static State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
-                           const std::array<T, 4>& u) {
+    State<T, n> rhs(const T& t, const State<T, n>& x, const Values<T, Shape::constant_count>& c,
+                    const std::array<T, 4>& u) const {
         return Shape::rates(&t, x, c, u.data());
     }
 };
@@ -198,11 +204,12 @@ struct InterpretedInputs : InterpretedShape<n> {
 /// One degree of freedom with dry friction and measured inputs.
 struct InterpretedFrictionInputs : InterpretedShape<2> {
     using Shape = InterpretedShape<2>;
+    using Shape::Shape;
     static constexpr auto inputs = InterpretedInputs<2>::inputs;
     static bool smooth(const Values<double, q>& /*p*/) { return false; }
     template <class T, class S>
-    static State<T, 2> rhs(const T& /*t*/, const State<T, 2>& x, const Values<T, constant_count>& c, const S& side,
-                           const std::array<T, 4>& u) {
+    State<T, 2> rhs(const T& /*t*/, const State<T, 2>& x, const Values<T, constant_count>& c, const S& side,
+                    const std::array<T, 4>& u) const {
         return Shape::rates(u.data(), x, c, u.data(), &side);
     }
 };
@@ -211,14 +218,20 @@ struct InterpretedFrictionInputs : InterpretedShape<2> {
 template <std::size_t n>
 struct InterpretedMap : InterpretedShape<n> {
     using Shape = InterpretedShape<n>;
+    using Shape::Shape;
     template <class T>
-    static State<T, n> map(const State<T, n>& x, const Values<T, Shape::constant_count>& c) {
+    State<T, n> map(const State<T, n>& x, const Values<T, Shape::constant_count>& c) const {
         return Shape::rates(x.data(), x, c, x.data());
     }
 };
 
 /// Autonomous and smooth, of any number of coordinates.
 struct InterpretedLargeFlow {
+    InterpretedLargeFlow(const EquationProgram& program_, std::span<const Coordinate> /*reals, as `coordinate`*/)
+        : program(&program_) {}
+
+    const EquationProgram* program;
+
     static constexpr std::string_view name = "equations";
     static constexpr std::string_view summary = "";
     static constexpr std::string_view equations = "";
@@ -228,19 +241,18 @@ struct InterpretedLargeFlow {
     static constexpr std::size_t smallest_size = 1;
     static constexpr std::size_t default_size = 5;
     template <class T>
-    static void rhs(const T& t, std::span<const T> x, const Values<T, q>& p, std::span<T> f) {
-        const EquationProgram& program = *equations_in_use.program;
-        const auto c = InterpretedShape<1>::reduced(p);
+    void rhs(const T& t, std::span<const T> x, const Values<T, q>& p, std::span<T> f) const {
+        const auto c = detail::interpreted_constants(*program, p);
         T registers[FormulaCode::most_registers];
         const std::array<T*, FormulaCode::segment_count> given{
             registers, const_cast<T*>(x.data()), const_cast<T*>(c.data()), const_cast<T*>(&t), const_cast<T*>(&t)};
-        program.rates.run(given, static_cast<const double*>(nullptr));
+        program->rates.run(given, static_cast<const double*>(nullptr));
         for (std::size_t i = 0; i < f.size(); ++i)
-            f[i] = program.rates.result(given, i);
+            f[i] = program->rates.result(given, i);
     }
 };
 
 }  // namespace orbid::models
 
 template <std::size_t n>
-struct std::tuple_size<orbid::models::CoordinatesInUse<n>> : std::integral_constant<std::size_t, n> {};
+struct std::tuple_size<orbid::models::CoordinateView<n>> : std::integral_constant<std::size_t, n> {};

@@ -10,13 +10,13 @@
 namespace orbid::models {
 
 template <class Shape>
-std::shared_ptr<const Kernel> interpreted_shape() {
-    return std::make_shared<ModelKernel<Shape>>();
-}
-
-template <class Shape>
-std::shared_ptr<const Kernel> interpreted_shape_of_size(std::size_t size) {
-    return std::make_shared<DynamicKernel<Shape>>(size);
+std::shared_ptr<const Kernel> interpreted_shape(const EquationProgram& program,
+                                                std::span<const Coordinate> coordinates) {
+    const Shape model(program, coordinates);
+    if constexpr (DynamicModel<Shape>)
+        return std::make_shared<DynamicKernel<Shape>>(coordinates.size(), model);
+    else
+        return std::make_shared<ModelKernel<Shape>>(model);
 }
 
 }  // namespace orbid::models

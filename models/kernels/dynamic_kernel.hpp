@@ -17,11 +17,11 @@ class DynamicKernel final : public Kernel {
 public:
     static constexpr std::size_t q = parameter_count_of<M>;
 
-    explicit DynamicKernel(std::size_t size) {
+    explicit DynamicKernel(std::size_t size, const M& model = M()) : model_(model) {
         names_.reserve(size);
         for (std::size_t i = 1; i <= size; ++i) {
-            names_.emplace_back(M::coordinate.name).append(std::to_string(i));
-            coordinates_.push_back({names_.back(), M::coordinate.unit, M::coordinate.angle});
+            names_.emplace_back(model_.coordinate.name).append(std::to_string(i));
+            coordinates_.push_back({names_.back(), model_.coordinate.unit, model_.coordinate.angle});
         }
     }
 
@@ -43,7 +43,8 @@ public:
              double* f) const override {
         Values<double, q> p;
         std::copy(theta, theta + q, p.begin());
-        M::rhs(0.0, std::span<const double>(state, coordinates_.size()), p, std::span<double>(f, coordinates_.size()));
+        model_.rhs(0.0, std::span<const double>(state, coordinates_.size()), p,
+                   std::span<double>(f, coordinates_.size()));
     }
     void rhs_derivatives(double /*phase*/, const double* state, const double* theta, const double* /*input*/,
                          std::span<const std::ptrdiff_t> free, double* derivatives) const override {
@@ -56,7 +57,7 @@ public:
             const std::size_t count = std::min(chunk, directions - first);
             for (std::size_t j = 0; j < count; ++j)
                 quantity(x, p, free, first + j).partial[j] = 1.0;
-            M::rhs(T(0.0), std::span<const T>(x), p, std::span<T>(f));
+            model_.rhs(T(0.0), std::span<const T>(x), p, std::span<T>(f));
             for (std::size_t j = 0; j < count; ++j)
                 for (std::size_t i = 0; i < n; ++i)
                     derivatives[(first + j) * n + i] = f[i].partial[j];
@@ -77,7 +78,7 @@ public:
                 for (std::size_t j = 0; j < count; ++j)
                     first_order(quantity(x, p, free, first + j)).partial[j] = 1.0;
                 quantity(x, p, free, outer).partial[0].value = 1.0;
-                M::rhs(T(0.0), std::span<const T>(x), p, std::span<T>(f));
+                model_.rhs(T(0.0), std::span<const T>(x), p, std::span<T>(f));
                 for (std::size_t j = 0; j < count; ++j)
                     for (std::size_t i = 0; i < n; ++i)
                         second[(outer * directions + first + j) * n + i] = f[i].partial[0].partial[j];
@@ -128,9 +129,9 @@ private:
     /// The start with partials in the directions [first, first + N - 1), which follow the probe's; of order 2 also in
     /// the direction `second`.
     template <std::size_t N, std::size_t order = 1>
-    static DynamicTrajectory<M, N, order> trajectory_from(const FlowStart& start, std::size_t n,
-                                                          std::span<const std::ptrdiff_t> free, std::size_t first,
-                                                          [[maybe_unused]] std::size_t second = 0) {
+    DynamicTrajectory<M, N, order> trajectory_from(const FlowStart& start, std::size_t n,
+                                                   std::span<const std::ptrdiff_t> free, std::size_t first,
+                                                   [[maybe_unused]] std::size_t second = 0) const {
         using Path = DynamicTrajectory<M, N, order>;
         std::vector<typename Path::T> x(start.state, start.state + n);
         typename Path::Parameters p;
@@ -138,7 +139,7 @@ private:
         for (std::size_t i = 1; i < N && first + i - 1 < n + free.size(); ++i)
             first_order(quantity(x, p, free, first + i - 1)).partial[i] = 1.0;
         if constexpr (order == 2) quantity(x, p, free, second).partial[0].value = 1.0;
-        return {p, std::move(x), start.options};
+        return {p, std::move(x), start.options, model_};
     }
 
     /// Copies partials but the probe's into the columns of their directions.
@@ -226,6 +227,7 @@ private:
         store_values(trajectory.state(), output.stopped_state);
     }
 
+    [[no_unique_address]] M model_;
     std::vector<std::string> names_;
     std::vector<Coordinate> coordinates_;  ///< their names are views of names_
 };

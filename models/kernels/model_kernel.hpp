@@ -25,6 +25,8 @@ public:
     static constexpr std::size_t n = dimension_of<M>;
     static constexpr std::size_t q = parameter_count_of<M>;
 
+    explicit ModelKernel(const M& model = M()) : model_(model) {}
+
     std::string_view name() const override { return M::name; }
     std::string_view variant() const override {
         if constexpr (VariantModel<M>)
@@ -34,7 +36,7 @@ public:
     }
     Kind kind() const override { return MapModel<M> ? Kind::map : ForcedModel<M> ? Kind::forced : Kind::autonomous; }
     bool stiff() const override { return StiffModel<M>; }
-    std::span<const Coordinate> coordinates() const override { return M::coordinates; }
+    std::span<const Coordinate> coordinates() const override { return model_.coordinates; }
     std::span<const Parameter> parameters() const override { return M::parameters; }
     std::span<const Coordinate> inputs() const override {
         if constexpr (InputModel<M>)
@@ -63,27 +65,28 @@ public:
 
     bool smooth([[maybe_unused]] const double* theta) const override {
         if constexpr (SwitchingModel<M> || SurfaceModel<M>)
-            return M::smooth(array_from<double, q>(theta));
+            return model_.smooth(array_from<double, q>(theta));
         else
             return true;
     }
 
     bool at_rest(const double* state, const double* theta) const override {
-        return stands_still<M>(array_from<double, n>(state), array_from<double, q>(theta));
+        return stands_still<M>(array_from<double, n>(state), array_from<double, q>(theta), model_);
     }
 
     void rhs(double phase, const double* state, const double* theta, [[maybe_unused]] const double* input,
              double* f) const override {
-        const auto values = value_rhs<M>(phase, array_from<double, n>(state), array_from<double, q>(theta), input);
+        const auto values =
+            value_rhs<M>(phase, array_from<double, n>(state), array_from<double, q>(theta), input, model_);
         std::copy(values.begin(), values.end(), f);
     }
     void rhs_derivatives(double phase, const double* state, const double* theta, const double* input,
                          std::span<const std::ptrdiff_t> free, double* derivatives) const override {
-        store_field_derivatives<M>(phase, state, theta, input, free, derivatives);
+        store_field_derivatives<M>(phase, state, theta, input, free, derivatives, model_);
     }
     void rhs_second_derivatives(double phase, const double* state, const double* theta, const double* input,
                                 std::span<const std::ptrdiff_t> free, double* second, double* by_phase) const override {
-        store_second_field_derivatives<M>(phase, state, theta, input, free, second, by_phase);
+        store_second_field_derivatives<M>(phase, state, theta, input, free, second, by_phase, model_);
     }
 
     FlowEnd flow(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
@@ -91,12 +94,12 @@ public:
         FlowEnd end;
         if (output.second_derivatives != nullptr) {
             in_second_order_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first, std::size_t direction) {
-                end = flow_pass<M, N, 2>(start, durations, free, first, output, direction);
+                end = flow_pass<M, N, 2>(start, durations, free, first, output, direction, model_);
             });
             return end;
         }
         in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
-            end = flow_pass<M, N>(start, durations, free, first, output);
+            end = flow_pass<M, N>(start, durations, free, first, output, 0, model_);
         });
         return end;
     }
@@ -107,7 +110,7 @@ public:
         if constexpr (FlowPackModel<M>) {
             // Sums in packs are rounded without correction; single flows carry the rounding error along.
             if (std::min(starts.options.relative_tolerance, starts.options.absolute_tolerance) >= 1e-13)
-                return std::make_unique<PackedFlows<M>>(*this, starts, durations, free);
+                return std::make_unique<PackedFlows<M>>(*this, starts, durations, free, model_);
         }
         return nullptr;
     }
@@ -121,9 +124,9 @@ public:
         if constexpr (!MapModel<M> && !ForcedModel<M>) {
             // Many returns are computed without derivatives, which would overflow on chaotic motion.
             if (output.sensitivities == nullptr)
-                return crossing_pass<M, 0>(start, plane, count, longest, {}, 0, output);
+                return crossing_pass<M, 0>(start, plane, count, longest, {}, 0, output, model_);
             in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
-                end = crossing_pass<M, N>(start, plane, count, longest, free, first, output);
+                end = crossing_pass<M, N>(start, plane, count, longest, free, first, output, model_);
             });
         }
         return end;
@@ -132,14 +135,14 @@ public:
     void instrument(const double* state, const double* theta, std::span<const std::ptrdiff_t> free, double* reading,
                     double* derivative) const override {
         if constexpr (InstrumentModel<M>) {
-            const auto values = M::instrument(array_from<double, n>(state), array_from<double, q>(theta));
+            const auto values = model_.instrument(array_from<double, n>(state), array_from<double, q>(theta));
             std::copy(values.begin(), values.end(), reading);
             if (derivative == nullptr) return;
             in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
                 auto x = array_from<Dual<N>, n>(state);
                 auto p = array_from<Dual<N>, q>(theta);
                 seed<N, n, q>(x, p, free, first);
-                store_partials<N, n>(M::instrument(x, p), first, n + free.size(), derivative);
+                store_partials<N, n>(model_.instrument(x, p), first, n + free.size(), derivative);
             });
         } else {
             Kernel::instrument(state, theta, free, reading, derivative);
@@ -152,10 +155,10 @@ public:
                   [[maybe_unused]] double* const* sections, [[maybe_unused]] std::size_t* columns,
                   [[maybe_unused]] FlowStatus* status) const override {
         if constexpr (MapModel<M>) {
-            MapEnsemble<M>(array_from<double, q>(theta), options.interrupted)
+            MapEnsemble<M>(array_from<double, q>(theta), options.interrupted, model_)
                 .advance(starts, count, periods, sections, columns, status);
         } else if constexpr (ForcedModel<M>) {
-            SectionEnsemble<M>(array_from<double, q>(theta), phase, options)
+            SectionEnsemble<M>(array_from<double, q>(theta), phase, options, model_)
                 .advance(starts, count, periods, sections, columns, status);
         }
     }
@@ -167,6 +170,9 @@ public:
         else
             return 1;
     }
+
+private:
+    [[no_unique_address]] M model_;
 };
 
 namespace detail {

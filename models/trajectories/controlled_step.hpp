@@ -90,7 +90,7 @@ public:
                 step_ = 0.25 * ds_;
                 continue;
             }
-            const double ratio = error_ratio<M, N, order>(error, x_, end_, options_);
+            const double ratio = error_ratio<M, N, order>(error, x_, end_, options_, field_.model);
             // The estimate goes with the ninth power of the step. Safety 0.9, change at most 5 times.
             constexpr double exponent = -1.0 / flow_method.error_order;
             factor_ = ratio > 0.0 ? std::clamp(0.9 * std::pow(ratio, exponent), 0.2, 5.0) : 5.0;

@@ -36,8 +36,8 @@ public:
 
     /// @param x0  partial 0 is overwritten by that of the probe
     /// @param p   partial 0 is 0
-    DynamicTrajectory(const Parameters& p, std::vector<T> x0, const FlowOptions& options)
-        : p_(p), options_(options), x_(std::move(x0)), end_(x_.size()), sum_(x_.size()) {
+    DynamicTrajectory(const Parameters& p, std::vector<T> x0, const FlowOptions& options, const M& model = M())
+        : model_(model), p_(p), options_(options), x_(std::move(x0)), end_(x_.size()), sum_(x_.size()) {
         for (auto& slope : slopes_)
             slope.resize(x_.size());
         // A chirp, whose spectrum is flat: it contains every Fourier mode of a ring or a chain. The multiples of the
@@ -102,7 +102,7 @@ public:
 
     /// f at a state.
     void evaluate(const std::vector<T>& x, std::vector<T>& f) const {
-        M::rhs(T(0.0), std::span<const T>(x), p_, std::span<T>(f));
+        model_.rhs(T(0.0), std::span<const T>(x), p_, std::span<T>(f));
     }
 
     [[nodiscard]] const std::vector<T>& state() const { return x_; }
@@ -157,7 +157,7 @@ private:
             const double end = value_of(end_[i]);
             if (!std::isfinite(end)) return std::numeric_limits<double>::infinity();
             double size = std::max(std::abs(value_of(x_[i])), std::abs(end));
-            if (M::coordinate.angle) size = std::min(size, std::numbers::pi);
+            if (model_.coordinate.angle) size = std::min(size, std::numbers::pi);
             judge(value_of(sum_[i]), options_.absolute_tolerance + options_.relative_tolerance * size);
             judge(probe(sum_[i]), 10.0 * options_.relative_tolerance);
         }
@@ -177,6 +177,7 @@ private:
             probe(x) *= scale;
     }
 
+    [[no_unique_address]] M model_;
     Parameters p_;
     FlowOptions options_;
     std::vector<T> x_;

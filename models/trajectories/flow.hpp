@@ -128,7 +128,8 @@ using TrajectoryOf = typename detail::TrajectoryChoice<M, N, order>::type;
 /// overwrites everything else in the output with the same values.
 template <Model M, std::size_t N, std::size_t order = 1>
 FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
-                  std::size_t first, const FlowOutput& output, [[maybe_unused]] std::size_t second = 0) {
+                  std::size_t first, const FlowOutput& output, [[maybe_unused]] std::size_t second = 0,
+                  const M& model = M()) {
     constexpr std::size_t n = dimension_of<M>;
     constexpr std::size_t q = parameter_count_of<M>;
     auto x = array_from<Scalar<N, order>, n>(start.state);
@@ -136,7 +137,7 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
     if constexpr (N > 0) seed<N, n, q>(x, p, free, first);
     if constexpr (order == 2) seed_second<N, n, q>(x, p, free, second);
     const std::size_t directions = n + free.size();
-    TrajectoryOf<M, N, order> trajectory(p, x, start.phase, start.clock, start.options, start.input);
+    TrajectoryOf<M, N, order> trajectory(p, x, start.phase, start.clock, start.options, start.input, model);
     FlowEnd end;
     for (std::size_t k = 0; k < durations.size() && end.status == FlowStatus::ok; ++k) {
         end.status = trajectory.advance(durations[k]);
@@ -147,7 +148,7 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
         // Derivatives that were not asked for still take part in the choice of steps. On long chaotic motion they
         // overflow (Lorenz: after 768 s), while the values alone need not.
         if (output.sensitivities == nullptr && end.status == FlowStatus::not_finite)
-            return flow_pass<M, 0>(start, durations, free, first, output);
+            return flow_pass<M, 0>(start, durations, free, first, output, 0, model);
     }
     end.stopped_after = trajectory.s();
     for (std::size_t i = 0; i < n; ++i)
@@ -161,7 +162,8 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
 /// The same for the iterates of a map. Durations are whole numbers of iterations; each counts as a step.
 template <MapModel M, std::size_t N, std::size_t order = 1>
 FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std::span<const std::ptrdiff_t> free,
-                  std::size_t first, const FlowOutput& output, [[maybe_unused]] std::size_t second = 0) {
+                  std::size_t first, const FlowOutput& output, [[maybe_unused]] std::size_t second = 0,
+                  const M& model = M()) {
     constexpr std::size_t n = dimension_of<M>;
     constexpr std::size_t q = parameter_count_of<M>;
     auto x = array_from<Scalar<N, order>, n>(start.state);
@@ -169,7 +171,7 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
     seed<N, n, q>(x, p, free, first);
     if constexpr (order == 2) seed_second<N, n, q>(x, p, free, second);
     const std::size_t directions = n + free.size();
-    const auto c = constants_from<M, Scalar<N, order>>(p);
+    const auto c = constants_from<M, Scalar<N, order>>(p, model);
     FlowEnd end;
     const auto finite = [&x] {
         for (const auto& component : x)
@@ -184,7 +186,7 @@ FlowEnd flow_pass(const FlowStart& start, std::span<const double> durations, std
             }
             // An iteration takes some nanoseconds.
             if (end.steps++ % 1024 == 0) stop_if_asked(start.options.interrupted);
-            x = M::map(x, c);
+            x = model.map(x, c);
             if (!finite()) end.status = FlowStatus::not_finite;
             end.stopped_after += 1.0;
         }

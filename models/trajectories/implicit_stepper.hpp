@@ -44,8 +44,12 @@ public:
     using Point = State<T, n>;
     using Stages = std::array<State<double, n>, 3>;
 
-    ImplicitStepper(const Values<T, parameter_count_of<M>>& p, double phase, Clock clock)
-        : field_(p, phase, clock), values_(plain(p), phase, clock), slopes_(constant(plain(p)), phase, clock) {}
+    ImplicitStepper(const Values<T, parameter_count_of<M>>& p, double phase, Clock clock, const M& model = M())
+        : field_(p, phase, clock, model),
+          values_(plain(p), phase, clock, model),
+          slopes_(constant(plain(p)), phase, clock, model) {}
+
+    [[nodiscard]] const M& model() const { return field_.model; }
 
     void set_input(const InputSignal* input) { field_.input = values_.input = slopes_.input = input; }
     void set_piece(std::size_t piece) { field_.piece = values_.piece = slopes_.piece = piece; }

@@ -36,8 +36,9 @@ public:
     /// @param p      parameters, with partials in the directions that are asked for
     /// @param input  of an InputModel
     ImplicitTrajectory(const Values<T, parameter_count_of<M>>& p, const Point& x0, double phase, Clock clock,
-                       const FlowOptions& options, [[maybe_unused]] const InputSignal* input = nullptr)
-        : stepper_(p, phase, clock), options_(options) {
+                       const FlowOptions& options, [[maybe_unused]] const InputSignal* input = nullptr,
+                       const M& model = M())
+        : stepper_(p, phase, clock, model), options_(options) {
         if constexpr (InputModel<M>) {
             knots_.emplace(*input, phase);
             stepper_.set_input(input);
@@ -184,7 +185,7 @@ private:
                     judge(first_order(error[i]).partial[j], first_order(d.plain[i]).partial[j], size);
             }
         }
-        return std::max(error_ratio<M, N, order>(error, x_, end, options_), 1e-15);
+        return std::max(error_ratio<M, N, order>(error, x_, end, options_, stepper_.model()), 1e-15);
     }
     static double& value_in(double& x) { return x; }
     template <std::size_t K, class B>

@@ -39,8 +39,8 @@ public:
     };
 
     /// A start on the plane, or one that rounding has put slightly below it, is no crossing.
-    SectionCrossing(const SectionPlane& plane, Path& path)
-        : plane_(plane), path_(path), turn_(turn_of(plane, M::coordinates)) {
+    SectionCrossing(const SectionPlane& plane, Path& path, const M& model = M())
+        : plane_(plane), path_(path), turn_(turn_of(plane, model.coordinates)) {
         end_ = look(path_);
     }
 
@@ -254,14 +254,15 @@ private:
 /// no derivatives, and step control uses the errors of the values alone, as in ensembles of forced models.
 template <Model M, std::size_t N>
 FlowEnd crossing_pass(const FlowStart& start, const SectionPlane& plane, std::size_t count, double longest,
-                      std::span<const std::ptrdiff_t> free, std::size_t first, const FlowOutput& output) {
+                      std::span<const std::ptrdiff_t> free, std::size_t first, const FlowOutput& output,
+                      const M& model = M()) {
     constexpr std::size_t n = dimension_of<M>;
     constexpr std::size_t q = parameter_count_of<M>;
     auto x = array_from<Scalar<N>, n>(start.state);
     auto p = array_from<Scalar<N>, q>(start.theta);
     if constexpr (N > 0) seed<N, n, q>(x, p, free, first);
-    TrajectoryOf<M, N> path(p, x, start.phase, start.clock, start.options, start.input);
-    SectionCrossing<M, N> section(plane, path);
+    TrajectoryOf<M, N> path(p, x, start.phase, start.clock, start.options, start.input, model);
+    SectionCrossing<M, N> section(plane, path, model);
     FlowEnd end;
     double time = 0.0;
     State<double, n> state = array_from<double, n>(start.state);

@@ -16,11 +16,11 @@ template <SurfaceModel M>
 State<double, dimension_of<M>> surface_rhs(double phase, const State<double, dimension_of<M>>& x,
                                            const Values<double, parameter_count_of<M>>& p,
                                            const Constants<M, double>& c,
-                                           const std::array<double, input_count_of<M>>& u) {
+                                           const std::array<double, input_count_of<M>>& u, const M& model = M()) {
     constexpr std::size_t n = dimension_of<M>;
     constexpr std::size_t m = surface_count_of<M>;
     using Moving = Dual<1>;
-    const auto h = M::surfaces(phase, x, c);
+    const auto h = model.surfaces(phase, x, c);
     constexpr auto impacts = impacts_of<M>();
     Side<M> side;
     std::array<bool, m> on{};
@@ -28,7 +28,7 @@ State<double, dimension_of<M>> surface_rhs(double phase, const State<double, dim
         side[j] = h[j] < 0.0 && !impacts[j] ? -1.0 : 1.0;
         on[j] = h[j] == 0.0 && !impacts[j];
     }
-    const auto f = [&](const Side<M>& sides) { return rhs_of<M, double>(phase, x, c, sides, u); };
+    const auto f = [&](const Side<M>& sides) { return rhs_of<M, double>(phase, x, c, sides, u, model); };
     const auto rates = [&](const Side<M>& sides) {
         const auto slope = f(sides);
         State<Moving, n> y;
@@ -36,7 +36,7 @@ State<double, dimension_of<M>> surface_rhs(double phase, const State<double, dim
             y[i] = Moving(x[i], {slope[i]});
         double time_rate = 1.0;
         if constexpr (ForcedModel<M>) time_rate = p[M::forcing_frequency];
-        const auto moving = M::surfaces(Moving(phase, {time_rate}), y, constants_as<Moving>(c));
+        const auto moving = model.surfaces(Moving(phase, {time_rate}), y, constants_as<Moving>(c));
         std::array<double, m> rate;
         for (std::size_t j = 0; j < m; ++j)
             rate[j] = moving[j].partial[0];
@@ -63,16 +63,17 @@ State<double, dimension_of<M>> surface_rhs(double phase, const State<double, dim
 template <Model M>
 State<double, dimension_of<M>> value_rhs([[maybe_unused]] double phase, const State<double, dimension_of<M>>& x,
                                          const Values<double, parameter_count_of<M>>& p,
-                                         [[maybe_unused]] const double* input) {
-    const auto c = constants_from<M, double>(p);
+                                         [[maybe_unused]] const double* input, const M& model = M()) {
+    const auto c = constants_from<M, double>(p, model);
     if constexpr (MapModel<M>) {
-        return M::map(x, c);
+        return model.map(x, c);
     } else {
         std::array<double, input_count_of<M>> u{};
         if constexpr (InputModel<M>) std::copy(input, input + u.size(), u.begin());
         if constexpr (SwitchingModel<M>) {
-            if (x[velocity] != 0.0) return rhs_of<M, double>(phase, x, c, x[velocity] < 0.0 ? -1.0 : 1.0, u);
-            const auto up = rhs_of<M, double>(phase, x, c, 1.0, u), down = rhs_of<M, double>(phase, x, c, -1.0, u);
+            if (x[velocity] != 0.0) return rhs_of<M, double>(phase, x, c, x[velocity] < 0.0 ? -1.0 : 1.0, u, model);
+            const auto up = rhs_of<M, double>(phase, x, c, 1.0, u, model);
+            const auto down = rhs_of<M, double>(phase, x, c, -1.0, u, model);
             if (up[velocity] <= 0.0 && down[velocity] >= 0.0) {
                 auto held = up;
                 held[velocity] = 0.0;
@@ -81,9 +82,9 @@ State<double, dimension_of<M>> value_rhs([[maybe_unused]] double phase, const St
             return down[velocity] < 0.0 ? down : up;
         } else {
             if constexpr (SurfaceModel<M>)
-                return surface_rhs<M>(phase, x, p, c, u);
+                return surface_rhs<M>(phase, x, p, c, u, model);
             else
-                return rhs_of<M, double>(phase, x, c, {}, u);
+                return rhs_of<M, double>(phase, x, c, {}, u, model);
         }
     }
 }
@@ -92,12 +93,13 @@ State<double, dimension_of<M>> value_rhs([[maybe_unused]] double phase, const St
 /// fixed point of a map. General surfaces: the field, or that of sliding, is 0 at every one of some phases. A model
 /// with measured inputs is never known to rest.
 template <Model M>
-bool stands_still(const State<double, dimension_of<M>>& x, const Values<double, parameter_count_of<M>>& p) {
+bool stands_still(const State<double, dimension_of<M>>& x, const Values<double, parameter_count_of<M>>& p,
+                  const M& model = M()) {
     if constexpr (InputModel<M>) return false;
     const double turn = 2.0 * std::numbers::pi;
     if constexpr (SwitchingModel<M> && !InputModel<M>) {
         if (x[velocity] == 0.0) {
-            const Field<M, 0> field(p, 0.0, ForcedModel<M> ? Clock::phase : Clock::time);
+            const Field<M, 0> field(p, 0.0, ForcedModel<M> ? Clock::phase : Clock::time, model);
             if (surface_accelerations(field, x, 0.0).hold() && !release_after(field, x, 0.0, turn)) return true;
         }
     }
@@ -106,7 +108,7 @@ bool stands_still(const State<double, dimension_of<M>>& x, const Values<double, 
     // period only, as in release_after().
     const int samples = !ForcedModel<M> ? 1 : SurfaceModel<M> ? 128 : 16;
     for (int i = 0; i < samples; ++i) {
-        auto f = value_rhs<M>(turn * i / samples, x, p, nullptr);
+        auto f = value_rhs<M>(turn * i / samples, x, p, nullptr, model);
         if constexpr (MapModel<M>)
             for (std::size_t j = 0; j < f.size(); ++j)
                 f[j] -= x[j];

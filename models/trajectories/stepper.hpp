@@ -29,6 +29,7 @@ struct Field {
     using T = Scalar<N, order>;
     static constexpr std::size_t n = dimension_of<M>;
 
+    [[no_unique_address]] M model;
     Constants<M, T> constants;
     T omega;  ///< 0 for an autonomous model
     double phase;
@@ -37,8 +38,8 @@ struct Field {
     const InputSignal* input = nullptr;  ///< of an InputModel; `phase` is then the time at s = 0
     std::size_t piece = 0;               ///< of the input on which the present step lies
 
-    Field(const Values<T, parameter_count_of<M>>& p, double phase_, Clock clock_)
-        : constants(constants_from<M, T>(p)), omega(0.0), phase(phase_), clock(clock_) {
+    Field(const Values<T, parameter_count_of<M>>& p, double phase_, Clock clock_, const M& model_ = M())
+        : model(model_), constants(constants_from<M, T>(p, model_)), omega(0.0), phase(phase_), clock(clock_) {
         if constexpr (ForcedModel<M>) omega = p[M::forcing_frequency];
         if constexpr (SwitchingModel<M>) side = 1.0;
     }
@@ -48,12 +49,12 @@ struct Field {
     [[nodiscard]] State<T, n> operator()(const State<T, n>& x, const S& s, const Side<M>& on_side) const {
         if constexpr (ForcedModel<M>) {
             if (clock == Clock::phase) {
-                State<T, n> f = rhs_of<M, T>(T(phase + s), x, constants, on_side);
+                State<T, n> f = rhs_of<M, T>(T(phase + s), x, constants, on_side, {}, model);
                 for (T& component : f)
                     component = component / omega;
                 return f;
             }
-            return rhs_of<M, T>(omega * s + phase, x, constants, on_side);
+            return rhs_of<M, T>(omega * s + phase, x, constants, on_side, {}, model);
         } else if constexpr (InputModel<M>) {
             constexpr std::size_t count = input_count_of<M>;
             std::array<T, count> u;
@@ -69,9 +70,9 @@ struct Field {
                 for (std::size_t i = 0; i < count; ++i)
                     u[i] = terms[3 * i] + later * (terms[3 * i + 1] + later * terms[3 * i + 2]);
             }
-            return rhs_of<M, T>(T(phase + s), x, constants, on_side, u);
+            return rhs_of<M, T>(T(phase + s), x, constants, on_side, u, model);
         } else {
-            return rhs_of<M, T>(T(s), x, constants, on_side);
+            return rhs_of<M, T>(T(s), x, constants, on_side, {}, model);
         }
     }
     template <class S>
@@ -248,7 +249,8 @@ private:
 template <Model M, std::size_t N, std::size_t order = 1>
 double error_ratio(const State<Scalar<N, order>, dimension_of<M>>& error,
                    const State<Scalar<N, order>, dimension_of<M>>& start,
-                   const State<Scalar<N, order>, dimension_of<M>>& end, const FlowOptions& options) {
+                   const State<Scalar<N, order>, dimension_of<M>>& end, const FlowOptions& options,
+                   const M& model = M()) {
     constexpr std::size_t n = dimension_of<M>;
     double worst = 0.0;
     const auto judge = [&worst](double size, double allowed) {
@@ -258,7 +260,7 @@ double error_ratio(const State<Scalar<N, order>, dimension_of<M>>& error,
     };
     for (std::size_t i = 0; i < n; ++i) {
         double size = std::max(std::abs(value_of(start[i])), std::abs(value_of(end[i])));
-        if (M::coordinates[i].angle) size = std::min(size, std::numbers::pi);
+        if (model.coordinates[i].angle) size = std::min(size, std::numbers::pi);
         judge(value_of(error[i]), options.absolute_tolerance + options.relative_tolerance * size);
     }
     if constexpr (N >= n) {

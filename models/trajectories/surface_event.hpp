@@ -120,7 +120,7 @@ private:
         for (std::size_t i = 0; i < n; ++i)
             y[i] = Gradient::variable(x[i], i);
         const double t = values.time(at);
-        const auto h = M::surfaces(Gradient::variable(t, n), y, constants_as<Gradient>(values.constants))[j];
+        const auto h = values.model.surfaces(Gradient::variable(t, n), y, constants_as<Gradient>(values.constants))[j];
         double terms = std::abs(h.partial[n] * t);
         for (std::size_t i = 0; i < n; ++i)
             terms += std::abs(h.partial[i] * x[i]);

@@ -49,7 +49,8 @@ struct SurfaceField : Field<M, N, order> {
     static constexpr std::size_t nothing = m;
     std::size_t held = nothing;  ///< surface along which the solution slides
 
-    SurfaceField(const Values<T, parameter_count_of<M>>& p, double phase_, Clock clock_) : Base(p, phase_, clock_) {
+    SurfaceField(const Values<T, parameter_count_of<M>>& p, double phase_, Clock clock_, const M& model_ = M())
+        : Base(p, phase_, clock_, model_) {
         this->side.fill(1.0);
     }
 
@@ -84,7 +85,7 @@ struct SurfaceField : Field<M, N, order> {
     /// h of every surface.
     template <class S>
     [[nodiscard]] Values<T, m> surfaces(const Point& x, const S& s) const {
-        return M::surfaces(time(s), x, this->constants);
+        return this->model.surfaces(time(s), x, this->constants);
     }
 
     /// h of every surface with its rate along f.
@@ -96,7 +97,7 @@ struct SurfaceField : Field<M, N, order> {
         T time_rate(1.0);
         if constexpr (ForcedModel<M>)
             if (this->clock == Clock::time) time_rate = this->omega;
-        return M::surfaces(Moving(time(s), {time_rate}), y, constants_as<Moving>(this->constants));
+        return this->model.surfaces(Moving(time(s), {time_rate}), y, constants_as<Moving>(this->constants));
     }
 
     /// The fields on both sides of the surface that holds the solution, and the rates of h along them.

@@ -36,9 +36,9 @@ public:
     /// @param p      parameters, with partials in the directions that are asked for
     /// @param input  of an InputModel
     SurfaceTrajectory(const Values<T, parameter_count_of<M>>& p, const Point& x0, double phase, Clock clock,
-                      const FlowOptions& options, const InputSignal* input = nullptr)
-        : walk_(SurfaceField<M, N, order>(p, phase, clock), options),
-          values_(values_of<N, parameter_count_of<M>>(p), phase, clock),
+                      const FlowOptions& options, const InputSignal* input = nullptr, const M& model = M())
+        : walk_(SurfaceField<M, N, order>(p, phase, clock, model), options),
+          values_(values_of<N, parameter_count_of<M>>(p), phase, clock, model),
           options_(options) {
         if constexpr (InputModel<M>) {
             knots_.emplace(*input, phase);
@@ -221,7 +221,7 @@ private:
         on_[j] = true;
         if constexpr (ImpactModel<M>) {
             if (impacts[j]) {
-                x = M::reset(j, arriving.time(at + later), x, arriving.constants);
+                x = arriving.model.reset(j, arriving.time(at + later), x, arriving.constants);
                 // Impacts too close to be distinguished in time: they accumulate here.
                 const double resolution = 64.0 * std::numeric_limits<double>::epsilon() * std::abs(at);
                 walk_.restart(x, at);
@@ -263,7 +263,7 @@ private:
         State<Gradient, n> y;
         for (std::size_t i = 0; i < n; ++i)
             y[i] = Gradient::variable(x[i], i);
-        const auto h = M::surfaces(Gradient(values_.time(at)), y, constants_as<Gradient>(values_.constants));
+        const auto h = values_.model.surfaces(Gradient(values_.time(at)), y, constants_as<Gradient>(values_.constants));
         Side<M> side = values_.side;
         for (std::size_t k = 0; k < m; ++k) {
             // On the surface means: within the error of a step.

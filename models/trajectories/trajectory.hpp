@@ -28,9 +28,9 @@ public:
     /// @param p      parameters, with partials in the directions that are asked for
     /// @param input  of an InputModel
     Trajectory(const Values<T, parameter_count_of<M>>& p, const Point& x0, double phase, Clock clock,
-               const FlowOptions& options, [[maybe_unused]] const InputSignal* input = nullptr)
-        : walk_(Field<M, N, order>(p, phase, clock), options),
-          values_(values_of<N, parameter_count_of<M>>(p), phase, clock) {
+               const FlowOptions& options, [[maybe_unused]] const InputSignal* input = nullptr, const M& model = M())
+        : walk_(Field<M, N, order>(p, phase, clock, model), options),
+          values_(values_of<N, parameter_count_of<M>>(p), phase, clock, model) {
         if constexpr (InputModel<M>) {
             knots_.emplace(*input, phase);
             walk_.altered_field().input = values_.input = input;
