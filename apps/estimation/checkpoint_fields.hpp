@@ -1,9 +1,7 @@
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "apps/results/checkpoint_archive.hpp"
@@ -46,18 +44,15 @@ inline void fields(apps::Archive& archive, ResidualCount& value) {
     archive(type, used, lost, rejected, added);
 }
 
-/// Words of the history are literals of the minimiser; those read back are stored here.
-inline void transfer_word(apps::Archive& archive, std::string_view& word) {
-    static constexpr std::array<std::string_view, 6> known{"",     "theta", "scales", "no decrease", "block failed",
-                                                           "bound"};
-    std::string text(word);
+/// Stores the name of an enumerator. @param last  the last one of its enumeration.
+template <class Enumerator>
+void transfer_name(apps::Archive& archive, Enumerator& value, Enumerator last) {
+    std::string text(name(value));
     archive(text);
     if (!archive.reading()) return;
-    for (const std::string_view one : known) {
-        if (one == text) {
-            word = one;
-            return;
-        }
+    for (int i = 0; i <= static_cast<int>(last); ++i) {
+        value = static_cast<Enumerator>(i);
+        if (name(value) == text) return;
     }
     throw apps::DamagedCheckpoint("a checkpoint holds an unknown word");
 }
@@ -65,8 +60,8 @@ inline void transfer_word(apps::Archive& archive, std::string_view& word) {
 inline void fields(apps::Archive& archive, StepRecord& value) {
     auto& [round, block, accepted, before, after, damping, reason, provisional] = value;
     archive(round, accepted, before, after, damping, provisional);
-    transfer_word(archive, block);
-    transfer_word(archive, reason);
+    transfer_name(archive, block, StepBlock::scales);
+    transfer_name(archive, reason, StepRejection::block_failed);
 }
 
 inline void fields(apps::Archive& archive, NullDirection& value) {

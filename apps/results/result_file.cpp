@@ -141,8 +141,8 @@ Json identifiability_json(const estimator::Estimate& estimate) {
 }
 
 Json step_json(const estimator::StepRecord& step) {
-    return {{"round", step.round}, {"block", step.block},     {"accepted", step.accepted}, {"before", step.before},
-            {"after", step.after}, {"damping", step.damping}, {"reason", step.reason}};
+    return {{"round", step.round}, {"block", name(step.block)}, {"accepted", step.accepted},  {"before", step.before},
+            {"after", step.after}, {"damping", step.damping},   {"reason", name(step.reason)}};
 }
 
 Json orbits_json(const ResultContext& context) {

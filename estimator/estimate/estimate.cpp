@@ -1,7 +1,6 @@
 #include "estimator/estimate/estimate.hpp"
 
 #include <algorithm>
-#include <array>
 
 #include "estimator/estimate/estimate_report.hpp"
 #include "estimator/interface/not_finite.hpp"
@@ -157,11 +156,6 @@ void OuterLoop::run() {
 }
 
 }  // namespace
-
-std::string_view name(EstimateStatus status) {
-    constexpr std::array names{"converged", "no_progress", "iteration_limit", "singular", "failed", "interrupted"};
-    return names[static_cast<std::size_t>(status)];
-}
 
 Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
                   const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {

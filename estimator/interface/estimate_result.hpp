@@ -72,16 +72,25 @@ struct ResidualCount {
     int added = 0;
 };
 
+/// What a step moves: the parameters with the latent states, or the error parameters.
+enum class StepBlock { theta, scales };
+[[nodiscard]] std::string_view name(StepBlock block);
+
+/// Why a step is rejected: the objective does not fall, or a block of a residual cannot be evaluated at its end.
+enum class StepRejection { none, no_decrease, block_failed };
+/// "" for none.
+[[nodiscard]] std::string_view name(StepRejection reason);
+
 /// One accepted or rejected step, for the history.
 struct StepRecord {
-    int round = 0;           ///< including those of intermediate stages
-    std::string_view block;  ///< "theta" or "scales"
+    int round = 0;  ///< including those of intermediate stages
+    StepBlock block = StepBlock::theta;
     bool accepted = false;
-    double before =
-        0.0;  ///< objective of this step's own block before and after: Phi at fixed psi, Phi_psi at fixed theta
+    /// Objective of this step's own block before and after: Phi at fixed psi, Phi_psi at fixed theta.
+    double before = 0.0;
     double after = 0.0;
     double damping = 0.0;
-    std::string_view reason;   ///< "", "no decrease", "block failed", "bound"
+    StepRejection reason = StepRejection::none;
     bool provisional = false;  ///< in an intermediate stage
 };
 

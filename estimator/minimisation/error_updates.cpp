@@ -85,7 +85,8 @@ Eigen::VectorXd ErrorUpdates::searched(Follow follow, double length, const State
     }
     const ErrorMinimum found = minimise_errors(errors, state.psi, limit.floor, limit.ceiling, search);
     if (found.steps > 0)
-        ledger.history.push_back({ledger.round, "scales", true, found.before, found.after, 0.0, "", set_.provisional});
+        ledger.history.push_back({ledger.round, StepBlock::scales, true, found.before, found.after, 0.0,
+                                  StepRejection::none, set_.provisional});
     minimum.error_at_floor = found.at_floor;
     minimum.error_at_ceiling = found.at_ceiling;
     return problem_.options.variance == Variance::integrated ? integrated_scales(errors, found) : found.psi;

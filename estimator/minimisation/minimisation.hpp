@@ -3,7 +3,6 @@
 #include <functional>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
@@ -45,7 +44,7 @@ private:
         double gain = -infinity;      ///< actual over predicted decrease
         double curvature = -1.0;      ///< true second derivative along the step
         double keep = 0.25;           ///< share of the step to keep after a rejection
-        std::string_view reason;      ///< why it is rejected
+        StepRejection reason = StepRejection::none;
     };
 
     bool start();

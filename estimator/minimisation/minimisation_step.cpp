@@ -32,7 +32,7 @@ Minimisation::Trial Minimisation::evaluated(const TrialStep& step) {
     if (!trial.evaluation.failed.empty()) {
         for (const std::size_t b : trial.evaluation.failed)
             stopping_.note_failure(b);
-        trial.reason = "block failed";
+        trial.reason = StepRejection::block_failed;
         return trial;
     }
     const std::vector<BlockValue>& from = minimum_.evaluation.values;
@@ -63,13 +63,13 @@ void Minimisation::compare_slopes(const TrialStep& step, Trial& trial) const {
 /// Whether a trial lowers the objective enough, and has the derivatives that the next step needs.
 bool Minimisation::decreases(Trial& trial) {
     if (!(trial.change < 0.0) || !(trial.gain > least_gain)) {
-        if (trial.reason.empty()) trial.reason = "no decrease";
+        if (trial.reason == StepRejection::none) trial.reason = StepRejection::no_decrease;
         return false;
     }
     if (derivatives_at_trial_) return true;
     trial.evaluation = evaluate(problem_.residuals, set_, problem_.laws, trial.state.theta, trial.state.latents, true);
     ++ledger_.evaluations;
-    if (!trial.evaluation.failed.empty()) trial.reason = "block failed";
+    if (!trial.evaluation.failed.empty()) trial.reason = StepRejection::block_failed;
     return trial.evaluation.failed.empty();
 }
 
@@ -101,7 +101,7 @@ bool Minimisation::try_step(const TrialStep& step) {
     const bool accepted = decreases(trial);
     const double after = accepted ? before + trial.change : before;
     ledger_.history.push_back(
-        {ledger_.round, "theta", accepted, before, after, step.mu, trial.reason, set_.provisional});
+        {ledger_.round, StepBlock::theta, accepted, before, after, step.mu, trial.reason, set_.provisional});
     if (!accepted) {
         radius_ = trial.keep * std::min(radius_, step.length);
         derivatives_at_trial_ = false;

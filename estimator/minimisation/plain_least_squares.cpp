@@ -62,7 +62,7 @@ private:
     Verdict try_step();
     Verdict polish();
     void start_scale();
-    void record(double square, bool accepted, double change, std::string_view reason);
+    void record(double square, bool accepted, double change, StepRejection reason);
     void adopt(Evaluation&& evaluation, Eigen::VectorXd&& e);
     [[nodiscard]] double square_of_scale() const {
         if (!estimated_) return std::exp(2.0 * state_.psi[0]);
@@ -147,13 +147,13 @@ bool LeastSquares::correct() {
     return true;
 }
 
-void LeastSquares::record(double square, bool accepted, double change, std::string_view reason) {
+void LeastSquares::record(double square, bool accepted, double change, StepRejection reason) {
     const auto n = static_cast<double>(rows_.records());
     const double variance = estimated_ ? square / n : square_of_scale();
     const double before =
         0.5 * (n * std::log(2.0 * std::numbers::pi * variance) + square / variance + set_.ln_det_shapes);
     const double after = accepted ? before + 0.5 * std::min(change, 0.0) / variance : before;
-    ledger_.history.push_back({ledger_.round, "theta", accepted, before, after, damping_, reason});
+    ledger_.history.push_back({ledger_.round, StepBlock::theta, accepted, before, after, damping_, reason});
     if (!accepted) return;
     ++ledger_.iterations;
     if (problem_.options.progress) problem_.options.progress(ledger_.iterations, after);
@@ -187,7 +187,7 @@ LeastSquares::Verdict LeastSquares::try_step() {
         change = (e - e_).dot(e + e_);
         const double gain = gain_ = -change / predicted;
         if (gain > least_plain_gain && (derivatives_at_trial_ || move_to(trial_.u, true))) {
-            record(square_, true, change, "");
+            record(square_, true, change, StepRejection::none);
             adopt(std::move(trial_values_), std::move(e));
             damping_ *= std::max(gain > good_gain ? fast_fall : slow_fall, 1.0 - std::pow(2.0 * gain - 1.0, 3));
             raise_ = 2.0;
@@ -198,7 +198,7 @@ LeastSquares::Verdict LeastSquares::try_step() {
     }
     const bool failed = !trial_values_.failed.empty();
     if (failed && set_.blocks.size() > 1) return Verdict::stop;
-    record(square_, false, change, failed ? "block failed" : "no decrease");
+    record(square_, false, change, failed ? StepRejection::block_failed : StepRejection::no_decrease);
     derivatives_at_trial_ = false;
     damping_ *= raise_;
     raise_ *= 2.0;
@@ -231,10 +231,10 @@ LeastSquares::Verdict LeastSquares::polish() {
         now_ = std::move(from);
         e_ = std::move(from_e);
         state_ = from_state;
-        record(square, false, change, "no decrease");
+        record(square, false, change, StepRejection::no_decrease);
         return Verdict::stop;
     }
-    record(square, true, change, "");
+    record(square, true, change, StepRejection::none);
     const double left =
         triangle_.col(q).head(q).dot(triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>() * full);
     stretch_ = left > slope ? stretch_of_next(stretch_ * slope / (slope - left)) : 1.0;

@@ -60,9 +60,9 @@ py::list counts(const Estimate& estimate) {
 
 py::list history(const Estimate& estimate) {
     return listed(estimate.history, [](const estimator::StepRecord& step) {
-        return py::dict("round"_a = step.round, "block"_a = std::string(step.block), "accepted"_a = step.accepted,
+        return py::dict("round"_a = step.round, "block"_a = name(step.block), "accepted"_a = step.accepted,
                         "before"_a = step.before, "after"_a = step.after, "damping"_a = step.damping,
-                        "reason"_a = std::string(step.reason), "provisional"_a = step.provisional);
+                        "reason"_a = name(step.reason), "provisional"_a = step.provisional);
     });
 }
 

@@ -54,7 +54,7 @@ inline estimator::Estimate made_up_estimate() {
     estimate.iterations = 9;
     estimate.evaluations = 11;
     estimate.rounds = 2;
-    estimate.history = {{1, "theta", true, 10.0, 5.0, 0.1, ""}};
+    estimate.history = {{1, estimator::StepBlock::theta, true, 10.0, 5.0, 0.1}};
     return estimate;
 }
 

@@ -50,7 +50,7 @@ TEST_CASE("a block that cannot be evaluated shortens the step; one that stops ev
     CHECK(residual.refreshes >= 1);
     bool failed = false;
     for (const auto& step : result.history) {
-        failed = failed || step.reason == "block failed";
+        failed = failed || step.reason == estimator::StepRejection::block_failed;
         if (step.accepted) CHECK(step.after <= step.before);
     }
     CHECK(failed);

@@ -156,7 +156,7 @@ TEST_CASE("a prediction that is not positive shortens the step under log-normal 
     CHECK(result.status == estimator::EstimateStatus::converged);
     bool failed = false;
     for (const auto& step : result.history)
-        failed = failed || step.reason == "block failed";
+        failed = failed || step.reason == estimator::StepRejection::block_failed;
     CHECK(failed);
     // The zero of d/dtheta sum ln^2(y / (1 + theta x)), by bisection.
     double low = -0.999;

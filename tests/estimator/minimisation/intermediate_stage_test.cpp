@@ -55,7 +55,7 @@ TEST_CASE("stages of matching lead from a bad start to the estimate of the last 
         CHECK_THAT(found.scales[0].value, WithinRel(reference.scales[0].value, 1e-6));
         for (const estimator::StepRecord& step : found.history) {
             CHECK(step.provisional == (step.round < 5));
-            if (step.provisional) CHECK(step.block == "theta");
+            if (step.provisional) CHECK(step.block == estimator::StepBlock::theta);
         }
         REQUIRE(residual.scales_seen.size() == 4);
         const std::vector<double> stages{0.3, 0.03, 3e-3, 3e-4};
