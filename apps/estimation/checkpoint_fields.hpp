@@ -22,9 +22,24 @@ inline void fields(apps::Archive& archive, BlockValue& value) {
     archive(status, e, e_theta, e_z, e_next, c, c_theta, c_z, c_next);
 }
 
+/// Stores the name of an enumerator. @param last  the last one of its enumeration.
+template <class Enumerator>
+void transfer_name(apps::Archive& archive, Enumerator& value, Enumerator last) {
+    std::string text(name(value));
+    archive(text);
+    if (!archive.reading()) return;
+    for (int i = 0; i <= static_cast<int>(last); ++i) {
+        value = static_cast<Enumerator>(i);
+        if (name(value) == text) return;
+    }
+    throw apps::DamagedCheckpoint("a checkpoint holds an unknown word");
+}
+
 inline void fields(apps::Archive& archive, Estimated& value) {
     auto& [name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share] = value;
-    archive(name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share);
+    archive(name, unit, at, start, sd, lower95, upper95, method);
+    transfer_name(archive, bound, BoundSide::upper);
+    archive(laplace_sd, share);
 }
 
 inline void fields(apps::Archive& archive, EstimatedScale& value) {
@@ -42,19 +57,6 @@ inline void fields(apps::Archive& archive, EstimatedCovariance& value) {
 inline void fields(apps::Archive& archive, ResidualCount& value) {
     auto& [type, used, lost, rejected, added] = value;
     archive(type, used, lost, rejected, added);
-}
-
-/// Stores the name of an enumerator. @param last  the last one of its enumeration.
-template <class Enumerator>
-void transfer_name(apps::Archive& archive, Enumerator& value, Enumerator last) {
-    std::string text(name(value));
-    archive(text);
-    if (!archive.reading()) return;
-    for (int i = 0; i <= static_cast<int>(last); ++i) {
-        value = static_cast<Enumerator>(i);
-        if (name(value) == text) return;
-    }
-    throw apps::DamagedCheckpoint("a checkpoint holds an unknown word");
 }
 
 inline void fields(apps::Archive& archive, StepRecord& value) {

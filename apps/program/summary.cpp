@@ -27,7 +27,7 @@ std::string estimated_table(const std::vector<estimator::Estimated>& list) {
     for (const auto& x : list)
         table.add({x.name, x.unit, significant(x.start, 4), with_digits_of(x.value, x.sd),
                    std::isfinite(x.sd) ? significant(x.sd, 2) : "undefined", interval(x), x.interval_method,
-                   x.at_bound.empty() ? "" : "at " + x.at_bound});
+                   x.at_bound == estimator::BoundSide::none ? "" : fmt::format("at {}", name(x.at_bound))});
     return table.text();
 }
 
@@ -95,9 +95,9 @@ std::string covariance_table(const std::vector<estimator::EstimatedCovariance>& 
 std::string remarks(const estimator::Estimate& estimate) {
     std::string out;
     for (const auto& x : estimate.parameters) {
-        if (!x.at_bound.empty())
+        if (x.at_bound != estimator::BoundSide::none)
             out += fmt::format("  {} lies at its {} bound; the other uncertainties hold for {} held there.\n", x.name,
-                               x.at_bound, x.name);
+                               name(x.at_bound), x.name);
     }
     for (const auto& x : estimate.parameters) {
         // Half: below it the prior says more than the data. One thousandth: what shows in no digit of the value.

@@ -36,7 +36,7 @@ Json estimated_json(const estimator::Estimated& x, const std::map<std::string, d
     out["reference"] = json_or_null(reference);
     out["relative_deviation"] = relative_deviation(x.value, reference);
     out["unit"] = x.unit;
-    out["at_bound"] = json_or_null(x.at_bound);
+    out["at_bound"] = json_or_null(name(x.at_bound));
     out["laplace_sd"] = x.laplace_sd;
     out["data_share"] = x.data_share;
     return out;

@@ -29,7 +29,7 @@ void fill_parameters(const Problem& problem, const State& state, const Minimum& 
         slope[i] = coordinate.slope(state.theta[i]);
         Estimated result = bare_estimate(problem.parameters[index], state.theta[i]);
         const int side = minimum.step.active[index];
-        if (side != 0) result.at_bound = side < 0 ? "lower" : "upper";
+        if (side != 0) result.at_bound = side < 0 ? BoundSide::lower : BoundSide::upper;
         const Uncertainty uncertainty = posterior.along(Eigen::VectorXd::Unit(q, i));
         result.interval_method = uncertainty.method;
         result.sd = uncertainty.sd * slope[i];
@@ -132,7 +132,8 @@ void fill_law(const Problem& problem, const State& state, const Posterior& poste
             shape.lower95 = coordinate.natural(state.psi[k] - normal_975 * own_sd);
             shape.upper95 = coordinate.natural(state.psi[k] + normal_975 * own_sd);
             if (coordinate.estimate && !(own_sd > 0.0))
-                shape.at_bound = state.psi[k] <= 0.5 * (coordinate.lower + coordinate.upper) ? "lower" : "upper";
+                shape.at_bound =
+                    state.psi[k] <= 0.5 * (coordinate.lower + coordinate.upper) ? BoundSide::lower : BoundSide::upper;
             scale.shape.push_back(std::move(shape));
         }
         return;

@@ -71,9 +71,9 @@ EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters, const
         }
     }
     for (const Estimated& parameter : estimate.parameters)
-        if (!parameter.at_bound.empty() && terms.obstacle.empty())
-            terms.obstacle =
-                parameter.name + " is at its " + parameter.at_bound + " bound, where Laplace's integral does not hold";
+        if (parameter.at_bound != BoundSide::none && terms.obstacle.empty())
+            terms.obstacle = parameter.name + " is at its " + std::string(name(parameter.at_bound)) +
+                             " bound, where Laplace's integral does not hold";
     std::vector<std::string> groups;
     for (const Residual* residual : residuals)
         for (const Group& group : residual->groups())

@@ -107,7 +107,7 @@ std::string obstacle(const Estimate& all, const Estimate& part) {
         const bool determined = std::isfinite(all.parameters[i].laplace_sd);
         if (determined != std::isfinite(part.parameters[i].laplace_sd))
             return "without it " + part.parameters[i].name + " is " +
-                   (part.parameters[i].at_bound.empty() ? "not determined" : "at its bound");
+                   (part.parameters[i].at_bound == BoundSide::none ? "not determined" : "at its bound");
     }
     for (std::size_t c = 0; c < all.scales.size(); ++c)
         if (all.scales[c].estimated && all.scales[c].count > 0 && part.scales[c].count == 0)

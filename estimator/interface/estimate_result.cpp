@@ -9,6 +9,11 @@ std::string_view name(EstimateStatus status) {
     return names[static_cast<std::size_t>(status)];
 }
 
+std::string_view name(BoundSide side) {
+    constexpr std::array names{"", "lower", "upper"};
+    return names[static_cast<std::size_t>(side)];
+}
+
 std::string_view name(StepBlock block) {
     return block == StepBlock::theta ? "theta" : "scales";
 }

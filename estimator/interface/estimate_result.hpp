@@ -19,6 +19,11 @@ namespace orbid::estimator {
 enum class EstimateStatus { converged, no_progress, iteration_limit, singular, failed, interrupted };
 [[nodiscard]] std::string_view name(EstimateStatus status);
 
+/// The bound that holds a parameter.
+enum class BoundSide { none, lower, upper };
+/// "" for none.
+[[nodiscard]] std::string_view name(BoundSide side);
+
 /// One estimated or derived number with its uncertainty.
 struct Estimated {
     std::string name;
@@ -29,7 +34,7 @@ struct Estimated {
     double lower95 = 0.0;
     double upper95 = 0.0;
     std::string interval_method;  ///< "t", "normal", "satterthwaite", "sandwich", "effective_count", "none"
-    std::string at_bound;         ///< "", "lower" or "upper"
+    BoundSide at_bound = BoundSide::none;
     /// sd if the errors were independent; equal to sd unless interval_method is "sandwich" or "effective_count"
     double laplace_sd = 0.0;
     /// Share of the posterior information on this parameter that comes from the data, in [0, 1]; 0 = from the prior

@@ -52,7 +52,8 @@ Estimated follow(const Estimated& leader, const FreeParameter& parameter, double
     result.upper95 *= factor;
     if (factor < 0.0) {
         std::swap(result.lower95, result.upper95);
-        if (!result.at_bound.empty()) result.at_bound = result.at_bound == "lower" ? "upper" : "lower";
+        if (result.at_bound != BoundSide::none)
+            result.at_bound = result.at_bound == BoundSide::lower ? BoundSide::upper : BoundSide::lower;
     }
     return result;
 }

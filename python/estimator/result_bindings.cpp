@@ -80,7 +80,7 @@ py::list sloppy_directions(const Estimate& estimate) {
 py::dict estimated_dict(const Estimated& value) {
     return py::dict("value"_a = value.value, "unit"_a = value.unit, "start"_a = value.start, "sd"_a = value.sd,
                     "interval95"_a = std::vector<double>{value.lower95, value.upper95},
-                    "interval_method"_a = value.interval_method, "at_bound"_a = value.at_bound,
+                    "interval_method"_a = value.interval_method, "at_bound"_a = name(value.at_bound),
                     "laplace_sd"_a = value.laplace_sd, "data_share"_a = value.data_share);
 }
 
@@ -128,7 +128,8 @@ void bind_estimated(py::module_& module) {
             "interval95", [](const Estimated& one) { return py::make_tuple(one.lower95, one.upper95); },
             "(lower, upper)")
         .def_readonly("interval_method", &Estimated::interval_method)
-        .def_readonly("at_bound", &Estimated::at_bound, "\"\", \"lower\" or \"upper\"")
+        .def_property_readonly(
+            "at_bound", [](const Estimated& one) { return name(one.at_bound); }, "\"\", \"lower\" or \"upper\"")
         .def_readonly("laplace_sd", &Estimated::laplace_sd, "sd if errors were independent")
         .def_readonly("data_share", &Estimated::data_share, "of the information; 0: the prior alone decides")
         .def("__repr__", [](const Estimated& one) { return shown(one.name, one.value, one.sd, one.unit); });

@@ -105,7 +105,7 @@ TEST_CASE("what a tied parameter inherits at a bound and in directions", "[estim
         resolve_ties({free_parameter("a", 1.0), follower("b", "a", -2.0), free_parameter("c", 1.0)}, {&residual});
     Estimate estimate;
     estimate.parameters.resize(2);
-    estimate.parameters[0].at_bound = "lower";
+    estimate.parameters[0].at_bound = estimator::BoundSide::lower;
     estimate.covariance = MatrixXd::Constant(2, 2, nan_value);
     estimate.covariance(1, 1) = 4.0;
     estimate.correlation = MatrixXd::Identity(2, 2);
@@ -114,8 +114,8 @@ TEST_CASE("what a tied parameter inherits at a bound and in directions", "[estim
     estimate.sloppy_directions.push_back({Eigen::Vector2d(1.0, -0.5), 3.0});
     problem.expand(estimate);
     CHECK(estimate.sloppy_directions[0].components == Eigen::Vector3d(1.0, 0.0, -0.5));
-    CHECK(estimate.parameters[0].at_bound == "lower");
-    CHECK(estimate.parameters[1].at_bound == "upper");
+    CHECK(estimate.parameters[0].at_bound == estimator::BoundSide::lower);
+    CHECK(estimate.parameters[1].at_bound == estimator::BoundSide::upper);
     CHECK(estimate.covariance(2, 2) == 4.0);
     CHECK(std::isnan(estimate.covariance(1, 2)));
     CHECK(estimate.hessian_ratio == Eigen::Vector3d(1.5, 1.5, 2.5));

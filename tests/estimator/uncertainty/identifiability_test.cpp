@@ -151,7 +151,7 @@ TEST_CASE("a start on a bound can leave it, an active bound is named", "[estimat
                 CHECK_THAT(result.parameters[static_cast<std::size_t>(i)].value, WithinRel(expected[i], 1e-10));
         } else {
             CHECK(result.parameters[1].value == 0.0);
-            CHECK(result.parameters[1].at_bound == "lower");
+            CHECK(result.parameters[1].at_bound == estimator::BoundSide::lower);
             CHECK(std::isnan(result.parameters[1].sd));
             CHECK_THAT(result.message, ContainsSubstring("b is at its lower bound"));
             CHECK(std::isfinite(result.parameters[0].sd));

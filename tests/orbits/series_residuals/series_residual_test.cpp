@@ -469,7 +469,7 @@ TEST_CASE("the recorded swing is explained to 1.14 mrad by one state per segment
     CHECK_THAT(result.parameters[0].value, WithinAbs(64.048, 1e-3));
     CHECK_THAT(result.parameters[1].value, WithinAbs(0.148, 1e-3));
     CHECK(result.parameters[2].value == 0.0);
-    CHECK(result.parameters[2].at_bound == "lower");
+    CHECK(result.parameters[2].at_bound == estimator::BoundSide::lower);
     CHECK_THAT(result.parameters[3].value, WithinAbs(4.41e-3, 1e-5));
     CHECK_THAT(result.parameters[4].value, WithinAbs(8.5e-4, 1e-5));
     CHECK_THAT(result.scales[0].rms, WithinAbs(1.136e-3, 1e-6));
