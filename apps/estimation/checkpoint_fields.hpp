@@ -37,7 +37,8 @@ void transfer_name(apps::Archive& archive, Enumerator& value, Enumerator last) {
 
 inline void fields(apps::Archive& archive, Estimated& value) {
     auto& [name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share] = value;
-    archive(name, unit, at, start, sd, lower95, upper95, method);
+    archive(name, unit, at, start, sd, lower95, upper95);
+    transfer_name(archive, method, IntervalMethod::fixed);
     transfer_name(archive, bound, BoundSide::upper);
     archive(laplace_sd, share);
 }
@@ -45,8 +46,9 @@ inline void fields(apps::Archive& archive, Estimated& value) {
 inline void fields(apps::Archive& archive, EstimatedScale& value) {
     auto& [group, unit, factor, estimated, at, uncertainty, lower95, upper95, method, count, rms, lag1, records,
            effective, distribution, shape] = value;
-    archive(group, unit, factor, estimated, at, uncertainty, lower95, upper95, method, count, rms, lag1, records,
-            effective, distribution, shape);
+    archive(group, unit, factor, estimated, at, uncertainty, lower95, upper95);
+    transfer_name(archive, method, IntervalMethod::fixed);
+    archive(count, rms, lag1, records, effective, distribution, shape);
 }
 
 inline void fields(apps::Archive& archive, EstimatedCovariance& value) {

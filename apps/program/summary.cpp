@@ -26,7 +26,8 @@ std::string estimated_table(const std::vector<estimator::Estimated>& list) {
                         left_aligned("95 % interval"), left_aligned("method"), left_aligned("bound")});
     for (const auto& x : list)
         table.add({x.name, x.unit, significant(x.start, 4), with_digits_of(x.value, x.sd),
-                   std::isfinite(x.sd) ? significant(x.sd, 2) : "undefined", interval(x), x.interval_method,
+                   std::isfinite(x.sd) ? significant(x.sd, 2) : "undefined", interval(x),
+                   std::string(name(x.interval_method)),
                    x.at_bound == estimator::BoundSide::none ? "" : fmt::format("at {}", name(x.at_bound))});
     return table.text();
 }
@@ -114,10 +115,10 @@ std::string remarks(const estimator::Estimate& estimate) {
             out += fmt::format("  {}: {} autocorrelated records are worth about {:.0f} independent values.\n",
                                scale.group, scale.count, scale.effective_count);
     }
-    const auto sandwich = [](const auto& x) { return x.interval_method == "sandwich"; };
+    const auto sandwich = [](const auto& x) { return x.interval_method == estimator::IntervalMethod::sandwich; };
     if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), sandwich))
         out += "  Intervals are from a sandwich over blocks longer than the correlation time.\n";
-    const auto widened = [](const auto& x) { return x.interval_method == "effective_count"; };
+    const auto widened = [](const auto& x) { return x.interval_method == estimator::IntervalMethod::effective_count; };
     if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), widened))
         out +=
             "  The residuals repeat each other over most of a record: intervals are widened to what the independent\n"

@@ -31,7 +31,7 @@ Json estimated_json(const estimator::Estimated& x, const std::map<std::string, d
     out["value"] = x.value;
     out["sd"] = x.sd;
     out["interval95"] = interval_json(x.lower95, x.upper95);
-    out["interval_method"] = x.interval_method;
+    out["interval_method"] = name(x.interval_method);
     out["start"] = x.start;
     out["reference"] = json_or_null(reference);
     out["relative_deviation"] = relative_deviation(x.value, reference);

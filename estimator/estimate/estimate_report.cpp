@@ -87,7 +87,7 @@ void fill_interval(EstimatedScale& scale) {
     const boost::math::chi_squared density(degrees);
     scale.lower95 = scale.value * std::sqrt(degrees / boost::math::quantile(density, 0.975));
     scale.upper95 = scale.value * std::sqrt(degrees / boost::math::quantile(density, 0.025));
-    scale.interval_method = "chi_squared";
+    scale.interval_method = IntervalMethod::chi_squared;
 }
 
 /// Distribution, uncertainty and further error parameters of a channel.
@@ -117,7 +117,7 @@ void fill_law(const Problem& problem, const State& state, const Posterior& poste
         } else if (sd > 0.0) {
             scale.lower95 = scale.value * std::exp(-normal_975 * sd);
             scale.upper95 = scale.value * std::exp(normal_975 * sd);
-            scale.interval_method = "normal";
+            scale.interval_method = IntervalMethod::normal;
         }
         for (std::size_t j = 1; j < law.coordinates.size(); ++j) {
             const ErrorCoordinate& coordinate = law.coordinates[j];
@@ -128,7 +128,9 @@ void fill_law(const Problem& problem, const State& state, const Posterior& poste
             shape.value = coordinate.natural(state.psi[k]);
             shape.start = coordinate.start;
             shape.sd = shape.laplace_sd = own_sd * coordinate.slope(state.psi[k]);
-            shape.interval_method = !coordinate.estimate ? "fixed" : own_sd > 0.0 ? "normal" : "none";
+            shape.interval_method = !coordinate.estimate ? IntervalMethod::fixed
+                                    : own_sd > 0.0       ? IntervalMethod::normal
+                                                         : IntervalMethod::none;
             shape.lower95 = coordinate.natural(state.psi[k] - normal_975 * own_sd);
             shape.upper95 = coordinate.natural(state.psi[k] + normal_975 * own_sd);
             if (coordinate.estimate && !(own_sd > 0.0))
@@ -272,7 +274,6 @@ Estimated bare_estimate(const FreeParameter& parameter, double value) {
     result.value = value;
     result.start = parameter.start;
     result.sd = result.lower95 = result.upper95 = result.laplace_sd = nan_value;
-    result.interval_method = "none";
     return result;
 }
 

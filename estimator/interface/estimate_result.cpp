@@ -9,6 +9,12 @@ std::string_view name(EstimateStatus status) {
     return names[static_cast<std::size_t>(status)];
 }
 
+std::string_view name(IntervalMethod method) {
+    constexpr std::array names{"none",     "normal",          "t",           "satterthwaite",
+                               "sandwich", "effective_count", "chi_squared", "fixed"};
+    return names[static_cast<std::size_t>(method)];
+}
+
 std::string_view name(BoundSide side) {
     constexpr std::array names{"", "lower", "upper"};
     return names[static_cast<std::size_t>(side)];

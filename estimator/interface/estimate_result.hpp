@@ -19,6 +19,12 @@ namespace orbid::estimator {
 enum class EstimateStatus { converged, no_progress, iteration_limit, singular, failed, interrupted };
 [[nodiscard]] std::string_view name(EstimateStatus status);
 
+/// What an interval of 95 % rests on. In estimator/uncertainty: the normal density; t with one estimated scale;
+/// Satterthwaite's degrees of freedom with several; a sandwich over blocks; an effective number of records. Of error
+/// scales also chi squared. `fixed`: the value was given; `none`: there is no interval.
+enum class IntervalMethod { none, normal, t, satterthwaite, sandwich, effective_count, chi_squared, fixed };
+[[nodiscard]] std::string_view name(IntervalMethod method);
+
 /// The bound that holds a parameter.
 enum class BoundSide { none, lower, upper };
 /// "" for none.
@@ -33,9 +39,9 @@ struct Estimated {
     double sd = 0.0;  ///< nan when undetermined (singular direction, at a bound)
     double lower95 = 0.0;
     double upper95 = 0.0;
-    std::string interval_method;  ///< "t", "normal", "satterthwaite", "sandwich", "effective_count", "none"
+    IntervalMethod interval_method = IntervalMethod::none;
     BoundSide at_bound = BoundSide::none;
-    /// sd if the errors were independent; equal to sd unless interval_method is "sandwich" or "effective_count"
+    /// sd if the errors were independent; equal to sd unless interval_method is sandwich or effective_count
     double laplace_sd = 0.0;
     /// Share of the posterior information on this parameter that comes from the data, in [0, 1]; 0 = from the prior
     /// alone.
@@ -51,12 +57,12 @@ struct EstimatedScale {
     double uncertainty = 0.0;                                   ///< sd of value (Laplace in ln s); 0 when fixed
     double lower95 = std::numeric_limits<double>::quiet_NaN();  ///< nan when fixed or held at a limit
     double upper95 = std::numeric_limits<double>::quiet_NaN();
-    std::string interval_method = "none";  ///< "chi_squared", "normal" (in ln s) or "none"
-    std::size_t count = 0;                 ///< records
-    double rms = 0.0;                      ///< root mean square of the raw residuals, in the group's data unit
-    double lag1 = 0.0;                     ///< lag-1 autocorrelation (ordered groups; nan otherwise)
-    double correlation_records = 1;        ///< integrated autocorrelation time in records (ordered groups)
-    double effective_count = 0;            ///< equivalent number of independent records
+    IntervalMethod interval_method = IntervalMethod::none;  ///< chi_squared, normal (in ln s) or none
+    std::size_t count = 0;                                  ///< records
+    double rms = 0.0;                ///< root mean square of the raw residuals, in the group's data unit
+    double lag1 = 0.0;               ///< lag-1 autocorrelation (ordered groups; nan otherwise)
+    double correlation_records = 1;  ///< integrated autocorrelation time in records (ordered groups)
+    double effective_count = 0;      ///< equivalent number of independent records
     std::string distribution = "normal";
     /// Further parameters of the distribution: "dof", "relative", "correlation".
     std::vector<Estimated> shape;

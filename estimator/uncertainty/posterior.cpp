@@ -244,7 +244,7 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
 }
 
 Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
-    Uncertainty result{nan_value, nan_value, nan_value, "none"};
+    Uncertainty result{nan_value, nan_value, nan_value, IntervalMethod::none};
     const BoundedStep& step = minimum_.step;
     // A direction with a part that nothing decides has no sd; a combination that avoids it has one.
     const Eigen::VectorXd size = sizes(problem_, state_.theta);
@@ -261,21 +261,21 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
     if (sandwich_) {
         result.sd = std::sqrt(y.dot(sandwich_->covariance() * y));
         result.quantile = quantile_975(sandwich_->degrees_of_freedom(y));
-        result.method = "sandwich";
+        result.method = IntervalMethod::sandwich;
         return result;
     }
     if (widening_ > 1.0) {
         result.sd = result.laplace_sd * std::sqrt(widening_);
         result.quantile = quantile_975(widened_degrees_of_freedom_);
-        result.method = "effective_count";
+        result.method = IntervalMethod::effective_count;
         return result;
     }
     result.sd = result.laplace_sd;
     if (free_errors_.empty()) {
-        result.method = "normal";
+        result.method = IntervalMethod::normal;
         result.quantile = quantile_975(std::numeric_limits<double>::infinity());
     } else if (one_scale_) {
-        result.method = "t";
+        result.method = IntervalMethod::t;
         // Only the restricted scale is the root of the sum of squares over the degrees of freedom; the others also
         // divide by those of the parameters. The interval is still that of the t statistic.
         const double taken = problem_.options.variance == Variance::restricted
@@ -291,7 +291,7 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
         for (Eigen::Index i = 0; i < count; ++i)
             for (Eigen::Index j = 0; j < count; ++j)
                 spread += slopes[i] * slopes[j] * errors(i, j);
-        result.method = "satterthwaite";
+        result.method = IntervalMethod::satterthwaite;
         result.quantile = quantile_975(2.0 * variance * variance / spread);
     }
     return result;

@@ -18,7 +18,7 @@ struct Uncertainty {
     double sd = 0.0;          ///< nan when undetermined
     double laplace_sd = 0.0;  ///< if the errors were independent
     double quantile = 0.0;    ///< half width of the 95 % interval in sds
-    std::string method;       ///< see Estimated::interval_method
+    IntervalMethod method = IntervalMethod::none;
 };
 
 /// The posterior around a minimum: normal in the coordinates u, from the factors of the minimisation.

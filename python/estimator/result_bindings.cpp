@@ -80,7 +80,7 @@ py::list sloppy_directions(const Estimate& estimate) {
 py::dict estimated_dict(const Estimated& value) {
     return py::dict("value"_a = value.value, "unit"_a = value.unit, "start"_a = value.start, "sd"_a = value.sd,
                     "interval95"_a = std::vector<double>{value.lower95, value.upper95},
-                    "interval_method"_a = value.interval_method, "at_bound"_a = name(value.at_bound),
+                    "interval_method"_a = name(value.interval_method), "at_bound"_a = name(value.at_bound),
                     "laplace_sd"_a = value.laplace_sd, "data_share"_a = value.data_share);
 }
 
@@ -92,7 +92,7 @@ py::dict scale_dict(const EstimatedScale& scale) {
     return py::dict("value"_a = scale.value, "unit"_a = scale.unit, "factor"_a = scale.factor,
                     "estimated"_a = scale.estimated, "sd"_a = scale.uncertainty,
                     "interval95"_a = std::vector<double>{scale.lower95, scale.upper95},
-                    "interval_method"_a = scale.interval_method, "count"_a = scale.count, "rms"_a = scale.rms,
+                    "interval_method"_a = name(scale.interval_method), "count"_a = scale.count, "rms"_a = scale.rms,
                     "lag1"_a = scale.lag1, "effective_count"_a = scale.effective_count,
                     "distribution"_a = scale.distribution, "shape"_a = estimated_dicts(scale.shape));
 }
@@ -127,7 +127,7 @@ void bind_estimated(py::module_& module) {
         .def_property_readonly(
             "interval95", [](const Estimated& one) { return py::make_tuple(one.lower95, one.upper95); },
             "(lower, upper)")
-        .def_readonly("interval_method", &Estimated::interval_method)
+        .def_property_readonly("interval_method", [](const Estimated& one) { return name(one.interval_method); })
         .def_property_readonly(
             "at_bound", [](const Estimated& one) { return name(one.at_bound); }, "\"\", \"lower\" or \"upper\"")
         .def_readonly("laplace_sd", &Estimated::laplace_sd, "sd if errors were independent")
@@ -142,7 +142,7 @@ void bind_estimated(py::module_& module) {
         .def_readonly("sd", &EstimatedScale::uncertainty, "of the value; 0 when it is fixed")
         .def_property_readonly("interval95",
                                [](const EstimatedScale& one) { return py::make_tuple(one.lower95, one.upper95); })
-        .def_readonly("interval_method", &EstimatedScale::interval_method)
+        .def_property_readonly("interval_method", [](const EstimatedScale& one) { return name(one.interval_method); })
         .def_readonly("count", &EstimatedScale::count, "records")
         .def_readonly("rms", &EstimatedScale::rms)
         .def_readonly("lag1", &EstimatedScale::lag1)

@@ -14,11 +14,14 @@ inline estimator::Estimate made_up_estimate() {
     estimator::Estimate estimate;
     estimate.status = estimator::EstimateStatus::singular;
     estimate.message = "one direction carries no information";
-    estimator::Estimated l{"l", "m", 0.3170012, 0.377, 2.5e-6, 0.3169962, 0.3170062, "t", {}, 2.5e-6, 1.0};
-    estimator::Estimated c2{"c2", "1/s", 0.0, 0.1, nan, nan, nan, "none", estimator::BoundSide::lower, nan, 1.0};
-    estimator::Estimated m{"m", "kg", 0.0858, 0.09, 0.01, 0.066, 0.106, "sandwich", {}, 1e-4, 2e-4};
+    estimator::Estimated l{"l", "m",    0.3170012, 0.377, 2.5e-6, 0.3169962, 0.3170062, estimator::IntervalMethod::t,
+                           {},  2.5e-6, 1.0};
+    estimator::Estimated c2{
+        "c2", "1/s", 0.0, 0.1, nan, nan, nan, estimator::IntervalMethod::none, estimator::BoundSide::lower, nan, 1.0};
+    estimator::Estimated m{"m", "kg", 0.0858, 0.09, 0.01, 0.066, 0.106, estimator::IntervalMethod::sandwich,
+                           {},  1e-4, 2e-4};
     estimate.parameters = {l, c2, m};
-    estimate.derived = {{"c2_over_m", "", 0.0, 1.1, nan, nan, nan, "none", {}, nan, 1.0}};
+    estimate.derived = {{"c2_over_m", "", 0.0, 1.1, nan, nan, nan, estimator::IntervalMethod::none, {}, nan, 1.0}};
     estimator::EstimatedScale phi;
     phi.group = "cycles.phi";
     phi.unit = "rad";

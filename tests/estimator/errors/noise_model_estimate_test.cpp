@@ -223,7 +223,7 @@ std::vector<estimator::Estimated> error_parameters(const estimator::Estimate& es
     scale.sd = estimate.scales[0].uncertainty;
     std::vector<estimator::Estimated> result{scale};
     for (const auto& shape : estimate.scales[0].shape)
-        if (shape.interval_method != "fixed") result.push_back(shape);
+        if (shape.interval_method != estimator::IntervalMethod::fixed) result.push_back(shape);
     return result;
 }
 
@@ -395,7 +395,7 @@ TEST_CASE("autocorrelation that is modelled does not widen intervals again", "[e
                      : estimate_of(data, estimator::NormalErrors{}, estimator::Variance::restricted, true);
         REQUIRE(result.status == estimator::EstimateStatus::converged);
         for (const auto& parameter : result.parameters) {
-            CHECK((parameter.interval_method == "sandwich") == !modelled);
+            CHECK((parameter.interval_method == estimator::IntervalMethod::sandwich) == !modelled);
             CHECK((parameter.sd == parameter.laplace_sd) == modelled);
         }
         // What is reported is the correlation of the residuals themselves.

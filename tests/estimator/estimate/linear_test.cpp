@@ -77,7 +77,7 @@ TEST_CASE("linear regression: closed form of theta, scale, covariance and t inte
             // The t statistic takes m / 17, whichever scale is reported.
             const double half_width = t17 * std::sqrt(m / 17.0 * inverse(i, i));
             CHECK_THAT(parameter.upper95 - parameter.value, WithinRel(half_width, 1e-10));
-            CHECK(parameter.interval_method == "t");
+            CHECK(parameter.interval_method == estimator::IntervalMethod::t);
             CHECK(parameter.data_share == 1.0);
         }
         CHECK_THAT(result.covariance(0, 1), WithinRel(s * s * inverse(0, 1), 1e-10));
@@ -111,7 +111,7 @@ TEST_CASE("a fixed scale gives normal intervals and generalised least squares un
         const auto& parameter = result.parameters[static_cast<std::size_t>(i)];
         CHECK_THAT(parameter.value, WithinRel(theta[i], 1e-10));
         CHECK_THAT(parameter.sd, WithinRel(std::sqrt(inverse(i, i)), 1e-10));
-        CHECK(parameter.interval_method == "normal");
+        CHECK(parameter.interval_method == estimator::IntervalMethod::normal);
         CHECK_THAT((parameter.upper95 - parameter.value) / parameter.sd, WithinRel(1.959963984540054, 1e-9));
     }
     CHECK_THAT(result.scales[0].uncertainty, WithinAbs(0.0, 0.0));
@@ -143,7 +143,7 @@ TEST_CASE("two groups with different scales", "[estimator]") {
         const auto result = estimator::estimate(three(), {&residual});
         CAPTURE(coupled, result.message);
         REQUIRE(result.status == estimator::EstimateStatus::converged);
-        CHECK(result.parameters[0].interval_method == "satterthwaite");
+        CHECK(result.parameters[0].interval_method == estimator::IntervalMethod::satterthwaite);
         check_history(result);
         // Independent check: gradient of the restricted likelihood by central differences of its dense definition.
         const auto criterion = [&](double ln_fine, double ln_coarse) {

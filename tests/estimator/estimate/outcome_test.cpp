@@ -154,7 +154,7 @@ TEST_CASE("autocorrelated residuals: effective count and sandwich intervals agai
         residual.add_block(layout("series", n), linear(y, x));
         const auto result = estimator::estimate({free_parameter("a", 0.0), free_parameter("b", 0.0)}, {&residual});
         REQUIRE(result.status == estimator::EstimateStatus::converged);
-        CHECK(result.parameters[1].interval_method == "sandwich");
+        CHECK(result.parameters[1].interval_method == estimator::IntervalMethod::sandwich);
         // n (1 - rho) / (1 + rho) = 100.5; the sampling sd of the estimate of rho is 0.001, ten per cent of 1 - rho.
         CHECK(result.effective_count > 30.0);
         CHECK(result.effective_count < 170.0);

@@ -359,7 +359,7 @@ TEST_CASE("a group without records disturbs nothing and is not estimated", "[est
             CHECK(result.status == estimator::EstimateStatus::converged);
             CHECK_THAT(result.parameters[1].value, WithinRel(without.parameters[1].value, rounding));
             CHECK_THAT(result.parameters[1].sd, WithinRel(without.parameters[1].sd, rounding));
-            CHECK(result.parameters[1].interval_method == "t");
+            CHECK(result.parameters[1].interval_method == estimator::IntervalMethod::t);
             CHECK_THAT(result.parameters[1].lower95, WithinRel(without.parameters[1].lower95, rounding));
             CHECK_THAT(result.log_integral, WithinRel(without.log_integral, rounding));
             CHECK(result.trust_normal == without.trust_normal);
@@ -369,7 +369,7 @@ TEST_CASE("a group without records disturbs nothing and is not estimated", "[est
             CHECK(result.scales[1].count == 0);
             CHECK_FALSE(result.scales[1].estimated);
             CHECK(result.scales[1].uncertainty == 0.0);
-            CHECK(result.scales[1].interval_method == "none");
+            CHECK(result.scales[1].interval_method == estimator::IntervalMethod::none);
             CHECK_THAT(result.message, ContainsSubstring("idle has no records"));
         }
     }

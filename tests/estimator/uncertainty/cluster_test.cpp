@@ -81,13 +81,13 @@ TEST_CASE("blocks as clusters: the bias-reduced sandwich of a clustered regressi
     const auto automatic = estimate_of(panel, estimator::Clusters::automatic);
     for (Eigen::Index i = 0; i < 2; ++i) {
         const auto k = static_cast<std::size_t>(i);
-        CHECK(result.parameters[k].interval_method == "sandwich");
+        CHECK(result.parameters[k].interval_method == estimator::IntervalMethod::sandwich);
         CHECK_THAT(result.parameters[k].value, WithinRel(theta[i], 1e-10));
         // Derived: rounding through a condition number below 10.
         CHECK_THAT(result.parameters[k].sd, WithinRel(std::sqrt(covariance(i, i)), 1e-10));
         CHECK_THAT(result.parameters[k].laplace_sd, WithinRel(independent.parameters[k].sd, 1e-10));
-        CHECK(independent.parameters[k].interval_method == "t");
-        CHECK(automatic.parameters[k].interval_method == "t");
+        CHECK(independent.parameters[k].interval_method == estimator::IntervalMethod::t);
+        CHECK(automatic.parameters[k].interval_method == estimator::IntervalMethod::t);
     }
     CHECK_THAT(result.covariance(0, 1), WithinRel(covariance(0, 1), 1e-10));
 }
@@ -95,7 +95,7 @@ TEST_CASE("blocks as clusters: the bias-reduced sandwich of a clustered regressi
 TEST_CASE("a single block cannot be clustered: Laplace, and the message says so", "[estimator]") {
     const auto result = estimate_of(Panel(1, 12, 4), estimator::Clusters::blocks);
     CHECK(result.status == estimator::EstimateStatus::converged);
-    CHECK(result.parameters[1].interval_method == "t");
+    CHECK(result.parameters[1].interval_method == estimator::IntervalMethod::t);
     CHECK_THAT(result.message, ContainsSubstring("blocks are too few (1, at least 3 are needed)"));
 }
 
@@ -123,7 +123,7 @@ TEST_CASE("residuals that repeat each other all along: too few clusters, wide in
     REQUIRE(result.status == estimator::EstimateStatus::converged);
     CHECK_THAT(result.message, ContainsSubstring("too few for a scatter"));
     const auto& slope = result.parameters[0];
-    CHECK(slope.interval_method == "effective_count");
+    CHECK(slope.interval_method == estimator::IntervalMethod::effective_count);
     CHECK(slope.sd > slope.laplace_sd);
     // The offset moves the slope by 1.5, far beyond what independent errors would allow.
     CHECK(slope.value - 5.0 * slope.laplace_sd > 2.0);
