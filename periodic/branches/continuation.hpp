@@ -52,7 +52,8 @@ struct BifurcationDiagram {
 /// @param start  leads to an orbit at theta by solve_multiple_shooting().
 /// @return no branches when the start does not converge; `start_status` then gives its outcome. Never throws for
 ///         numerical failures: every branch says why it ended.
-/// @throws std::invalid_argument naming the option and its rule.
+/// @throws std::invalid_argument naming the option and its rule; models::Stopped if the system asks for a stop before
+///         the first branch has taken one step each way. Later stops return the points found until then.
 /// Source: H. B. Keller, in: Applications of Bifurcation Theory (1977) 359 (pseudo-arclength).
 [[nodiscard]] BifurcationDiagram follow_branches(const models::System& system, const Eigen::VectorXd& theta,
                                                  const StartingSolution& start, const ContinuationOptions& options);

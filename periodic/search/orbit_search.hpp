@@ -83,7 +83,9 @@ struct OrbitSearch {
 /// images. The last resort is stabilised iterations from the points of the known orbits.
 ///
 /// @return never fails for numerical reasons: orbits that were not found are not in the list.
-/// @throws std::invalid_argument naming the option and its rule.
+/// @throws std::invalid_argument naming the option and its rule; models::Stopped if the system asks for a stop
+///         before starts are solved: its trajectories are no orbits yet. Later stops return the orbits found until
+///         then.
 [[nodiscard]] OrbitSearch search_orbits(const models::System& system, const Eigen::VectorXd& theta,
                                         const OrbitSearchOptions& options);
 
