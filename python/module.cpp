@@ -13,4 +13,5 @@ PYBIND11_MODULE(_orbid, module) {
     bind_jobs(module);
     bind_orbits(module);
     bind_estimator(module);
+    bind_identification(module);
 }

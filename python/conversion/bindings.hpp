@@ -29,5 +29,6 @@ void bind_branches(pybind11::module_& module);
 void bind_jobs(pybind11::module_& module);
 void bind_orbits(pybind11::module_& module);
 void bind_estimator(pybind11::module_& module);
+void bind_identification(pybind11::module_& module);  // needs the estimator
 
 }  // namespace orbid::python

@@ -290,6 +290,14 @@ def multi_start(parameters: Values, residuals: Callable[[], Union[Residual, Sequ
                 screening_iterations: int = 0, kept: int = 10, distance: float = 0.1, objective_tolerance: float = 0.01,
                 **options: Any) -> Dict[str, Any]: ...
 
+class Identification(Estimate):
+    """Result of identify(): an Estimate, and the stages that led to it."""
+    stages: Final[Rows]
+    cycles: Final[List["Cycle"]]
+    matching: Final[Rows]
+
+def identify(system: System, records: Sequence[Keys], parameters: Values, **options: Any) -> Identification: ...
+
 # Series, cycles, their residuals
 
 class Segment:

@@ -4,7 +4,7 @@ import pathlib
 import re
 
 SOURCE = pathlib.Path(__file__).parents[2]
-ROOMS = ("models", "periodic", "orbits", "estimator", "apps")
+ROOMS = ("models", "periodic", "orbits", "estimator", "identification", "apps")
 
 
 def included(folder):

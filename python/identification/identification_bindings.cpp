@@ -1,0 +1,114 @@
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include <pybind11/stl.h>
+
+#include "identification/strategy/identify.hpp"
+#include "python/conversion/bindings.hpp"
+#include "python/conversion/named_arguments.hpp"
+#include "python/conversion/properties.hpp"
+#include "python/estimator/python_residual.hpp"
+#include "python/estimator/result_bindings.hpp"
+#include "python/identification/problem_arguments.hpp"
+#include "python/orbits/series_bindings.hpp"
+
+namespace orbid::python {
+
+namespace py = pybind11;
+using namespace pybind11::literals;
+
+namespace {
+
+/// The estimate, and the stages that led to it.
+struct Identified : EstimateResult {
+    identification::IdentificationResult stages;
+};
+
+/// Stops at a signal or an exception, and tells progress(step, share, note): share is None where it is not known.
+class PythonObserver final : public identification::Observer {
+public:
+    PythonObserver(ResidualCall& call, py::handle progress, const std::function<bool()>& stopped)
+        : call_(call), progress_(progress), stopped_(stopped) {}
+
+    [[nodiscard]] bool stopped() const override { return stopped_(); }
+    void begin(const std::string& step, double total, const std::string& /*unit*/) override {
+        step_ = step;
+        total_ = total;
+        tell(0.0, "");
+    }
+    void at(double done, const std::string& note) override { tell(done, note); }
+    void end(const std::string& outcome) override { tell(total_, outcome); }
+    void remark(const std::string& line) override { tell(0.0, line); }
+
+private:
+    void tell(double done, const std::string& note) {
+        if (!progress_) return;
+        call_.attempt([&] {
+            progress_(step_, total_ > 0.0 ? py::object(py::float_(done / total_)) : py::object(py::none()), note);
+        });
+    }
+
+    ResidualCall& call_;
+    py::handle progress_;
+    const std::function<bool()>& stopped_;
+    std::string step_;
+    double total_ = 0.0;
+};
+
+std::shared_ptr<Identified> identify(const py::object& system, const py::list& records, const py::object& parameters,
+                                     const py::kwargs& keywords) {
+    identification::IdentificationProblem problem;
+    problem.system = system_of(system);
+    for (const py::handle record : records)
+        problem.experiments.push_back(experiment(record, *problem.system, problem.experiments.size()));
+    problem.parameters = model_parameters(parameters, *problem.system);
+    NamedArguments given("identify", keywords);
+    read_problem(given, problem);
+    const identification::Options options = identification_options(given);
+    const py::handle progress = progress_function(given);
+    given.finish();
+    auto result = std::make_shared<Identified>();
+    ResidualCall call;
+    (void)call.compute([&](const std::function<bool()>& stopped) {
+        PythonObserver observer(call, progress, stopped);
+        result->stages = identification::identify(identification::completed(problem), options, observer);
+    });
+    result->estimate = result->stages.estimate;
+    for (const identification::FreeModelParameter& one : problem.parameters)
+        result->parameters.push_back(one.value);
+    return result;
+}
+
+py::list stage_list(const Identified& one) {
+    return listed(one.stages.stages, [](const identification::StageResult& stage) {
+        return py::dict("stage"_a = stage.stage, "status"_a = stage.status, "message"_a = stage.message,
+                        "parameters"_a = by_name(stage.parameters, &estimator::Estimated::name,
+                                                 [](const estimator::Estimated& value) { return py::cast(value); }),
+                        "objective"_a = stage.objective, "iterations"_a = stage.iterations,
+                        "evaluations"_a = stage.evaluations, "chosen"_a = stage.chosen);
+    });
+}
+
+py::list matching_list(const Identified& one) {
+    return listed(one.stages.matching, [](const identification::MatchingResult& of) {
+        return py::dict("experiment"_a = of.experiment, "interval"_a = of.interval, "intervals"_a = of.intervals,
+                        "large"_a = of.large, "expected"_a = of.expected, "warnings"_a = of.warnings);
+    });
+}
+
+}  // namespace
+
+/// The Python side (orbid/identification.py) makes Series of arrays and columns.
+void bind_identification(py::module_& module) {
+    py::class_<Identified, EstimateResult, std::shared_ptr<Identified>>(
+        module, "Identification", "Result of identify(): an Estimate, and the stages that led to it.")
+        .def_property_readonly("stages", &stage_list, "list of dicts, in their order; \"chosen\": the result's")
+        .def_property_readonly(
+            "cycles", [](const Identified& one) { return one.stages.cycles; },
+            "all measured cycles, those of a harvest included")
+        .def_property_readonly("matching", &matching_list, "defects at the nodes of each series, as dicts");
+    module.def("identify", &identify, py::arg("system"), py::arg("records"), py::arg("parameters"));
+}
+
+}  // namespace orbid::python

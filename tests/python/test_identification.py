@@ -1,0 +1,99 @@
+"""identify(): the numbers of a job, its refusals, Ctrl-C and the caller's functions."""
+
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import orbid
+import pytest
+
+TRUE = {"w0sq": 19.62, "c1": 0.2}
+START = {"w0sq": {"start": 17.0, "bounds": [5.0, 60.0]}, "c1": 0.3}
+
+
+@pytest.fixture(scope="module")
+def swing():
+    """A free pendulum's swings, read with errors of 5 mrad."""
+    pendulum = orbid.model("free_pendulum")
+    t = np.arange(200) * 0.02
+    flow = pendulum.flow([1.2, 0.0], t, TRUE)
+    reading = flow.states[:, 0] + np.random.default_rng(1).normal(0.0, 5e-3, t.size)
+    return pendulum, TRUE, {"t": t, "phi": reading}
+
+
+def identified(swing, **options):
+    pendulum, known, record = swing
+    return orbid.identify(pendulum, record, START, values=known, residuals=[{"type": "series"}], **options)
+
+
+def test_numbers_are_those_of_the_job(swing):
+    _, known, record = swing
+    run = orbid.run({"model": {"name": "free_pendulum", "parameters": known}, "seed": 1,
+                     "data": {"file": record, "kind": "samples"},
+                     "estimate": {"parameters": {name: one if isinstance(one, dict) else {"start": one}
+                                                 for name, one in START.items()},
+                                  "residuals": [{"type": "series"}], "strategy": "auto"}})
+    result = identified(swing)
+    assert result.status == run.status == "converged"
+    for name, entry in run.parameters.items():
+        ours = result.parameters[name]
+        assert (ours.value, ours.sd, ours.interval95) == (entry.value, entry.sd, entry.interval95)
+        assert abs(ours.value - TRUE[name]) < 4.0 * ours.sd
+    assert np.array_equal(result.correlation, np.array(run.result["correlation"]["matrix"]))
+    assert np.array_equal(result.theta, [entry.value for entry in run.parameters.values()])
+    assert np.array_equal(result.sds, [entry.sd for entry in run.parameters.values()])
+    assert np.array_equal(result.intervals, [entry.interval95 for entry in run.parameters.values()])
+    assert [stage["stage"] for stage in result.stages] == ["prediction", "series"]
+    assert sum(len(e) for block in result.residuals for e in block) >= record["t"].size
+
+
+def test_a_series_gives_the_same_as_its_columns(swing):
+    pendulum, known, record = swing
+    phi = next(one for one in pendulum.coordinates if one.name == "phi")
+    series = orbid.Series(record["phi"], [{"name": "phi", "unit": phi.unit, "angle": phi.angle}], times=record["t"])
+    ours = orbid.identify(pendulum, [{"record": series}], START, values=known, residuals=[{"type": "series"}])
+    assert np.array_equal(ours.theta, identified(swing).theta)
+
+
+def test_refusals_name_what_is_wrong(swing):
+    pendulum, known, record = swing
+    with pytest.raises(KeyError, match="no parameter 'w0'"):
+        orbid.identify(pendulum, record, {"w0": 19.0}, values=known)
+    with pytest.raises(ValueError, match="theta.*known are t, segment"):
+        orbid.identify(pendulum, {"t": record["t"], "theta": record["phi"]}, START, values=known)
+    with pytest.raises(ValueError, match="columns of shapes"):
+        orbid.identify(pendulum, {"t": record["t"], "phi": record["phi"][:-1]}, START, values=known)
+    with pytest.raises(TypeError, match="unknown 'stategy'.*did you mean 'strategy'"):
+        identified(swing, stategy="auto")
+    with pytest.raises(ValueError, match="did you mean 'series'"):
+        identified(swing, strategy=["serie"])
+    with pytest.raises(TypeError, match="needs a number"):
+        orbid.identify(pendulum, record, {"w0sq": {"start": "17"}}, values=known)
+
+
+def test_progress_is_told_and_its_exception_raised(swing):
+    told = []
+    identified(swing, progress=lambda step, share, note: told.append((step, share)))
+    assert told and all(isinstance(step, str) and (share is None or 0.0 <= share) for step, share in told)
+
+    def failing(*_):
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        identified(swing, progress=failing)
+
+
+def test_ctrl_c_is_answered_within_three_tenths_of_a_second(swing):
+    asked = []
+
+    def interrupt(*_):
+        if not asked:
+            asked.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGINT)
+
+    assert threading.current_thread() is threading.main_thread()
+    result = identified(swing, starts=50, progress=interrupt)
+    assert time.monotonic() - asked[0] < 0.3
+    assert result.status == "interrupted"
