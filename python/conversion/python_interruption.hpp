@@ -4,6 +4,8 @@
 #include <optional>
 #include <utility>
 
+#include "models/system/stopped.hpp"
+
 namespace orbid::python {
 
 /// Computes without the lock of the interpreter, on its own thread, while the calling thread handles signals. Call it
@@ -24,6 +26,21 @@ template <class Compute>
 [[nodiscard]] auto computed_interruptibly(const Compute& compute) {
     std::optional<decltype(compute())> result;
     compute_interruptibly([&](const auto&) { result.emplace(compute()); });
+    return std::move(*result);
+}
+
+/// The same, with options.interrupted set while it computes: a stop leaves it by models::Stopped.
+template <class Options, class Compute>
+[[nodiscard]] auto computed_interruptibly(Options& options, const Compute& compute) {
+    std::optional<decltype(compute())> result;
+    compute_interruptibly([&](const std::function<bool()>& stopped) {
+        options.interrupted = stopped;
+        try {
+            result.emplace(compute());
+        } catch (const models::Stopped&) {
+            if (!stopped()) throw;
+        }
+    });
     return std::move(*result);
 }
 

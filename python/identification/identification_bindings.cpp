@@ -1,4 +1,5 @@
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <utility>
 
@@ -33,25 +34,34 @@ public:
 
     [[nodiscard]] bool stopped() const override { return stopped_(); }
     void begin(const std::string& step, double total, const std::string& /*unit*/) override {
-        step_ = step;
-        total_ = total;
+        {
+            const std::lock_guard lock(mutex_);
+            step_ = step;
+            total_ = total;
+        }
         tell(0.0, "");
     }
     void at(double done, const std::string& note) override { tell(done, note); }
-    void end(const std::string& outcome) override { tell(total_, outcome); }
+    void end(const std::string& outcome) override { tell(present().second, outcome); }
     void remark(const std::string& line) override { tell(0.0, line); }
 
 private:
     void tell(double done, const std::string& note) {
         if (!progress_) return;
-        call_.attempt([&] {
-            progress_(step_, total_ > 0.0 ? py::object(py::float_(done / total_)) : py::object(py::none()), note);
+        const auto [step, total] = present();
+        call_.attempt([&, step = step, total = total] {
+            progress_(step, total > 0.0 ? py::object(py::float_(done / total)) : py::object(py::none()), note);
         });
+    }
+    std::pair<std::string, double> present() const {
+        const std::lock_guard lock(mutex_);
+        return {step_, total_};
     }
 
     ResidualCall& call_;
     py::handle progress_;
     const std::function<bool()>& stopped_;
+    mutable std::mutex mutex_;  ///< of what follows: at() is called from any thread
     std::string step_;
     double total_ = 0.0;
 };

@@ -24,7 +24,8 @@ def _series(model: System, record: Record, sampling: str, phase: float) -> Serie
     if unknown or not coordinates:
         raise ValueError(f"records: columns {sorted(unknown)}: known are t, segment and the coordinates of the model, "
                          f"{[one.name for one in model.coordinates]}, each with NAME_sd")
-    columns = {name: _orbid._numbers(values, f"records: {name}") for name, values in record.items() if name != "segment"}
+    columns = {name: _orbid._numbers(values, f"records: {name}") for name, values in record.items()
+               if name != "segment"}
     sizes = {name: values.shape for name, values in columns.items()}
     if len(set(sizes.values())) != 1 or len(next(iter(sizes.values()))) != 1:
         raise ValueError(f"records: columns of shapes {sizes}: all need one, (records,)")
@@ -51,8 +52,8 @@ def identify(model: System, records: Union[Record, Sequence[Union[Record, Mappin
     """Parameters of a model from records of its motion, by stages that need no good first guess.
 
     model       a System, see model() and equations().
-    records     a Series, or a dict of columns, {"t": array, "phi": array}, by the model's coordinates: radians, seconds,
-                SI; nan is a missing reading. "segment" holds labels, "phi_sd" known sds. A list of several: each a
+    records     a Series, or a dict of columns, {"t": array, "phi": array}, by the model's coordinates: radians,
+                seconds, SI; nan is a missing reading. "segment" holds labels, "phi_sd" known sds. A list of several: each a
                 Series, columns, or a dict with "record" and, as in a job, name, sensor, observe, parameters, free,
                 initial_state; fit and predict (labels of segments), simulated (True: by this very model).
     parameters  dict from names to starts, or to dicts with start, bounds, scale, prior, tied. The others keep `values`.

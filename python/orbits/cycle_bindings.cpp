@@ -28,7 +28,7 @@ constexpr auto search_text = R"(Unstable periodic orbits of a section series: .c
 method   "automatic", "local_maps", "patch_map" or "closest_return"; periods ([1, 2, 3, 4, 5]); box (0.1), relative to
          Series.scale; neighbours, order (0: chosen by the data); minimum_recurrences (1); symmetry_signs, +1 or -1 per
          coordinate; reading_covariance, shape (n, n); partition, {"coordinate": "x", "boundaries": [0], "symbols": "LR"}.
-A search is not stopped on its way: after Ctrl-C it ends, and KeyboardInterrupt is raised.)";
+Ctrl-C leaves the search: KeyboardInterrupt.)";
 
 constexpr auto harvest_text =
     R"(Cycles of the series that an improved model leads to, as a dict: cycles, orbits, candidates, not_visited, rejected,
@@ -40,9 +40,10 @@ covariance  of the free parameters, shape (f, f), and free, their names: how far
 
 std::shared_ptr<CycleSearch> find_cycles(const std::shared_ptr<orbits::Series>& series, const py::kwargs& keywords) {
     NamedArguments given("find_cycles", keywords);
-    const orbits::CycleSearchOptions options = search_options(given, coordinate_names(*series));
+    orbits::CycleSearchOptions options = search_options(given, coordinate_names(*series));
     given.finish();
-    return std::make_shared<CycleSearch>(computed_interruptibly([&] { return orbits::find_cycles(*series, options); }));
+    return std::make_shared<CycleSearch>(
+        computed_interruptibly(options, [&] { return orbits::find_cycles(*series, options); }));
 }
 
 py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object& system, const py::object& parameters,
@@ -60,8 +61,8 @@ py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object
         options.free.push_back(index_of(name, parameter_names(*model), "parameter"));
     given.take({{"maximum_orbits", options.maximum_orbits, 1}, {"search_points", options.search_points, 100}});
     given.finish();
-    const auto found =
-        computed_interruptibly([&] { return orbits::model_guided_search(*series, *model, theta, known, options); });
+    const auto found = computed_interruptibly(
+        options.search, [&] { return orbits::model_guided_search(*series, *model, theta, known, options); });
     return py::dict("cycles"_a = found.cycles, "orbits"_a = found.orbits, "candidates"_a = found.candidates,
                     "not_visited"_a = found.not_visited, "rejected"_a = found.rejected, "known"_a = found.known,
                     "remarks"_a = found.remarks);

@@ -28,7 +28,7 @@ py::dict lyapunov(const SharedSeries& series, const py::kwargs& keywords) {
     given.take({{"order", options.order}, {"neighbours", options.neighbours}, {"steps", options.steps, 1}});
     given.take("symmetry_signs", options.symmetry_signs);
     given.finish();
-    auto found = computed_interruptibly([&] { return orbits::lyapunov_spectrum(*series, options); });
+    auto found = computed_interruptibly(options, [&] { return orbits::lyapunov_spectrum(*series, options); });
     return py::dict("exponents"_a = array(std::move(found.exponents)), "sds"_a = array(std::move(found.sds)),
                     "dimension"_a = found.dimension, "timed"_a = found.timed, "mean_time"_a = found.mean_time,
                     "divergence_rate"_a = found.divergence_rate, "divergence_sd"_a = found.divergence_sd,
@@ -42,7 +42,7 @@ py::dict correlation(const SharedSeries& series, const py::kwargs& keywords) {
     orbits::CorrelationOptions options;
     given.take({{"theiler", options.theiler}, {"pairs", options.pairs, 1}, {"points", options.points, 1}});
     given.finish();
-    const auto found = computed_interruptibly([&] { return orbits::correlation_dimension(*series, options); });
+    const auto found = computed_interruptibly(options, [&] { return orbits::correlation_dimension(*series, options); });
     return py::dict(
         "dimension"_a = found.dimension, "sd"_a = found.sd, "takens"_a = found.takens, "takens_sd"_a = found.takens_sd,
         "radii"_a = py::make_tuple(found.smallest_radius, found.largest_radius), "entropy"_a = found.entropy,
