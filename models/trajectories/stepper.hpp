@@ -155,7 +155,15 @@ private:
     }
     static Point point(const Flat& f) {
         Point x;
-        std::memcpy(static_cast<void*>(x.data()), f.data(), sizeof(x));
+        if constexpr (N > 0 && order == 1) {
+            // Value and partials apart: a copy in blocks that straddle both stalls where they are read in other blocks.
+            for (std::size_t c = 0; c < n; ++c) {
+                x[c].value = f[c * (N + 1)];
+                std::memcpy(x[c].partial.data(), &f[c * (N + 1) + 1], N * sizeof(double));
+            }
+        } else {
+            std::memcpy(static_cast<void*>(x.data()), f.data(), sizeof(x));
+        }
         return x;
     }
 
