@@ -37,7 +37,7 @@ install(DIRECTORY docs/ DESTINATION ${documents}/docs COMPONENT runtime FILES_MA
 install(FILES README.md CONTRIBUTING.md CHANGELOG.md DESTINATION ${documents} COMPONENT runtime)
 install(FILES ${CMAKE_BINARY_DIR}/third_party_licences.txt DESTINATION ${documents} COMPONENT runtime)
 install(DIRECTORY examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/liborbid-dev/examples COMPONENT development
-  FILES_MATCHING PATTERN "*.cpp" PATTERN "*.md" PATTERN CMakeLists.txt PATTERN build EXCLUDE)
+  FILES_MATCHING PATTERN "*.cpp" PATTERN "*.csv" PATTERN "*.md" PATTERN CMakeLists.txt PATTERN build EXCLUDE)
 
 # As the policy of Debian asks for it: what gzip is there for is compressed, without its date.
 find_program(ORBID_GZIP gzip)

@@ -19,7 +19,7 @@ constexpr Index longest_stable = 32;
 
 /// A trajectory that has settled repeats to the accuracy of the flow. An unstable orbit is left within 64 sections
 /// unless its multiplier is below 1.4, which rounding (1e-16) needs to grow to this.
-constexpr double settled = 1e-9;
+constexpr double settling_tolerance = 1e-9;
 
 /// Trials with a random state; more are made for a model of which most states are senseless.
 constexpr std::size_t probes = 64;
@@ -52,7 +52,7 @@ Index settled_columns(const MatrixXd& piece, const std::vector<Index>& angles, c
     if (last < repeated + longest_stable) return 0;
     const auto equal = [&](Index a, Index b) {
         const VectorXd gap = wrapped_angles(piece.col(a) - piece.col(b), angles);
-        return (gap.array().abs() <= settled * size.array()).all();
+        return (gap.array().abs() <= settling_tolerance * size.array()).all();
     };
     for (Index p = 1; p <= longest_stable; ++p) {
         Index k = last;

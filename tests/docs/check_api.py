@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 LAYOUT = r'#include "(models/arithmetic/matrix_layout|estimator/interface/eigen_layout).hpp"'
-ROOM = r"(?:models|periodic|orbits|estimator|apps)"
+ROOM = r"(?:models|periodic|orbits|estimator|identification|apps)"
 FOR_TEMPLATES = "## Headers for templates alone"
 
 

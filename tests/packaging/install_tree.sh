@@ -57,8 +57,8 @@ start=$SECONDS
     -DCMAKE_CXX_COMPILER="$compiler" -DCMAKE_CXX_FLAGS=-Wall >"$scratch/log" 2>&1 &&
     without_source cmake --build build --parallel 2 >>"$scratch/log" 2>&1) || fail "examples: $(cat "$scratch/log")"
 echo "examples: $((SECONDS - start)) s from cmake -S to the programs"
-for name in estimate own_model own_residual; do
-    without_source "$scratch/examples/build/$name" >"$scratch/$name.txt" || fail "$name failed: $(cat "$scratch/$name.txt")"
+for name in estimate identify own_model own_residual; do
+    (cd "$scratch/examples" && without_source "build/$name") >"$scratch/$name.txt" || fail "$name failed: $(cat "$scratch/$name.txt")"
     [[ -s $scratch/$name.txt ]] || fail "$name prints nothing"
     while read -r line; do
         grep -qFx -- "$line" "$scratch/examples/README.md" || fail "$name prints what its README does not: $line"
