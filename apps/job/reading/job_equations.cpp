@@ -1,8 +1,8 @@
 #include <map>
 
+#include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/evaluated_model.hpp"
 #include "apps/job/job_parts.hpp"
-#include "apps/job/blocks/block_fields.hpp"
 #include "models/catalogue/registry.hpp"
 #include "models/equations/equations.hpp"
 

@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cctype>
 
-#include "apps/job/job_parts.hpp"
 #include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/job_parts.hpp"
 #include "orbits/records/unit.hpp"
 
 namespace orbid::apps {

@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "apps/job/job_parts.hpp"
 #include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/job_parts.hpp"
 
 namespace orbid::apps {
 

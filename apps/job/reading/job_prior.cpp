@@ -3,8 +3,8 @@
 #include <tuple>
 #include <type_traits>
 
-#include "apps/job/job_parts.hpp"
 #include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/job_parts.hpp"
 
 namespace orbid::apps {
 

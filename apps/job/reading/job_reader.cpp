@@ -5,9 +5,9 @@
 
 #include "apps/documents/atomic_file.hpp"
 #include "apps/documents/schema_check.hpp"
+#include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/flow_stepper.hpp"
 #include "apps/job/job_parts.hpp"
-#include "apps/job/blocks/job_schema.hpp"
 
 namespace orbid::apps {
 

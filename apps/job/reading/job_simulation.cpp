@@ -1,5 +1,5 @@
-#include "apps/job/job_parts.hpp"
 #include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/job_parts.hpp"
 
 namespace orbid::apps {
 

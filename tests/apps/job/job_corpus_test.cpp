@@ -10,8 +10,8 @@
 
 #include "apps/documents/json_reader.hpp"
 #include "apps/documents/schema_check.hpp"
-#include "apps/job/reading/job_reader.hpp"
 #include "apps/job/blocks/job_schema.hpp"
+#include "apps/job/reading/job_reader.hpp"
 #include "apps/program/command_schema.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
