@@ -38,7 +38,8 @@ struct Inquiry {
 
     static const std::vector<py::object>& residuals(const EstimateResult& result) {
         if (result.residuals.empty())
-            throw py::value_error("this estimate has no residuals of its own: estimate() once more from it");
+            throw py::value_error(
+                "the estimate of multi_start() or identify() has no residuals: estimate() once more from it");
         return result.residuals;
     }
 

@@ -61,8 +61,10 @@ py::dict harvest(const std::shared_ptr<orbits::Series>& series, const py::object
         options.free.push_back(index_of(name, parameter_names(*model), "parameter"));
     given.take({{"maximum_orbits", options.maximum_orbits, 1}, {"search_points", options.search_points, 100}});
     given.finish();
-    const auto found = computed_interruptibly(
-        options.search, [&] { return orbits::model_guided_search(*series, *model, theta, known, options); });
+    const auto found = computed_interruptibly(options.search, [&] {
+        const auto stoppable = model->with_stop(options.search.interrupted);
+        return orbits::model_guided_search(*series, *stoppable, theta, known, options);
+    });
     return py::dict("cycles"_a = found.cycles, "orbits"_a = found.orbits, "candidates"_a = found.candidates,
                     "not_visited"_a = found.not_visited, "rejected"_a = found.rejected, "known"_a = found.known,
                     "remarks"_a = found.remarks);
