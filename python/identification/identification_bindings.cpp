@@ -6,6 +6,7 @@
 #include <pybind11/stl.h>
 
 #include "identification/strategy/identify.hpp"
+#include "models/system/stopped.hpp"
 #include "python/conversion/bindings.hpp"
 #include "python/conversion/named_arguments.hpp"
 #include "python/conversion/properties.hpp"
@@ -33,6 +34,15 @@ public:
         : call_(call), progress_(progress), stopped_(stopped) {}
 
     [[nodiscard]] bool stopped() const override { return stopped_(); }
+    [[nodiscard]] bool left() const override { return stopped_(); }
+    void stage_ended(const identification::IdentificationResult& so_far) override { reached_ = so_far; }
+    void estimated(const identification::IdentificationResult& result) override { reached_ = result; }
+    /// What the stages that have ended lead to.
+    [[nodiscard]] identification::IdentificationResult interrupted() const {
+        identification::IdentificationResult result = reached_;
+        result.estimate.status = estimator::EstimateStatus::interrupted;
+        return result;
+    }
     void begin(const std::string& step, double total, const std::string& /*unit*/) override {
         {
             const std::lock_guard lock(mutex_);
@@ -64,6 +74,7 @@ private:
     mutable std::mutex mutex_;  ///< of what follows: at() is called from any thread
     std::string step_;
     double total_ = 0.0;
+    identification::IdentificationResult reached_;  ///< by the last stage that has ended
 };
 
 std::shared_ptr<Identified> identify(const py::object& system, const py::list& records, const py::object& parameters,
@@ -82,7 +93,11 @@ std::shared_ptr<Identified> identify(const py::object& system, const py::list& r
     ResidualCall call;
     (void)call.compute([&](const std::function<bool()>& stopped) {
         PythonObserver observer(call, progress, stopped);
-        result->stages = identification::identify(identification::completed(problem), options, observer);
+        try {
+            result->stages = identification::identify(identification::completed(problem), options, observer);
+        } catch (const models::Stopped&) {
+            result->stages = observer.interrupted();
+        }
     });
     result->estimate = result->stages.estimate;
     for (const identification::FreeModelParameter& one : problem.parameters)
