@@ -11,6 +11,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/interface/eigen_layout.hpp"
 #include "estimator/interface/estimate_options.hpp"
 #include "estimator/interface/prior.hpp"
 #include "models/definition/input_signal.hpp"

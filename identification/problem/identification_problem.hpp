@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/interface/eigen_layout.hpp"
 #include "estimator/interface/estimate_options.hpp"
 #include "estimator/interface/prior.hpp"
 #include "identification/problem/experiment.hpp"

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/interface/eigen_layout.hpp"
 #include "estimator/interface/residual.hpp"
 
 #pragma GCC visibility push(default)

@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/interface/eigen_layout.hpp"
 #include "identification/problem/record_errors.hpp"
 #include "periodic/waveforms/waveform_record.hpp"
 
