@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "apps/job/segment_choice.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "identification/problem/estimated_values.hpp"
 
@@ -164,14 +163,14 @@ void add_initial_states(const Job& job, std::size_t experiment, const orbits::Se
     }
 }
 
-void add_predictions(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
-                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, bool with_fitted,
-                     ResultContext& context) {
-    const DataJob& data = job.data[experiment];
+void add_predictions(const identification::IdentificationProblem& problem, std::size_t experiment,
+                     const orbits::SeriesResidual& residual, const estimator::Estimate& estimate,
+                     const Eigen::VectorXd& theta, bool with_fitted, ResultContext& context) {
+    const identification::Experiment& data = problem.experiments[experiment];
     std::vector<std::size_t> segments;
-    if (with_fitted) segments = fitted_segments(residual.series(), data);
+    if (with_fitted) segments = data.fitted_segments();
     const auto fitted = segments.size();
-    const auto predicted = segments_with(residual.series(), data, data.predict);
+    const auto predicted = data.segments_with(data.predict);
     segments.insert(segments.end(), predicted.begin(), predicted.end());
     Eigen::VectorXd scales(static_cast<Eigen::Index>(residual.groups().size()));
     Eigen::VectorXd relative = Eigen::VectorXd::Zero(scales.size());
@@ -188,8 +187,8 @@ void add_predictions(const Job& job, std::size_t experiment, const orbits::Serie
         prediction.normalised_rms = predictions[i].normalised_rms;
         prediction.fitted = i < fitted;
         for (Eigen::Index c = 0; c < predictions[i].rms.size(); ++c) {
-            const auto coordinate = static_cast<std::size_t>(data.observe[static_cast<std::size_t>(c)]);
-            prediction.rms.emplace_back(job.model.system->coordinates()[coordinate].name, predictions[i].rms[c]);
+            const Eigen::Index coordinate = data.observe[static_cast<std::size_t>(c)];
+            prediction.rms.emplace_back(problem.coordinate(coordinate).name, predictions[i].rms[c]);
         }
         context.predictions.push_back(std::move(prediction));
     }

@@ -8,6 +8,7 @@
 #include "apps/results/result_file.hpp"
 #include "apps/stages/workspace.hpp"
 #include "estimator/estimate/estimate.hpp"
+#include "identification/problem/identification_problem.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 #include "orbits/series_residuals/series_residual.hpp"
@@ -51,8 +52,8 @@ void add_first_nodes(const Job& job, std::size_t experiment, const orbits::Shoot
 /// Prediction errors of the fitted segments, then of those only predicted, from one initial state each.
 /// @param theta        the estimate, as the estimator's vector.
 /// @param with_fitted  false: only the segments not fitted.
-void add_predictions(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
-                     const estimator::Estimate& estimate, const Eigen::VectorXd& theta, bool with_fitted,
-                     ResultContext& context);
+void add_predictions(const identification::IdentificationProblem& problem, std::size_t experiment,
+                     const orbits::SeriesResidual& residual, const estimator::Estimate& estimate,
+                     const Eigen::VectorXd& theta, bool with_fitted, ResultContext& context);
 
 }  // namespace orbid::apps

@@ -105,7 +105,7 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
         add_series_rows(job, experiment, *residuals.series[i], estimate, estimate.residuals[index], rows);
         add_initial_states(job, experiment, *residuals.series[i], estimate, setup.initial[experiment],
                            estimate.latents[index], sds(index), context);
-        add_predictions(job, experiment, *residuals.series[i], estimate, theta, true, context);
+        add_predictions(problem, experiment, *residuals.series[i], estimate, theta, true, context);
     }
     for (std::size_t i = 0; i < residuals.shooting.size(); ++i, ++index) {
         const std::size_t experiment = residuals.shooting_experiments[i];
@@ -115,7 +115,7 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
         if (job.data[experiment].predict.empty() || !samples) continue;
         // Segments that took no part: single shooting over each.
         const auto single = identification::single_shooting(problem, experiment, setup);
-        add_predictions(job, experiment, *single, estimate, theta, false, context);
+        add_predictions(problem, experiment, *single, estimate, theta, false, context);
     }
     if (residuals.waveform.residual) {
         add_waveform_rows(job, residuals.waveform, estimate, estimate.residuals[index], rows);

@@ -9,7 +9,6 @@
 
 #include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/waveform_plot.hpp"
-#include "apps/job/segment_choice.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "identification/problem/estimated_values.hpp"
 #include "models/definition/parameter.hpp"

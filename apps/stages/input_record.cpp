@@ -57,14 +57,6 @@ std::shared_ptr<const models::System> system_with(const Job& job, const Inputs& 
     return inputs.empty() ? job.model.system : job.model.system->with_input(inputs.front());
 }
 
-std::vector<std::shared_ptr<const models::System>> systems_with(const Job& job, const Inputs& inputs) {
-    std::vector<std::shared_ptr<const models::System>> systems;
-    for (const auto& input : inputs)
-        systems.push_back(job.model.system->with_input(input));
-    if (systems.empty()) systems.push_back(job.model.system);
-    return systems;
-}
-
 Inputs by_segment(const Inputs& inputs, std::size_t segments) {
     if (inputs.size() != 1) return inputs;
     return Inputs(segments, inputs.front());

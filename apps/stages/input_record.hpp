@@ -20,9 +20,6 @@ using Inputs = std::vector<std::shared_ptr<const models::InputSignal>>;
 /// The model of the job with the only signal of a simulated experiment.
 [[nodiscard]] std::shared_ptr<const models::System> system_with(const Job& job, const Inputs& inputs);
 
-/// The model of the job with each of these signals; as it is without any.
-[[nodiscard]] std::vector<std::shared_ptr<const models::System>> systems_with(const Job& job, const Inputs& inputs);
-
 /// One signal per segment.
 [[nodiscard]] Inputs by_segment(const Inputs& inputs, std::size_t segments);
 

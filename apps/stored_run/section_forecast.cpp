@@ -8,6 +8,7 @@
 
 #include "apps/stored_run/forecast.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "identification/problem/problem_residuals.hpp"
 #include "models/arithmetic/singular_values.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/simulation/transition.hpp"
@@ -42,7 +43,7 @@ Eigen::VectorXd reading_sds(const PredictionJob& job, const std::vector<orbits::
 void forecast_sections(const PredictionJob& job, const Experiment& record, Forecast& out) {
     const models::System& system = *job.derived.model.system;
     const DataJob& data = job.derived.data[0];
-    const auto systems = systems_with(job.derived, record.inputs);
+    const auto systems = identification::systems_with(job.derived.model.system, record.inputs);
     const Eigen::VectorXd values = data.with_own(job.derived.model.values);
     std::vector<std::size_t> segments(record.series.segments.size());
     std::iota(segments.begin(), segments.end(), std::size_t{0});

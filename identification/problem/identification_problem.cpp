@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
@@ -114,21 +115,42 @@ void choose_residuals(IdentificationProblem& problem) {
     refuse_unless(problem.cycles || problem.series, "there is nothing to estimate from: no cycles and no experiment");
 }
 
+/// A prediction starts from states that readings say.
+bool has_readings(const IdentificationProblem& problem) {
+    return (problem.series && !problem.series->data.empty()) || problem.measured.experiment;
+}
+
 }  // namespace
+
+void set_default_bounds(const models::Parameter& entry, estimator::FreeParameter& free) {
+    // Bounds are inclusive and 0 is no positive number: on a linear scale this share of the typical size is the least.
+    constexpr double smallest_positive_share = 1e-9;
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    // The end of a logarithmic scale is never reached.
+    const bool log_scale = free.scale == estimator::Scale::log || free.scale == estimator::Scale::log10;
+    const bool positive = entry.domain == models::Domain::positive;
+    free.lower = entry.domain == models::Domain::real && !log_scale ? -infinity : 0.0;
+    if (positive && !log_scale) free.lower = smallest_positive_share * entry.typical_size;
+    free.upper = infinity;
+}
+
+estimator::FreeParameter free_parameter(const models::Parameter& entry, double start) {
+    estimator::FreeParameter free;
+    free.name = entry.name;
+    free.unit = entry.unit;
+    free.start = start;
+    free.typical_size = entry.typical_size;
+    free.scale = entry.domain == models::Domain::positive ? estimator::Scale::log : estimator::Scale::linear;
+    set_default_bounds(entry, free);
+    return free;
+}
 
 FreeModelParameter free_parameter(const models::System& system, const std::string& name, double start) {
     const auto all = system.parameters();
     const auto entry =
         std::find_if(all.begin(), all.end(), [&](const models::Parameter& one) { return one.name == name; });
     refuse_unless(entry != all.end(), fmt::format("model {}: has no parameter {}", system.name(), name));
-    FreeModelParameter free{static_cast<Index>(entry - all.begin()), {}};
-    free.value.name = name;
-    free.value.unit = entry->unit;
-    free.value.start = start;
-    free.value.typical_size = entry->typical_size;
-    if (entry->domain == models::Domain::positive) free.value.scale = estimator::Scale::log;
-    if (entry->domain != models::Domain::real) free.value.lower = 0.0;
-    return free;
+    return {static_cast<Index>(entry - all.begin()), free_parameter(*entry, start)};
 }
 
 IdentificationProblem completed(IdentificationProblem problem) {
@@ -154,19 +176,23 @@ IdentificationProblem completed(IdentificationProblem problem) {
     return problem;
 }
 
-std::vector<Stage> automatic_strategy(const IdentificationProblem& problem) {
+std::vector<Stage> automatic_strategy(const StrategyData& data) {
     using Kind = Stage::Kind;
-    const bool searched = problem.measured.experiment.has_value();
     std::vector<Stage> stages;
-    // A prediction starts from states that readings say.
-    if ((problem.series && !problem.series->data.empty()) || (problem.cycles && searched))
-        stages.push_back({Kind::prediction, {}});
-    if (problem.cycles) stages.push_back({Kind::residuals, {ResidualType::cycles}});
-    if (problem.cycles && searched && problem.measured.section)
-        stages.push_back({Kind::harvest, {ResidualType::cycles}});
-    if (problem.series) stages.push_back({Kind::residuals, {ResidualType::series}});
-    if (problem.waveform) stages.push_back({Kind::residuals, {ResidualType::waveform}});
+    if (data.readings) stages.push_back({Kind::prediction, {}});
+    if (data.cycles) stages.push_back({Kind::residuals, {ResidualType::cycles}});
+    if (data.cycles && data.searched) stages.push_back({Kind::harvest, {ResidualType::cycles}});
+    if (data.series) stages.push_back({Kind::residuals, {ResidualType::series}});
+    if (data.waveform) stages.push_back({Kind::residuals, {ResidualType::waveform}});
     return stages;
+}
+
+std::vector<Stage> automatic_strategy(const IdentificationProblem& problem) {
+    const bool cycles = problem.cycles.has_value();
+    const bool series = problem.series.has_value();
+    return automatic_strategy(StrategyData{(cycles || series) && has_readings(problem), cycles,
+                                           problem.measured.experiment && problem.measured.section, series,
+                                           problem.waveform.has_value()});
 }
 
 std::string Stage::name() const {

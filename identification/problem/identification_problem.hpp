@@ -28,7 +28,13 @@ struct FreeModelParameter {
     estimator::FreeParameter value;  ///< start, scale, bounds, prior, tie; an empty name: that of the model
 };
 
-/// The parameter `name` from this start, with scale and bounds of its domain: logarithmic where it must be positive.
+/// The bounds of a parameter's domain, on the scale that it has.
+void set_default_bounds(const models::Parameter& entry, estimator::FreeParameter& free);
+
+/// A parameter from this start, with scale and bounds of its domain: logarithmic where it must be positive.
+[[nodiscard]] estimator::FreeParameter free_parameter(const models::Parameter& entry, double start);
+
+/// The parameter `name` of a model, likewise.
 /// @throws std::invalid_argument for an unknown name.
 [[nodiscard]] FreeModelParameter free_parameter(const models::System& system, const std::string& name, double start);
 
@@ -74,7 +80,17 @@ struct IdentificationProblem {
 /// @throws std::invalid_argument naming value and rule where the problem contradicts itself.
 [[nodiscard]] IdentificationProblem completed(IdentificationProblem problem);
 
+/// What there is for the stages of a strategy.
+struct StrategyData {
+    bool readings = false;  ///< say states that a prediction starts from
+    bool cycles = false;
+    bool searched = false;  ///< for cycles, in a record at hand
+    bool series = false;
+    bool waveform = false;
+};
+
 /// Prediction, where a start can be predicted; cycles; more cycles, where they can be searched for; series; waveforms.
+[[nodiscard]] std::vector<Stage> automatic_strategy(const StrategyData& data);
 [[nodiscard]] std::vector<Stage> automatic_strategy(const IdentificationProblem& problem);
 
 }  // namespace orbid::identification

@@ -114,12 +114,12 @@ std::vector<std::unique_ptr<estimator::Residual>> ProblemResiduals::copies() con
     return list;
 }
 
-std::vector<std::shared_ptr<const models::System>> systems_with(const IdentificationProblem& problem,
+std::vector<std::shared_ptr<const models::System>> systems_with(const std::shared_ptr<const models::System>& system,
                                                                 const Inputs& inputs) {
     std::vector<std::shared_ptr<const models::System>> systems;
     for (const auto& input : inputs)
-        systems.push_back(problem.system->with_input(input));
-    if (systems.empty()) systems.push_back(problem.system);
+        systems.push_back(system->with_input(input));
+    if (systems.empty()) systems.push_back(system);
     return systems;
 }
 

@@ -45,8 +45,8 @@ struct ProblemResiduals {
                                                                       const EstimateSetup& setup);
 
 /// The model with each of these signals; as it is without any.
-[[nodiscard]] std::vector<std::shared_ptr<const models::System>> systems_with(const IdentificationProblem& problem,
-                                                                              const Inputs& inputs);
+[[nodiscard]] std::vector<std::shared_ptr<const models::System>> systems_with(
+    const std::shared_ptr<const models::System>& system, const Inputs& inputs);
 
 /// Adds a residual by single shooting per experiment of a series without nodes, and fills in starts of initial values
 /// from the data where the problem gives none.

@@ -73,7 +73,7 @@ std::unique_ptr<orbits::PredictionResidual> prediction_residual(const Identifica
     const Experiment& data = problem.experiments[experiment];
     const orbits::Series& series = *data.series;
     const models::System& system = *problem.system;
-    auto systems = systems_with(problem, data.inputs);
+    auto systems = systems_with(problem.system, data.inputs);
     try {
         const auto segments = data.fitted_segments();
         const Eigen::VectorXd values = binding.values(theta);

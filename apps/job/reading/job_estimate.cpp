@@ -8,6 +8,8 @@ namespace orbid::apps {
 
 namespace {
 
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
 /// "tied" of a parameter; resolve_tie() follows when all parameters are read.
 void read_tie(const ValueReader& tie, FreeParameterJob& free) {
     estimator::FreeParameter& value = free.value;
@@ -52,34 +54,12 @@ void resolve_tie(const ValueReader& at, const Job& job, const EstimateJob& estim
                               entry.description, value.tie_factor, leader->value.name, models::rule(entry.domain)));
     // Zero is no value of a positive parameter, and no bound that the followed one reaches on a log scale.
     value.scale = leader->value.scale;
-    value.lower = entry.domain == models::Domain::real ? -std::numeric_limits<double>::infinity() : 0.0;
+    value.lower = entry.domain == models::Domain::real ? -infinity : 0.0;
 }
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
-/// Default lower bound on a linear scale of a parameter that must be > 0: bounds are inclusive and 0 is outside the
-/// domain, so it is this share of the typical size.
-constexpr double smallest_positive_share = 1e-9;
 
 /// Scales whose ends are never reached: the end of a domain may be one although no value.
 bool is_logarithmic(estimator::Scale scale) {
     return scale == estimator::Scale::log || scale == estimator::Scale::log10;
-}
-
-void set_default_bounds(const models::Parameter& entry, estimator::FreeParameter& free) {
-    const bool log_scale = is_logarithmic(free.scale);
-    free.upper = infinity;
-    switch (entry.domain) {
-        case models::Domain::real:
-            free.lower = log_scale ? 0.0 : -infinity;
-            break;
-        case models::Domain::nonnegative:
-            free.lower = 0.0;
-            break;
-        case models::Domain::positive:
-            free.lower = log_scale ? 0.0 : smallest_positive_share * entry.typical_size;
-            break;
-    }
 }
 
 /// [lower, upper], null = none.
@@ -129,13 +109,8 @@ void check_start(const ValueReader& at, const models::Parameter& entry, const es
 
 FreeParameterJob read_free(const ValueReader& value, Eigen::Index index, const Job& job) {
     const models::Parameter& entry = job.model.parameter(index);
-    FreeParameterJob result{index, {}};
+    FreeParameterJob result{index, identification::free_parameter(entry, job.model.values[index])};
     estimator::FreeParameter& free = result.value;
-    free.name = entry.name;
-    free.unit = entry.unit;
-    free.typical_size = entry.typical_size;
-    free.start = job.model.values[index];
-    free.scale = entry.domain == models::Domain::positive ? estimator::Scale::log : estimator::Scale::linear;
     ObjectReader object(value);
     if (const auto tie = object.find("tied")) {
         read_tie(*tie, result);
@@ -145,7 +120,7 @@ FreeParameterJob read_free(const ValueReader& value, Eigen::Index index, const J
     const std::size_t problems_before = value.problem_count();
     const auto scale = object.choose("scale", scale_names, free.scale);
     const auto start = object.read("start", free.start);
-    set_default_bounds(entry, free);
+    identification::set_default_bounds(entry, free);
     if (const auto bounds = object.find("bounds")) read_bounds(*bounds, entry, free);
     if (scale && free.scale == estimator::Scale::logit && !(std::isfinite(free.lower) && std::isfinite(free.upper)))
         scale->report(fmt::format("a logit scale needs finite \"bounds\"; they are [{}, {}]", free.lower, free.upper));

@@ -26,15 +26,6 @@ bool has_readings(const Job& job, const EstimateJob& estimate) {
     return (estimate.series && !estimate.series->data.empty()) || is_searched(job);
 }
 
-std::vector<StageJob> automatic_stages(const Job& job, const EstimateJob& estimate) {
-    std::vector<StageJob> stages;
-    if (has_readings(job, estimate)) stages.push_back({Kind::prediction, {}});
-    if (estimate.cycles) stages.push_back({Kind::residuals, {ResidualType::cycles}});
-    if (estimate.cycles && is_searched(job)) stages.push_back({Kind::harvest, {ResidualType::cycles}});
-    if (estimate.series) stages.push_back({Kind::residuals, {ResidualType::series}});
-    return stages;
-}
-
 /// A residual named in a stage: present, and in no stage before.
 void add_type(const ValueReader& item, std::size_t choice, const std::vector<ResidualType>& present,
               std::vector<ResidualType>& used, StageJob& stage) {
@@ -129,7 +120,9 @@ void read_strategy(ObjectReader& object, const Job& job, EstimateJob& estimate) 
     } else if (estimate.waveform) {
         value->report("\"auto\" knows no waveforms: list the stages, [\"waveform\"] for example");
     } else {
-        estimate.strategy = automatic_stages(job, estimate);
+        estimate.strategy = identification::automatic_strategy(
+            identification::StrategyData{has_readings(job, estimate), estimate.cycles.has_value(), is_searched(job),
+                                         estimate.series.has_value(), false});
     }
     if (const auto scan = object.find("scan")) {
         estimate.scan = scan->boolean().value_or(false);
