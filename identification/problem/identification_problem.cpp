@@ -195,6 +195,19 @@ std::vector<Stage> automatic_strategy(const IdentificationProblem& problem) {
                                            problem.waveform.has_value()});
 }
 
+void check_strategy(const IdentificationProblem& problem, const std::vector<Stage>& strategy) {
+    for (const Stage& stage : strategy) {
+        const bool predicts = stage.kind == Stage::Kind::prediction;
+        refuse_unless(!predicts || has_readings(problem),
+                      "strategy: a prediction needs a series, or an experiment that was searched for cycles");
+        refuse_unless(predicts || !stage.residuals.empty(), "strategy: a stage names no residuals");
+        const bool there = (!stage.uses(ResidualType::cycles) || problem.cycles) &&
+                           (!stage.uses(ResidualType::series) || problem.series) &&
+                           (!stage.uses(ResidualType::waveform) || problem.waveform);
+        refuse_unless(there, fmt::format("strategy: stage {}: the problem does not use such data", stage.name()));
+    }
+}
+
 std::string Stage::name() const {
     if (kind == Kind::prediction) return "prediction";
     if (kind == Kind::harvest) return "harvest";

@@ -93,6 +93,9 @@ struct StrategyData {
 [[nodiscard]] std::vector<Stage> automatic_strategy(const StrategyData& data);
 [[nodiscard]] std::vector<Stage> automatic_strategy(const IdentificationProblem& problem);
 
+/// @throws std::invalid_argument naming the stage that needs what the problem does not have.
+void check_strategy(const IdentificationProblem& problem, const std::vector<Stage>& strategy);
+
 }  // namespace orbid::identification
 
 #pragma GCC visibility pop

@@ -13,7 +13,8 @@ StrategyRun run_strategy(StageInput& input, const std::vector<Stage>& stages,
     StrategyRun strategy;
     std::vector<estimator::FreeParameter> current = parameters;
     for (const Stage& stage : stages) {
-        if (input.observer.stopped()) break;
+        strategy.unfinished = input.observer.stopped();
+        if (strategy.unfinished) break;
         StageRun run = run_stage(input, stage, current, strategy.best ? &*strategy.best : nullptr,
                                  fmt::format("stage {}", strategy.stages.size()));
         strategy.stages.push_back(run.result);
@@ -46,7 +47,8 @@ estimator::Estimate strategy_estimate(const StrategyRun& strategy, bool interrup
         return estimate;
     }
     if (strategy.best && strategy.best->skipped()) estimate.message = strategy.best->result.message;
-    if (strategy.stages.size() < 2) return estimate;
+    if (strategy.unfinished) estimate.status = estimator::EstimateStatus::interrupted;
+    if (strategy.stages.size() < 2 && !strategy.unfinished) return estimate;
     const auto chosen =
         std::find_if(strategy.stages.begin(), strategy.stages.end(), [](const StageResult& one) { return one.chosen; });
     if (chosen == strategy.stages.end()) return estimate;
@@ -56,7 +58,7 @@ estimator::Estimate strategy_estimate(const StrategyRun& strategy, bool interrup
             fmt::format("; {} {}{}{}", stage->stage, stage->status, stage->message.empty() ? "" : ": ", stage->message);
     if (strategy.last != strategy.best->estimate.status) estimate.status = strategy.last;
     if (interrupted) estimate.status = estimator::EstimateStatus::interrupted;
-    if (!later.empty())
+    if (!later.empty() || strategy.unfinished)
         estimate.message = fmt::format("{}{}the estimate is that of the stage {}{}", estimate.message,
                                        estimate.message.empty() ? "" : "; ", chosen->stage, later);
     return estimate;

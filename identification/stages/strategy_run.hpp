@@ -16,6 +16,7 @@ struct StrategyRun {
     estimator::EstimateStatus last = estimator::EstimateStatus::failed;  ///< of the last stage that was not skipped
     int iterations = 0;                                                  ///< of all stages
     int evaluations = 0;
+    bool unfinished = false;  ///< an interruption left stages out
 };
 
 /// Runs stages in order, each from the best before it; none begins after an interruption.

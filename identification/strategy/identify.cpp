@@ -39,6 +39,7 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     const IdentificationProblem problem = completed(asked);
     Options options = given;
     if (options.strategy.empty()) options.strategy = automatic_strategy(problem);
+    check_strategy(problem, options.strategy);
     EstimateSetup setup = estimate_setup(problem, fitted_labels(problem));
     if (options.strategy.size() <= 1) observer.begin("estimate", 0.0, {});
     ProblemResiduals prepared;
