@@ -24,8 +24,7 @@ public:
     /// A computation that cannot be stopped from inside begins, or has ended.
     virtual void unstoppable(bool /*begins*/) {}
 
-    /// A step of the work begins: "prediction", "starts", ..
-    /// @param total  units of work; 0: unknown.
+    /// A step of the work begins, such as "prediction": its name, units of work (0: unknown), and what they are.
     virtual void begin(const std::string& /*step*/, double /*total*/, const std::string& /*unit*/) {}
     /// `done` units of work, or steps of a minimisation, which `note` describes.
     virtual void at(double /*done*/, const std::string& /*note*/) {}
