@@ -8,6 +8,24 @@
 
 namespace orbid::identification {
 
+namespace {
+
+/// A density of positive numbers alone.
+bool is_positive(const estimator::Prior& prior) {
+    return std::holds_alternative<estimator::LogNormalPrior>(prior) ||
+           std::holds_alternative<estimator::GammaPrior>(prior) ||
+           std::holds_alternative<estimator::HalfNormalPrior>(prior) ||
+           std::holds_alternative<estimator::HalfCauchyPrior>(prior);
+}
+
+}  // namespace
+
+void set_default_scale(InitialValue& value) {
+    if (!is_positive(value.prior)) return;
+    value.scale = estimator::Scale::log;
+    value.lower = 0.0;
+}
+
 bool Experiment::has_own(Eigen::Index parameter) const {
     return std::find(free.begin(), free.end(), parameter) != free.end();
 }

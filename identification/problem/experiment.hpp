@@ -46,6 +46,9 @@ struct InitialValue {
     }
 };
 
+/// Scale and lower bound that the prior implies: logarithmic above 0, where it allows positive values alone.
+void set_default_scale(InitialValue& value);
+
 /// "u_0@run1": a coordinate's value at the first sample of an experiment. With several fitted segments ".LABEL"
 /// follows.
 [[nodiscard]] inline std::string initial_parameter_name(const std::string& coordinate, const std::string& experiment) {

@@ -43,8 +43,10 @@ id::InitialValue initial_value(py::handle value, const std::string& where) {
     } else {
         given.take("start", result.value);
         result.prior = prior(given.find("prior"), where + ": prior");
+        id::set_default_scale(result);
         using estimator::Scale;
         result.scale = given.word<Scale>("scale", {{"linear", Scale::linear}, {"log", Scale::log}}, result.scale);
+        if (result.scale == Scale::log) result.lower = 0.0;
         read_bounds(given, where, result.lower, result.upper);
     }
     given.finish();
@@ -262,6 +264,9 @@ std::vector<id::FreeModelParameter> model_parameters(py::handle parameters, cons
         const Eigen::Index index = index_of(name, names, "parameter");
         id::FreeModelParameter usual = id::free_parameter(system, name, system.default_parameters()[index]);
         usual.value = free_parameter(std::move(usual.value), value, true);
+        // The bounds of a domain depend on the scale, which may be another than usual.
+        if (!is_mapping(value) || !value.contains("bounds"))
+            id::set_default_bounds(system.parameters()[static_cast<std::size_t>(index)], usual.value);
         result.push_back(std::move(usual));
     }
     return result;

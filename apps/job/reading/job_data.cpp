@@ -36,22 +36,11 @@ void read_segments(const ValueReader& value, DataJob& data) {
     segments.finish();
 }
 
-/// A density of positive numbers alone.
-bool is_positive(const estimator::Prior& prior) {
-    return std::holds_alternative<estimator::LogNormalPrior>(prior) ||
-           std::holds_alternative<estimator::GammaPrior>(prior) ||
-           std::holds_alternative<estimator::HalfNormalPrior>(prior) ||
-           std::holds_alternative<estimator::HalfCauchyPrior>(prior);
-}
-
 void read_free_initial_value(ObjectReader& object, InitialValueJob& initial) {
     const auto start = object.find("start");
     if (start) initial.value = start->number();
     if (const auto prior = object.find("prior")) initial.prior = read_prior(*prior).value_or(estimator::Prior{});
-    if (is_positive(initial.prior)) {
-        initial.scale = estimator::Scale::log;
-        initial.lower = 0.0;
-    }
+    identification::set_default_scale(initial);
     if (object.choose("scale", {"linear", "log"}, initial.scale) && initial.scale == estimator::Scale::log)
         initial.lower = 0.0;
     if (const auto bounds = object.find("bounds")) {
