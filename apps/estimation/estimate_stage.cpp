@@ -158,7 +158,7 @@ public:
     void at(double done, const std::string& note) override { work_.progress.at(done, note); }
     void end(const std::string& outcome) override { work_.progress.end(outcome); }
     void recalled(const std::string& step, const std::string& outcome) override {
-        work_.progress.reused(step, outcome);
+        work_.progress.reused(step, outcome + ", from checkpoint.bin");
     }
     void remark(const std::string& line) override { work_.progress.say(line); }
     void detail(const std::string& line) override { work_.progress.log(line); }

@@ -246,6 +246,12 @@ StageRun fit_stage(StageInput& input, const Stage& stage, const Parameters& para
 
 namespace {
 
+/// How a stage has ended, in a few words.
+std::string outcome_of(const StageRun& run) {
+    if (run.skipped()) return run.result.message;
+    return fmt::format("{} after {} iterations", estimator::name(run.estimate.status), run.estimate.iterations);
+}
+
 /// A stage that has finished before: everything but the computing.
 StageRun remembered_stage(StageInput& input, const Stage& stage, const Parameters& parameters, StageValue& memory) {
     if (memory.search) {
@@ -254,13 +260,8 @@ StageRun remembered_stage(StageInput& input, const Stage& stage, const Parameter
     }
     StageRun run = memory.skipped.empty() ? estimate_stage(input, stage, parameters, memory, true)
                                           : skipped(stage, parameters, memory.skipped);
-    if (run.skipped()) {
-        input.observer.recalled(stage.name(), run.result.message);
-        return run;
-    }
-    describe(input, run);
-    input.observer.recalled(stage.name(), fmt::format("{} after {} iterations, from checkpoint.bin",
-                                                      estimator::name(run.estimate.status), run.estimate.iterations));
+    if (!run.skipped()) describe(input, run);
+    input.observer.recalled(stage.name(), outcome_of(run));
     return run;
 }
 
@@ -284,11 +285,10 @@ StageRun computed_stage(StageInput& input, const Stage& stage, const Parameters&
     // A single stage is called after the whole, which has begun.
     if (input.options.strategy.size() > 1) input.observer.begin(stage.name(), 0.0, {});
     StageRun run = estimate_stage(input, stage, parameters, memory, false);
-    if (run.skipped()) {
+    if (run.skipped())
         memory.skipped = run.result.message;
-    } else {
+    else
         describe(input, run);
-    }
     return run;
 }
 
@@ -301,12 +301,7 @@ StageRun run_stage(StageInput& input, const Stage& stage, const Parameters& para
     StageRun run = computed_stage(input, stage, parameters, before, memory, name);
     // Kept before it is told, so that what was told is there. An interruption leaves a stage half done.
     if (input.kept && !input.observer.stopped()) input.observer.keep(name, memory);
-    if (run.skipped()) {
-        input.observer.end(run.result.message);
-    } else {
-        input.observer.end(
-            fmt::format("{} after {} iterations", estimator::name(run.estimate.status), run.estimate.iterations));
-    }
+    input.observer.end(outcome_of(run));
     return run;
 }
 
