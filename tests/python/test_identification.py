@@ -48,6 +48,34 @@ def test_numbers_are_those_of_the_job(swing):
     assert sum(len(e) for block in result.residuals for e in block) >= record["t"].size
 
 
+def test_the_experiment_of_the_paper_is_that_of_its_job():
+    """van de Wouw, Verbeek, van Campen (1995), section 5: prediction, cycles, harvest and series, from fewer points."""
+    values = {"m": 0.0858, "l": 0.317, "k1": 1.0e-3, "k2": 4.85e-4, "k3": 1.90e-4, "g": 9.81, "A": 0.131,
+              "omega": 9.09, "epsilon": 0.173}
+    sensor = {"type": "angle_difference", "angle": "phi", "rate": "phi_dot", "delay": 0.01508,
+              "step": 1.5339807878856412e-3, "rounding": "nearest"}
+    free = {"l": {"start": 0.45, "bounds": [0.1, 2.0]}, "k1": {"start": 2.0e-4, "bounds": [0.0, 0.1]},
+            "k2": {"start": 1.7e-3, "bounds": [0.0, 0.1]}, "k3": {"start": 4.0e-5, "bounds": [0.0, 0.1]}}
+    run = orbid.run({"model": {"name": "parametric_pendulum", "variant": "crank", "parameters": values}, "seed": 1,
+                     "data": {"name": "run1", "sensor": sensor,
+                              "simulate": {"sections": 300, "trajectories": 4, "transient": 20}},
+                     "orbits": {}, "estimate": {"parameters": free, "strategy": "auto"}})
+
+    pendulum = orbid.model("parametric_pendulum", "crank")
+    record = orbid.simulate(pendulum, values, sections=300, trajectories=4, transient=20, sensor=sensor, seed=1).series
+    # Two readings of the angle, each rounded to the encoder's step, stand behind a point.
+    variance, delay = sensor["step"] ** 2 / 12.0, sensor["delay"]
+    how = {"symmetry_signs": [-1.0, -1.0], "reading_covariance": [[variance, -variance / delay],
+                                                                  [-variance / delay, 2.0 * variance / (delay * delay)]]}
+    ours = orbid.identify(pendulum, [{"record": record, "sensor": sensor, "simulated": True}], free, values=values,
+                          cycles=orbid.find_cycles(record, **how), search=how)
+    assert ours.status == run.status == "converged"
+    assert [stage["stage"] for stage in ours.stages] == ["prediction", "cycles", "harvest", "series"]
+    for name, entry in run.parameters.items():
+        assert (ours.parameters[name].value, ours.parameters[name].sd) == (entry.value, entry.sd)
+        assert abs(entry.value - values[name]) < 4.0 * entry.sd
+
+
 def test_bounds_and_initial_values_are_those_of_the_job(swing):
     pendulum, known, record = swing
     series = [{"type": "series", "interval": "segment"}]

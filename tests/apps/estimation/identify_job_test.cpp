@@ -1,8 +1,10 @@
 // Jobs against the same identification from C++, without JSON: equal numbers, bit for bit.
 
+#include <cmath>
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "identification/strategy/identify.hpp"
 #include "models/catalogue/registry.hpp"
@@ -147,6 +149,65 @@ TEST_CASE("an automatic strategy from C++ is that of the job", "[apps][run]") {
     REQUIRE(shift.size() == 2);
     for (const auto& [name, value] : shift)
         CHECK(result["matching"][0]["looser_shift_in_sds"][name].get<double>() == value);
+}
+
+// N. van de Wouw, G. Verbeek, D. H. van Campen, J. Vibration and Control 1:291-305 (1995), section 5, from fewer
+// points.
+TEST_CASE("the paper's experiment from C++ is that of the job", "[apps][run]") {
+    const TemporaryFolder folder;
+    json job =
+        json::parse(apps::read_whole_file(source_folder() + "/configs/pendulum_experiment.json"), nullptr, true, true);
+    constexpr std::size_t sections = 300;
+    job["data"]["simulate"]["sections"] = sections;
+
+    identification::IdentificationProblem problem;
+    problem.system = models::make_system("parametric_pendulum", "crank");
+    const json& values = job["model"]["parameters"];  // all of them
+    problem.values.resize(static_cast<Eigen::Index>(values.size()));
+    for (const auto& [name, value] : values.items())
+        problem.values[problem.system->parameter_index(name)] = value.get<double>();
+    models::Sensor encoder;
+    encoder.type = models::Sensor::Type::angle_difference;
+    encoder.delay = 0.01508;
+    encoder.step = 1.5339807878856412e-3;
+    encoder.rounding = models::Sensor::Rounding::nearest;
+    orbits::VirtualExperimentOptions experiment;
+    experiment.plan = orbits::SectionPlan{sections, 20, {}, 0.0};
+    experiment.trajectories = 4;
+    experiment.sensor = encoder;
+    experiment.seed = 1;
+    problem.experiments.emplace_back();
+    identification::Experiment& run1 = problem.experiments.back();
+    run1.name = "run1";
+    run1.sensor = encoder;
+    run1.follows_model = true;
+    run1.series =
+        std::make_shared<const orbits::Series>(orbits::simulate(*problem.system, problem.values, experiment).series);
+
+    // Two readings of the angle, each rounded to the encoder's step, stand behind a point.
+    const double q = encoder.step * encoder.step / 12.0;
+    const double d = encoder.delay;
+    auto& measured = problem.measured;
+    measured.options.symmetry_signs = std::vector{-1.0, -1.0};
+    measured.options.reading_covariance = Eigen::MatrixXd{{q, -q / d}, {-q / d, 2.0 * q / (d * d)}};
+    measured.search = orbits::find_cycles(*run1.series, measured.options);
+    measured.experiment = 0;
+    measured.section = run1.series;
+    const auto add = [&](const char* name, double start, double lower, double upper) {
+        problem.parameters.push_back(identification::free_parameter(*problem.system, name, start));
+        problem.parameters.back().value.lower = lower;
+        problem.parameters.back().value.upper = upper;
+    };
+    // In the order of the job in the test, whose keys are sorted.
+    add("k1", 2.0e-4, 0.0, 0.1);
+    add("k2", 1.7e-3, 0.0, 0.1);
+    add("k3", 4.0e-5, 0.0, 0.1);
+    add("l", 0.45, 0.1, 2.0);
+
+    const auto library = identification::identify(problem, identification::Options{});
+    check_same(result_of(folder, job), library.estimate);
+    CHECK(library.stages.size() == 4);
+    CHECK(std::abs(library.estimate.parameters[3].value - 0.317) < 4.0 * library.estimate.parameters[3].sd);
 }
 
 }  // namespace identify_job_test
