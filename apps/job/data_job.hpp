@@ -25,7 +25,7 @@ namespace orbid::apps {
 /// As jobs write them, in the order of orbits::Series::Sampling.
 inline const std::vector<std::string> sampling_names{"section", "samples"};
 /// In the order of models::InputSignal::Interpolation.
-inline const std::vector<std::string> interpolation_names{"linear", "cubic"};
+inline const std::vector<std::string> interpolation_names{"linear", "cubic", "held", "band_limited"};
 /// In the order of models::Sensor::Rounding.
 inline const std::vector<std::string> rounding_names{"none", "nearest"};
 

@@ -13,18 +13,28 @@ std::size_t InputSignal::piece_at(double t) const {
 void InputSignal::evaluate(std::size_t piece, double t, double* values) const {
     const double d = t - times_[piece];
     for (std::size_t i = 0; i < count_; ++i) {
-        const double* c = coefficients_.data() + (piece * count_ + i) * 4;
-        values[i] = c[0] + d * (c[1] + d * (c[2] + d * c[3]));
+        const double* c = coefficients_.data() + (piece * count_ + i) * terms_;
+        double sum = c[terms_ - 1];
+        for (std::size_t k = terms_ - 1; k-- > 0;)
+            sum = c[k] + d * sum;
+        values[i] = sum;
     }
 }
 
 void InputSignal::expand(std::size_t piece, double t, double* terms) const {
     const double d = t - times_[piece];
     for (std::size_t i = 0; i < count_; ++i) {
-        const double* c = coefficients_.data() + (piece * count_ + i) * 4;
-        terms[3 * i] = c[0] + d * (c[1] + d * (c[2] + d * c[3]));
-        terms[3 * i + 1] = c[1] + d * (2.0 * c[2] + d * 3.0 * c[3]);
-        terms[3 * i + 2] = c[2] + d * 3.0 * c[3];
+        const double* c = coefficients_.data() + (piece * count_ + i) * terms_;
+        // Horner's scheme for the polynomial and its first two derivatives.
+        double value = 0.0, first = 0.0, second = 0.0;
+        for (std::size_t k = terms_; k-- > 0;) {
+            second = first + d * second;
+            first = value + d * first;
+            value = c[k] + d * value;
+        }
+        terms[3 * i] = value;
+        terms[3 * i + 1] = first;
+        terms[3 * i + 2] = second;
     }
 }
 

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #pragma GCC visibility push(default)
@@ -10,15 +11,18 @@ namespace orbid::models {
 
 /// Measured inputs u(t) of a model: values at ascending instants, interpolated between them.
 ///
-/// linear  straight lines; u' jumps at every instant
-/// cubic   the natural cubic spline through the values (u'' = 0 at both ends, u''' jumps at every instant)
+/// linear        straight lines; u' jumps at every instant
+/// cubic         the natural cubic spline through the values (u'' = 0 at both ends, u''' jumps at every instant)
+/// held          the value of an instant until the next one, where u jumps (a zero-order hold)
+/// band_limited  what a converter behind an anti-aliasing filter has read: the signal without content above half the
+///               sampling rate (band_limited_derivatives), by polynomials of degree 7 between equidistant instants
 ///
 /// Const and thread-safe. Nothing is extrapolated.
 class InputSignal {
 public:
-    enum class Interpolation { linear, cubic };
+    enum class Interpolation { linear, cubic, held, band_limited };
 
-    /// @param times   [s], at least two, strictly ascending, finite
+    /// @param times   [s], at least two, strictly ascending, finite; band_limited: equidistant within 5 % of a step
     /// @param values  count x times.size() finite numbers, the inputs of one instant beside each other
     /// @param count   number of inputs, > 0
     /// @throws DataError naming the instant or value that breaks a rule
@@ -41,10 +45,14 @@ public:
 
 private:
     std::vector<double> times_;
-    std::vector<double> coefficients_;  ///< per piece and input: c0 + c1 d + c2 d^2 + c3 d^3, d = t - times[piece]
+    std::vector<double> coefficients_;  ///< per piece and input: c0 + c1 d + c2 d^2 + ..., d = t - times[piece]
     std::size_t count_;
+    std::size_t terms_;  ///< coefficients of each piece and input
     Interpolation interpolation_;
 };
+
+/// "linear", "cubic", "held", "band_limited".
+[[nodiscard]] std::string_view name(InputSignal::Interpolation interpolation);
 
 }  // namespace orbid::models
 

@@ -107,9 +107,11 @@ std::shared_ptr<models::System> with_input(const models::System& system, const p
     if (readings.shape(0) != instants.size())
         throw py::value_error("values: " + std::to_string(readings.shape(0)) + " records, needs one for each of " +
                               std::to_string(instants.size()) + " times");
-    const bool cubic = choice_of(interpolation, {"linear", "cubic"}, "interpolation") == 1;
-    return held(system.with_input(std::make_shared<const models::InputSignal>(
-        span(instants), span(readings), count, cubic ? Interpolation::cubic : Interpolation::linear)));
+    constexpr Interpolation kinds[] = {Interpolation::linear, Interpolation::cubic, Interpolation::held,
+                                       Interpolation::band_limited};
+    const std::size_t kind = choice_of(interpolation, {"linear", "cubic", "held", "band_limited"}, "interpolation");
+    return held(system.with_input(
+        std::make_shared<const models::InputSignal>(span(instants), span(readings), count, kinds[kind])));
 }
 
 }  // namespace
@@ -146,7 +148,8 @@ void bind_flow(py::module_& module, SystemClass& system) {
              "Derivatives of f by the state and then the named parameters: shape (n, d) or (m, n, d).")
         .def("with_input", &with_input, py::arg("times"), py::arg("values"), py::kw_only(),
              py::arg("interpolation") = "linear",
-             "The same model reading this signal: times (m,), values (m, inputs), 'linear' or 'cubic' in between.")
+             "The same model reading this signal: times (m,), values (m, inputs), in between 'linear', "
+             "'cubic', 'held' or 'band_limited'.")
         .def(
             "period",
             [](const models::System& self, const py::object& parameters, const std::string& clock) {

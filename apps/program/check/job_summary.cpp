@@ -37,10 +37,9 @@ std::string input_line(const Job& job, const DataJob& data) {
     std::vector<std::string_view> names;
     for (const models::Coordinate& input : job.model.system->inputs())
         names.push_back(input.name);
-    const bool cubic = data.inputs->interpolation == models::InputSignal::Interpolation::cubic;
     return fmt::format("  inputs     {}: {} from {}, {}\n", data.name, fmt::join(names, ", "),
                        (data.inputs->file ? *data.inputs->file : data.file->path).filename().string(),
-                       cubic ? "cubic" : "linear");
+                       models::name(data.inputs->interpolation));
 }
 
 std::string periods_text(const std::vector<int>& periods) {

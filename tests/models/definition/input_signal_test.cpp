@@ -2,7 +2,9 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <stdexcept>
+#include <utility>
 
 #include "models/definition/wrong_data.hpp"
 #include "tests/catch.hpp"
@@ -14,6 +16,8 @@ using tests::ContainsSubstring;
 using tests::WithinAbs;
 constexpr auto linear = InputSignal::Interpolation::linear;
 constexpr auto cubic = InputSignal::Interpolation::cubic;
+constexpr auto held = InputSignal::Interpolation::held;
+constexpr auto band_limited = InputSignal::Interpolation::band_limited;
 
 double value_at(const InputSignal& signal, double t) {
     std::vector<double> values(signal.count());
@@ -126,6 +130,54 @@ TEST_CASE("order of interpolation: two for lines, four for cubics inside", "[mod
     }
 }
 
+TEST_CASE("held values jump at their instants", "[models][reference]") {
+    const InputSignal signal(std::vector{0.0, 1.0, 2.5}, std::vector{3.0, -1.0, 7.0}, 1, held);
+    for (const auto& [t, u] : {std::pair{0.0, 3.0}, {0.999, 3.0}, {1.0, -1.0}, {2.4, -1.0}, {2.5, -1.0}})
+        CHECK(value_at(signal, t) == u);
+    std::array<double, 3> terms;
+    signal.expand(1, 1.5, terms.data());
+    CHECK(terms == std::array{-1.0, 0.0, 0.0});
+}
+
+TEST_CASE("band-limited signals", "[models][reference]") {
+    // A sine with r samples per period, away from the ends; the worst error relative to its amplitude.
+    const auto error = [](double samples_per_period) {
+        const double omega = 2.0 * std::numbers::pi / samples_per_period;
+        const auto sine = [&](double t) { return std::sin(omega * t + 0.3); };
+        const auto signal = sampled(sine, 0.0, 400.0, 400, band_limited);
+        double worst = 0.0;
+        for (double t = 100.0; t < 300.0; t += 0.0371)
+            worst = std::max(worst, std::abs(value_at(signal, t) - sine(t)));
+        return worst;
+    };
+    CHECK(error(2.5) < 2e-4);
+    CHECK(error(3.0) < 5e-5);
+    CHECK(error(4.0) < 5e-6);
+    CHECK(error(8.0) < 5e-8);
+    CHECK(error(100.0) < 5e-8);
+    // Value, u' and u'' / 2 are those of one smooth function: they agree where pieces meet.
+    const auto f = [](double t) { return std::sin(1.7 * t) + 0.1 * t; };
+    const auto smooth = sampled(f, 0.0, 60.0, 80, band_limited);
+    for (std::size_t k = 1; k < 80; ++k) {
+        std::array<double, 3> left, right;
+        smooth.expand(k - 1, smooth.times()[k], left.data());
+        smooth.expand(k, smooth.times()[k], right.data());
+        CAPTURE(k);
+        for (std::size_t i = 0; i < 3; ++i)
+            CHECK_THAT(left[i] - right[i], WithinAbs(0.0, 1e-11));
+        CHECK_THAT(right[0], WithinAbs(f(smooth.times()[k]), 1e-14));
+    }
+    // A constant stays one to the last digit; a line within the ripple of the window, at the ends too.
+    const auto constant = sampled([](double) { return 0.1; }, 0.0, 1.0, 10, band_limited);
+    const auto line = sampled([](double t) { return 3.0 * t - 2.0; }, 0.0, 1.0, 10, band_limited);
+    for (double t = 0.0; t <= 1.0; t += 0.01) {
+        CHECK(value_at(constant, t) == 0.1);
+        CHECK_THAT(value_at(line, t), WithinAbs(3.0 * t - 2.0, 1e-7));
+    }
+    const InputSignal shortest(std::vector{0.0, 1.0}, std::vector{2.0, 3.0}, 1, band_limited);
+    CHECK_THAT(value_at(shortest, 0.25), WithinAbs(2.25, 1e-6));
+}
+
 TEST_CASE("signals that are refused", "[models][fast]") {
     const auto wrong_call = [](const std::vector<double>& times, const std::vector<double>& values, std::size_t count,
                                const std::string& message) {
@@ -146,6 +198,9 @@ TEST_CASE("signals that are refused", "[models][fast]") {
     wrong_data({0.0, 1.0, 0.5}, {1.0, 2.0, 3.0}, 1, "time 2 is 0.5 s, must be > 1 s");
     wrong_data({0.0, nan}, {1.0, 2.0}, 1, "time 1 is nan");
     wrong_data({0.0, 1.0}, {1.0, 2.0, 3.0, nan}, 2, "value 1 of input 1 is nan");
+    CHECK_THROWS_AS(InputSignal(std::vector{0.0, 1.0, 2.2}, std::vector{1.0, 2.0, 3.0}, 1, band_limited), DataError);
+    CHECK_THROWS_WITH(InputSignal(std::vector{0.0, 1.0, 2.2}, std::vector{1.0, 2.0, 3.0}, 1, band_limited),
+                      ContainsSubstring("time 1 is 1 s, must be 1.1 s within 5 % of a step"));
 }
 
 }  // namespace orbid::models::input_signal_test

@@ -104,7 +104,7 @@ TEST_CASE("integrals of measured inputs are exact", "[models][reference]") {
     for (std::size_t k = 0; k < times.size(); ++k)
         values.insert(values.end(), {u[k], v[k]});
     const Eigen::VectorXd theta = Eigen::VectorXd::Constant(1, 2.5);
-    for (const auto how : {linear, cubic}) {
+    for (const auto how : {linear, cubic, InputSignal::Interpolation::held}) {
         const auto system = reading<Integrals>(times, values, how);
         CHECK(system->inputs().size() == 2);
         const InputSignal signal(times, values, 2, how);
@@ -130,7 +130,7 @@ TEST_CASE("integrals of measured inputs are exact", "[models][reference]") {
         REQUIRE(flow.status == FlowStatus::ok);
         for (Eigen::Index k = 0; k < 5; ++k) {
             const auto& [x, y] = integral[static_cast<std::size_t>(k)];
-            CAPTURE(k, how == cubic);
+            CAPTURE(k, name(how));
             CHECK_THAT(flow.states(0, k), WithinAbs(1.0 + 2.5 * x, 5e-14));
             CHECK_THAT(flow.states(1, k), WithinAbs(y, 5e-14));
             CHECK_THAT(flow.sensitivity(k, 3)(0, 2), WithinAbs(x, 5e-14));
@@ -182,6 +182,22 @@ TEST_CASE("an oscillator driven by straight lines keeps its closed form and deri
     // need not stop ten times on the way.
     CHECK(flow.steps < 60);
     CHECK(system->rhs(Eigen::Vector2d(0.4, -0.7), std::array{0.625}, theta)(1, 0) == 0.5 - 9.0 * 0.4 + 2.0 * 0.2 * 0.7);
+}
+
+TEST_CASE("a held force that jumps above the friction lets a block go at once", "[models][reference]") {
+    const std::vector<double> instants{0.0, 1.0, 2.0, 3.0}, force{0.0, 1.25, 0.0, 0.0};
+    const Eigen::VectorXd theta = Eigen::VectorXd::Constant(1, 0.5);
+    const auto how = InputSignal::Interpolation::held;
+    for (const auto& system : {reading<Block>(instants, force, how), reading<BlockOnSurface>(instants, force, how)}) {
+        CAPTURE(system->name());
+        const std::vector<double> durations{0.5, 1.0, 1.5, 2.0, 2.5, 3.0};
+        const auto flow = system->flow(Eigen::Vector2d(0.2, 0.0), 0.0, durations, theta, Clock::time);
+        REQUIRE(flow.status == FlowStatus::ok);
+        // At rest, then x'' = 0.75 for a second, then -0.5.
+        const std::array expected{0.2, 0.2, 0.2 + 0.375 * 0.25, 0.575, 0.575 + 0.375 - 0.0625, 0.575 + 0.75 - 0.25};
+        for (std::size_t k = 0; k < durations.size(); ++k)
+            CHECK_THAT(flow.states(0, static_cast<Eigen::Index>(k)), WithinAbs(expected[k], 1e-12));
+    }
 }
 
 TEST_CASE("a block is let go where a measured force exceeds the friction", "[models][reference]") {
