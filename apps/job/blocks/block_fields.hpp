@@ -23,6 +23,9 @@ namespace orbid::apps::describe {
 [[nodiscard]] const FieldTable<models::EquationText::Parameter>& equation_parameter_fields();
 [[nodiscard]] const FieldTable<OrbitsJob>& orbits_fields();
 [[nodiscard]] const FieldTable<PeriodicJob>& periodic_fields();
+/// A start of "orbits" of periodic.
+[[nodiscard]] const FieldTable<OrbitStart>& orbit_start_fields();
+[[nodiscard]] OrbitStart read_orbit_start(const ValueReader& value, const Job& job);
 /// "search" of periodic.
 [[nodiscard]] const FieldTable<periodic::OrbitSearchOptions>& orbit_search_fields();
 void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& periodic);

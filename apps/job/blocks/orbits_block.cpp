@@ -49,6 +49,14 @@ void read_neighbours(const ValueReader& value, const Job& job, OrbitsJob& orbits
     orbits.search.neighbours = static_cast<int>(number.value_or(0));
 }
 
+void read_use_of_symmetry(const ValueReader& value, const Job& job, OrbitsJob& orbits) {
+    const bool wanted = value.boolean().value_or(orbits.search.symmetry_signs.has_value());
+    if (wanted && !orbits.search.symmetry_signs && job.model.system)
+        value.report(fmt::format("the model {} has no symmetry that maps the section onto itself; must be false",
+                                 job.model.name));
+    if (!wanted) orbits.search.symmetry_signs.reset();
+}
+
 /// "estimate", or { "phi": 1e-3, "phi_dot": 0.02 }: sds of all coordinates that the section has.
 void read_reading_error(const ValueReader& value, const Job& job, OrbitsJob& orbits) {
     if (!value.is(JsonValue::Kind::object)) return;
@@ -195,13 +203,7 @@ FieldTable<OrbitsJob> cycle_search_fields() {
         {key("symmetry", boolean(),
              "Use the symmetry that the model declares; where it has one that maps the section onto "
              "itself, the default is true."),
-         [](const ValueReader& value, const Job& job, OrbitsJob& orbits) {
-             const bool wanted = value.boolean().value_or(orbits.search.symmetry_signs.has_value());
-             if (wanted && !orbits.search.symmetry_signs && job.model.system)
-                 value.report(fmt::format(
-                     "the model {} has no symmetry that maps the section onto itself; must be false", job.model.name));
-             if (!wanted) orbits.search.symmetry_signs.reset();
-         },
+         read_use_of_symmetry,
          [](const OrbitsJob& orbits, const Writing&) -> Json { return orbits.search.symmetry_signs.has_value(); }},
         {key("reading_error", choice({"estimate"}) | entries(above(0.0), "a coordinate of the section"),
              "Standard deviations of a reading, of all coordinates that the section has.")
