@@ -57,8 +57,8 @@ inline void fields(apps::Archive& archive, EstimatedCovariance& value) {
 }
 
 inline void fields(apps::Archive& archive, ResidualCount& value) {
-    auto& [type, used, lost, rejected, added] = value;
-    archive(type, used, lost, rejected, added);
+    auto& [type, used, lost, rejected, added, unused] = value;
+    archive(type, used, lost, rejected, added, unused);
 }
 
 inline void fields(apps::Archive& archive, StepRecord& value) {

@@ -73,6 +73,8 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
         computed.orbit = found[b];
         computed.origin = "cycle";
         computed.message = orbit_message(found[b]);
+        if (computed.converged() && !residual.layout()[b].active)
+            computed.message = "the model has this orbit at the estimate, but the estimate does not use it";
         show_start(computed.orbit, search.cycles[residual.cycle_of(b)].points);
     }
     // The stage "periodic" of the same job has orbits of its own.

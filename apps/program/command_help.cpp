@@ -85,7 +85,9 @@ std::string program_help() {
 const std::vector<ExitCode>& exit_codes() {
     static const std::vector<ExitCode> all{
         {0, "done"},
-        {1, "done and stored, but no valid answer: not converged, singular, or nothing found"},
+        {1,
+         "done and stored, but no valid answer: not converged, singular, nothing found, or "
+         "less than three quarters of the records used"},
         {2, "wrong command line or job"},
         {3, "data cannot be read or used"},
         {4, "internal error"},

@@ -21,6 +21,7 @@
 #include "apps/program/command_stored.hpp"
 #include "apps/program/summary.hpp"
 #include "apps/results/invariants_file.hpp"
+#include "apps/results/lost_records.hpp"
 #include "apps/results/output_folder.hpp"
 #include "apps/results/periodic_summary.hpp"
 #include "apps/stages/branch_stage.hpp"
@@ -69,9 +70,10 @@ bool is_section_search(const Job& job) {
     return job.orbits && !job.orbits->file;
 }
 
-int exit_code(estimator::EstimateStatus status) {
-    if (status == estimator::EstimateStatus::converged) return success;
-    return status == estimator::EstimateStatus::interrupted ? interrupted : no_valid_answer;
+int exit_code(const estimator::Estimate& estimate) {
+    if (estimate.status == estimator::EstimateStatus::converged)
+        return too_few_used(estimate.counts) ? no_valid_answer : success;
+    return estimate.status == estimator::EstimateStatus::interrupted ? interrupted : no_valid_answer;
 }
 
 /// result.json of a run that is left before its estimate.
@@ -126,7 +128,7 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
     if (estimating) {
         const EstimateOutcome outcome = run_estimate(work, data, section ? &*section : nullptr, search);
         console.out << with_status_colours(estimate_summary(outcome.estimate, outcome.context, job.title), coloured);
-        code = std::max(code, exit_code(outcome.estimate.status));
+        code = std::max(code, exit_code(outcome.estimate));
         // What was asked for and could not be done.
         for (const auto& [block, reason] : outcome.context.posterior.refused) {
             console.error << fmt::format("{}: {}\n", block, reason);

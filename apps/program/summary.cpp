@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/results/lost_records.hpp"
 #include "apps/results/posterior_results.hpp"
 #include "apps/results/summary_table.hpp"
 #include "apps/stored_run/prediction_results.hpp"
@@ -93,8 +94,14 @@ std::string covariance_table(const std::vector<estimator::EstimatedCovariance>& 
 }
 
 /// What a reader must know before trusting a number above.
-std::string remarks(const estimator::Estimate& estimate) {
+std::string remarks(const estimator::Estimate& estimate, const ResultContext& context) {
     std::string out;
+    if (const std::string lost = lost_records(estimate.counts, context.steady_states); !lost.empty())
+        out += fmt::format("  {}.\n{}", lost,
+                           too_few_used(estimate.counts)
+                               ? "  Too few are left: the estimate does not stand for the data. Start the parameters "
+                                 "nearer, or give\n  these records starts of their own.\n"
+                               : "");
     for (const auto& x : estimate.parameters) {
         if (x.at_bound != estimator::BoundSide::none)
             out += fmt::format("  {} lies at its {} bound; the other uncertainties hold for {} held there.\n", x.name,
@@ -169,17 +176,40 @@ std::string orbits_line(const ResultContext& context) {
     return out + '\n';
 }
 
-std::string prediction_table(const std::vector<Prediction>& predictions) {
+/// Whether the rms of a record that was fitted whole is another than that of its errors in the estimate.
+bool differs_from_errors(const std::vector<Prediction>& predictions,
+                         const std::vector<estimator::EstimatedScale>& scales) {
+    const auto fitted = [](const Prediction& one) { return one.fitted; };
+    if (std::count_if(predictions.begin(), predictions.end(), fitted) != 1) return false;
+    const Prediction& only = *std::find_if(predictions.begin(), predictions.end(), fitted);
+    for (const auto& [coordinate, rms] : only.rms)
+        for (const estimator::EstimatedScale& scale : scales)
+            if ((scale.group == "series." + coordinate ||
+                 scale.group == fmt::format("series.{}.{}", only.experiment, coordinate)) &&
+                std::abs(rms - scale.rms) > 1e-3 * scale.rms)
+                return true;
+    return false;
+}
+
+std::string prediction_table(const std::vector<Prediction>& predictions,
+                             const std::vector<estimator::EstimatedScale>& scales) {
     SummaryTable table(
         {left_aligned("experiment"), left_aligned("segment"), left_aligned(""), left_aligned("rms"), "rms / error sd"});
     for (const auto& prediction : predictions) {
         std::string rms;
+        // Coordinates without a reading in this segment have no rms.
         for (const auto& [coordinate, value] : prediction.rms)
-            rms += fmt::format("{}{} {:.4g}", rms.empty() ? "" : ", ", coordinate, value);
+            if (std::isfinite(value)) rms += fmt::format("{}{} {:.4g}", rms.empty() ? "" : ", ", coordinate, value);
+        if (rms.empty()) rms = "the model cannot be simulated over all of it";
         table.add({prediction.experiment, prediction.segment, prediction.fitted ? "fitted" : "predicted", rms,
                    significant(prediction.normalised_rms, 3)});
     }
     std::string out = table.text();
+    if (differs_from_errors(predictions, scales))
+        out +=
+            "  fitted: over the whole record from one initial state, which is fitted to these readings alone; "
+            "\"Errors\" "
+            "has the\n  rms of the estimate itself, with its intervals and priors\n";
     for (const auto& prediction : predictions) {
         if (prediction.fitted) continue;
         const std::string said = judgement(prediction.normalised_rms);
@@ -205,10 +235,10 @@ std::string estimate_summary(const estimator::Estimate& estimate, const ResultCo
     out += titled("Covariances of errors", covariance_table(estimate.covariances));
     out += matching_summary(context.strategy);
     out += titled("Not determined by the data", null_directions(estimate));
-    out += titled("Remarks", remarks(estimate));
+    out += titled("Remarks", remarks(estimate, context));
     out += titled("Cycles in the data", orbits_line(context));
     out += titled("Used", counts_table(estimate.counts));
-    out += titled("Prediction", prediction_table(context.predictions));
+    out += titled("Prediction", prediction_table(context.predictions, estimate.scales));
     out += criticism_summary(context.strategy);
     return out + posterior_summary(context.posterior);
 }

@@ -6,6 +6,7 @@
 #include "apps/drawing/markup_text.hpp"
 #include "apps/report/html_text.hpp"
 #include "apps/report/report_chapter.hpp"
+#include "apps/results/lost_records.hpp"
 #include "apps/results/summary_table.hpp"
 
 namespace orbid::apps {
@@ -89,7 +90,18 @@ void add_status(const Json& result, Remarks& remarks) {
     const std::string status = text_at(result, "status");
     const std::string message = text_at(result, "message");
     const std::string why = message.empty() ? "" : ": " + message;
-    if (status == "converged")
+    double least = 1.0;  // share of the records that are used
+    for (const Json& count : block_at(result, "residuals")) {
+        const std::string type = text_at(count, "type");
+        const double used = number_at(count, "used");
+        const auto lost = static_cast<double>(block_at(count, "unused").size());
+        if ((type == "series" || type == "waveform") && lost > 0.0) least = std::min(least, used / (used + lost));
+    }
+    if (status == "converged" && least < least_used_share)
+        remarks.bad(fmt::format("The estimate converged on {:.0f} % of the records only{}.", 100.0 * least, why));
+    else if (status == "converged" && least < 1.0)
+        remarks.caution("The estimate converged without some of the records" + why + ".");
+    else if (status == "converged")
         remarks.good("The estimate converged" + why + ".");
     else if (status == "interrupted")
         remarks.caution("The estimate was interrupted; these are the best values until then" + why + ".");

@@ -15,7 +15,7 @@ namespace orbid::apps {
 /// One line of orbits.json: an orbit of the model, or what came of the start it was looked for at.
 struct ComputedOrbit {
     periodic::PeriodicOrbit orbit;
-    /// What was found instead, in words; empty when converged.
+    /// What was found instead, in words; empty when converged, unless an estimate does not use it.
     std::string message;
     std::optional<periodic::Stability> stability;
     /// "start": of the job; "cycle": measured; otherwise where a search had it from.

@@ -10,6 +10,7 @@
 
 #include "apps/documents/json_text.hpp"
 #include "apps/results/cycle_file.hpp"
+#include "apps/results/lost_records.hpp"
 
 namespace orbid::apps {
 namespace {
@@ -207,7 +208,8 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     Json out;
     out["format"] = "orbid-result/1";
     out["status"] = estimator::name(estimate.status);
-    out["message"] = estimate.message;
+    const std::string lost = lost_records(estimate.counts, context.steady_states);
+    out["message"] = estimate.message + (estimate.message.empty() || lost.empty() ? "" : "; ") + lost;
     if (!context.evaluated.empty()) out["model"]["evaluated"] = context.evaluated;
     out["parameters"] = parameters_json(estimate, context.reference);
     out["derived"] = estimated_list(estimate.derived, context.reference);

@@ -91,7 +91,8 @@ std::string in_words(double ln_bayes_factor) {
 
 Json counts_json(const std::vector<estimator::ResidualCount>& counts) {
     return json_list(counts, [](const estimator::ResidualCount& x) -> Json {
-        return {{"type", x.type}, {"used", x.used}, {"lost", x.lost}, {"rejected", x.rejected}, {"added", x.added}};
+        return {{"type", x.type},         {"used", x.used},   {"lost", x.lost},
+                {"rejected", x.rejected}, {"added", x.added}, {"unused", x.unused}};
     });
 }
 

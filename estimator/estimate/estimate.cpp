@@ -34,7 +34,7 @@ class OuterLoop {
 public:
     OuterLoop(const Problem& problem, State& state) : problem_(problem), state_(state) {
         for (const Residual* residual : problem.residuals) {
-            ResidualCount count{std::string(residual->type()), 0, 0, 0, 0};
+            ResidualCount count{std::string(residual->type()), 0, 0, 0, 0, {}};
             count.lost = static_cast<int>(std::count_if(residual->layout().begin(), residual->layout().end(),
                                                         [](const BlockLayout& block) { return !block.active; }));
             counts.push_back(count);
@@ -174,6 +174,9 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
     result.status = status_of(rounds.minimum.outcome);
     result.message = rounds.minimum.message;
     result.counts = rounds.counts;
+    for (std::size_t r = 0; r < residuals.size(); ++r)
+        for (const BlockLayout& block : residuals[r]->layout())
+            if (!block.active) result.counts[r].unused.push_back(block.label);
     result.iterations = rounds.ledger.iterations;
     result.evaluations = rounds.ledger.evaluations;
     result.rounds = rounds.ledger.round;

@@ -81,6 +81,7 @@ struct ResidualCount {
     int lost = 0;
     int rejected = 0;
     int added = 0;
+    std::vector<std::string> unused = {};  ///< labels of the blocks that take no part in the estimate
 };
 
 /// What a step moves: the parameters with the latent states, or the error parameters.

@@ -22,6 +22,9 @@ namespace {
 constexpr int most_returns = 2;
 /// Minimisations that are repeated only because solutions had moved far from where they were known.
 constexpr int most_anchorings = 3;
+/// An orbit that is found at the end belongs to a record if it leaves less than this share of its variance: there the
+/// model describes the others already.
+constexpr double alike = 0.25;
 /// Steps along the line to a theta that is too far for one: at most 2^4.
 constexpr int most_halvings = 4;
 
@@ -52,22 +55,23 @@ bool WaveformResidual::in_domain(const VectorXd& values) const {
     return true;
 }
 
-void WaveformResidual::find_start(std::size_t b) {
+double WaveformResidual::find_start(std::size_t b, const VectorXd& theta) {
     Known& known = known_[b];
-    const VectorXd theta = records_[b].binding.values(options_.start);
-    WaveformStart start = find_waveform_start({*system_, theta, records_[b], options_.channels, options_.flow});
+    const VectorXd values = records_[b].binding.values(theta);
+    WaveformStart start = find_waveform_start({*system_, values, records_[b], options_.channels, options_.flow});
     known.status = start.status;
     known.offsets = VectorXd::Zero(std::ssize(options_.channels));
-    if (start.status != OrbitStatus::converged) return;
+    if (start.status != OrbitStatus::converged) return std::numeric_limits<double>::infinity();
     known.origin = std::move(start.origin);
     known.scale = std::move(start.place.size);
     known.phase = start.place.phase;
     known.offsets = std::move(start.place.offsets);
     known.orbit = std::move(start.orbit);
     known.orbit.sensitivities.resize(0, 0);
-    const PeriodicOrbit orbit = solve_near(b, known, options_.start, true);
+    const PeriodicOrbit orbit = solve_near(b, known, theta, true);
     known.status = orbit.status;
-    if (orbit.status == OrbitStatus::converged) keep(b, orbit, options_.start);
+    if (orbit.status == OrbitStatus::converged) keep(b, orbit, theta);
+    return start.place.misfit;
 }
 
 void WaveformResidual::keep(std::size_t block, const PeriodicOrbit& orbit, const VectorXd& theta) {
@@ -240,6 +244,27 @@ MatrixXd WaveformResidual::readings(std::size_t block, const VectorXd& theta, co
     return result;
 }
 
+/// Seeks the orbits of lost records anew, from the records themselves, once per record. @return how many are back
+int WaveformResidual::seek_lost(const VectorXd& theta) {
+    std::vector<std::size_t> lost;
+    for (std::size_t b = 0; b < blocks_.size(); ++b)
+        if (!layout_[b].active && !known_[b].sought_again && in_domain(records_[b].binding.values(theta)))
+            lost.push_back(b);
+    tbb::parallel_for(std::size_t{0}, lost.size(), [&](std::size_t i) {
+        Known before = std::exchange(known_[lost[i]], Known{});
+        const double misfit = find_start(lost[i], theta);
+        known_[lost[i]].taken_back = before.taken_back;
+        if (known_[lost[i]].status != OrbitStatus::converged || !(misfit < alike)) known_[lost[i]] = std::move(before);
+        known_[lost[i]].sought_again = true;
+    });
+    int back = 0;
+    for (const std::size_t b : lost) {
+        layout_[b].active = known_[b].theta.size() > 0 && known_[b].theta == theta;
+        back += layout_[b].active ? 1 : 0;
+    }
+    return back;
+}
+
 estimator::RefreshReport WaveformResidual::update_active_set(const VectorXd& theta,
                                                              const std::vector<VectorXd>& /*latents*/,
                                                              const VectorXd& /*scales*/) {
@@ -272,6 +297,10 @@ estimator::RefreshReport WaveformResidual::update_active_set(const VectorXd& the
     const bool again = far && anchored_ < most_anchorings;
     if (again) ++anchored_;
     report.changed = report.lost + report.added > 0 || again;
+    if (!report.changed) {
+        report.added = seek_lost(theta);
+        report.changed = report.added > 0;
+    }
     return report;
 }
 

@@ -47,7 +47,9 @@ struct WaveformOptions {
 ///
 /// update_active_set() moves the solutions on to the present theta. It asks for another minimisation (three times at
 /// most) where they had moved by more than `maximum_move`. Blocks whose orbit is lost there are deactivated. They
-/// return, at most twice each, when it is found again.
+/// return, at most twice each, when it is found again. Where nothing else changes, the orbits of records that are still
+/// lost, also of those without one at the start, are sought once more as at the start, but at the present theta. There
+/// an orbit counts that resembles the record.
 class WaveformResidual final : public estimator::Residual {
 public:
     /// A record whose orbit is not found at `start` is inactive from the beginning: start_status() says why.
@@ -112,7 +114,7 @@ private:
     };
     /// The last solution.
     struct Known {
-        OrbitStatus status = OrbitStatus::no_progress;  ///< at the start
+        OrbitStatus status = OrbitStatus::no_progress;  ///< at the start, or where it was sought again
         Eigen::VectorXd theta;                          ///< the estimator's; empty: none yet
         PeriodicOrbit orbit;                            ///< sensitivities to the estimator's vector
         PhaseOrigin origin;
@@ -120,6 +122,7 @@ private:
         double phase = 0.0;  ///< at the start, with the offsets
         Eigen::VectorXd offsets;
         int taken_back = 0;
+        bool sought_again = false;  ///< by seek_lost()
     };
 
     void check_model() const;
@@ -130,7 +133,9 @@ private:
     void make_groups();
     [[nodiscard]] Block make_block(const WaveformRecord& record) const;
     [[nodiscard]] estimator::BlockLayout make_layout(const WaveformRecord& record, const Block& block) const;
-    void find_start(std::size_t block);
+    /// @return mean square error of the record, over its variance
+    double find_start(std::size_t block, const Eigen::VectorXd& theta);
+    int seek_lost(const Eigen::VectorXd& theta);
     void keep(std::size_t block, const PeriodicOrbit& orbit, const Eigen::VectorXd& theta);
     [[nodiscard]] bool in_domain(const Eigen::VectorXd& values) const;
     [[nodiscard]] PeriodicOrbit solve_near(std::size_t block, const Known& from, const Eigen::VectorXd& theta,

@@ -85,7 +85,7 @@ WaveformResidual::WaveformResidual(std::shared_ptr<const models::System> system,
     make_groups();
     check_covariances();
     known_.resize(records_.size());
-    tbb::parallel_for(std::size_t{0}, records_.size(), [&](std::size_t b) { find_start(b); });
+    tbb::parallel_for(std::size_t{0}, records_.size(), [&](std::size_t b) { find_start(b, options_.start); });
     for (std::size_t b = 0; b < records_.size(); ++b)
         layout_[b].active = known_[b].status == OrbitStatus::converged;
 }

@@ -54,7 +54,7 @@ py::list covariances(const Estimate& estimate) {
 py::list counts(const Estimate& estimate) {
     return listed(estimate.counts, [](const estimator::ResidualCount& count) {
         return py::dict("type"_a = count.type, "used"_a = count.used, "lost"_a = count.lost,
-                        "rejected"_a = count.rejected, "added"_a = count.added);
+                        "rejected"_a = count.rejected, "added"_a = count.added, "unused"_a = count.unused);
     });
 }
 
@@ -245,7 +245,8 @@ void bind_estimate_result(py::module_& module) {
         "errors e at the estimate, per residual, per block");
     made(result, "null_directions", null_directions, "in relative changes of the parameters");
     made(result, "sloppy_directions", sloppy_directions, "products of powers that the data hardly know");
-    made(result, "counts", counts, "blocks used, lost, rejected, added, per residual");
+    made(result, "counts", counts,
+         "blocks used, lost, rejected, added, and the labels of those that are not used, per residual");
     made(result, "history", history, "every step, accepted or not");
     result.def(
         "to_dict", [](const EstimateResult& one) { return estimate_dict(one.estimate); },

@@ -275,4 +275,54 @@ TEST_CASE("waveform residuals are refused where they cannot be meant", "[apps][w
     CHECK_THAT(result["steady_states"][0]["time"].get<double>(), WithinRel(6.6632868593, 1e-3));
 }
 
+/// Two wells: at gamma = 0.28 the motion repeats after two periods, if the damping is below 0.4.
+json wells_job(int period) {
+    return json::parse(R"({
+      "model": { "name": "duffing", "parameters": { "delta": 0.3, "alpha": -1.0, "beta": 1.0, "omega": 1.2 } },
+      "data": [
+        { "name": "single", "parameters": { "gamma": 0.2 }, "observe": ["x"],
+          "simulate": { "samples": { "step": 0.25, "count": 120 }, "transient": 800, "initial": [[1.0, 0.0]],
+                        "noise": { "x": 0.001 } } },
+        { "name": "double", "parameters": { "gamma": 0.28 }, "observe": ["x"],
+          "simulate": { "samples": { "step": 0.25, "count": 120 }, "transient": 800, "initial": [[1.0, 0.0]],
+                        "noise": { "x": 0.001 } } } ],
+      "estimate": { "parameters": { "delta": { "start": 0.45 } },
+                    "residuals": [ { "type": "waveform", "period": { "single": 1, "double": )" +
+                       std::to_string(period) + R"( } } ] },
+      "output": { "series": "none" } })");
+}
+
+TEST_CASE("a record without an orbit at the start is sought again at the end", "[apps][run][waveform]") {
+    const TemporaryFolder folder;
+    const Path out = folder.path() / "out";
+    const Outcome run = orbid_with({"run", write_job(folder.path() / "job.json", wells_job(2)), "--out", out});
+    CAPTURE(run.error, run.out);
+    CHECK_THAT(run.error, ContainsSubstring("double: no periodic solution at the start"));
+    REQUIRE(run.code == 0);
+    const json result = read_json(out / "result.json");
+    CHECK(result["residuals"][0]["used"] == 2);
+    CHECK(result["residuals"][0]["added"] == 1);
+    CHECK(result["residuals"][0]["unused"].empty());
+    const json& delta = result["parameters"]["delta"];
+    CHECK(std::abs(delta["value"].get<double>() - 0.3) < 4.0 * delta["sd"].get<double>());
+}
+
+TEST_CASE("records that stay lost are named and lower the verdict", "[apps][run][waveform]") {
+    const TemporaryFolder folder;
+    const Path out = folder.path() / "out";
+    // There is no orbit of three periods.
+    const Outcome run = orbid_with({"run", write_job(folder.path() / "job.json", wells_job(3)), "--out", out});
+    CAPTURE(run.error, run.out);
+    CHECK(run.code == 1);
+    const std::string said = "1 of 2 records is not used: waveform, double";
+    CHECK_THAT(run.out, ContainsSubstring(said) && ContainsSubstring("Too few are left"));
+    const json result = read_json(out / "result.json");
+    CHECK(result["status"] == "converged");
+    CHECK_THAT(result["message"].get<std::string>(), ContainsSubstring(said));
+    CHECK(result["residuals"][0]["unused"] == json({"waveform, double"}));
+    CHECK(result["steady_states"][1]["used"] == false);
+    CHECK_THAT(orbid::apps::read_whole_file(out / "report.html"),
+               ContainsSubstring("Not usable") && ContainsSubstring("converged on 50 % of the records only"));
+}
+
 }  // namespace waveform_run_test

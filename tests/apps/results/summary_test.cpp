@@ -63,6 +63,21 @@ TEST_CASE("the summary tells what a reader must know", "[apps]") {
     }
 }
 
+TEST_CASE("two rms of one record are explained, missing ones left out", "[apps]") {
+    auto context = tests::made_up_context();
+    auto estimate = tests::made_up_estimate();
+    const double rms = estimate.scales[1].rms;
+    REQUIRE(estimate.scales[1].group == "series.phi");
+    context.predictions = {{"run1", "0", {{"phi", 0.98 * rms}, {"x2", undefined}}, 1.0, true}};
+    const std::string text = apps::estimate_summary(estimate, context, "");
+    CHECK_THAT(text, ContainsSubstring("fitted to these readings alone") && !ContainsSubstring("x2"));
+    context.predictions[0].rms = {{"phi", rms}};
+    CHECK_THAT(apps::estimate_summary(estimate, context, ""), !ContainsSubstring("fitted to these readings alone"));
+    context.predictions[0].rms = {{"phi", undefined}};
+    CHECK_THAT(apps::estimate_summary(estimate, context, ""),
+               ContainsSubstring("cannot be simulated over all of it") && !ContainsSubstring("nan"));
+}
+
 TEST_CASE("cycles are summarised by period, missing ones named", "[apps]") {
     orbits::CycleSearch search;
     for (const double multiplier : {-1.7, 18.5}) {
