@@ -16,6 +16,7 @@
 #include "apps/report/report_page.hpp"
 #include "apps/report/run_comparison.hpp"
 #include "apps/results/summary_table.hpp"
+#include "apps/stages/progress.hpp"
 #include "apps/stored_run/forecast.hpp"
 #include "apps/stored_run/prediction_job.hpp"
 #include "apps/stored_run/prediction_results.hpp"
@@ -120,7 +121,7 @@ int predict_run(const CommandCall& call) {
     const auto predict = [&] {
         const StoredRun run = read_stored_run(call.words[0]);
         const std::filesystem::path data = call.words[1];
-        const PredictionJob job = prediction_job(run, data, call.value("experiment", ""));
+        const PredictionJob job = prediction_job(run, data, call.value("inputs", ""), call.value("experiment", ""));
         const std::filesystem::path out =
             call.value("out", (run.folder / ("predict_" + data.stem().string())).string());
         const nlohmann::json document = nlohmann::json::parse(job_document(job.stored, out, versions()).dump());
@@ -128,9 +129,13 @@ int predict_run(const CommandCall& call) {
         Experiment record;
         record.series = recorded_series(job.stored, 0);
         record.inputs = by_segment(load_inputs(job.stored, job.stored.data[0]), record.series.segments.size());
+        Progress progress(call.has("quiet"), call.console.error, call.console.error_terminal);
+        progress.begin("predict", 0.0, "");
         const Forecast result = forecast(job, record);
+        progress.end(fmt::format("{} readings", record.series.size()));
         folder.store("prediction.json", prediction_text(result));
         folder.store("residuals.csv", residuals_text(result.rows));
+        store_report(folder, call.console.error);
         call.console.out << prediction_summary(result, job.stored.title);
         return 0;
     };

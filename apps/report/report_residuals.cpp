@@ -13,20 +13,51 @@ namespace {
 
 using namespace detail;
 
+std::string rms_words(const Json& list) {
+    std::string words;
+    for (const auto& [coordinate, value] : list.items()) {
+        const Json& rms = value.is_object() ? value.at("rms") : value;
+        append_words(words, coordinate + " " + (rms.is_number() ? significant(number_of(rms), 4) : "undefined"), ", ");
+    }
+    return words;
+}
+
 std::string prediction_table(const Json& predictions) {
     SummaryTable table({left_aligned("experiment"), left_aligned("segment"), left_aligned("role"), left_aligned("rms"),
                         explained("rms / error sd", "near 1 where the model holds")});
     for (const Json& entry : predictions) {
-        std::string rms;
-        for (const auto& [coordinate, value] : block_at(entry, "rms").items())
-            append_words(rms, coordinate + " " + (value.is_number() ? significant(number_of(value), 4) : "undefined"),
-                         ", ");
         const double normalised = number_at(entry, "normalised_rms");
         table.add({text_at(entry, "experiment"), text_at(entry, "segment"),
-                   entry.value("fitted", false) ? "fitted" : "predicted", rms,
+                   entry.value("fitted", false) ? "fitted" : "predicted", rms_words(block_at(entry, "rms")),
                    number_cell(normalised, 3, normalised > 2.0 ? "caution" : "")});
     }
     return html_table("How far predictions are off", table);
+}
+
+/// Of the folder of a prediction: prediction.json.
+std::string forecast_table(const Json& prediction) {
+    SummaryTable table({left_aligned("segment"), left_aligned("initial state fitted to"), left_aligned("rms"),
+                        explained("rms / error sd", "near 1 where the model holds"),
+                        explained("within 2 sds for", "how far ahead errors stay small")});
+    const auto add = [&table](const std::string& segment, const char* fitted, const Json& rms, double normalised,
+                              const std::string& horizon) {
+        table.add(
+            {segment, fitted, rms_words(rms), number_cell(normalised, 3, normalised > 2.0 ? "caution" : ""), horizon});
+    };
+    for (const Json& segment : block_at(prediction, "segments")) {
+        const std::string name = text_at(segment, "segment");
+        const Json& course = block_at(segment, "course");
+        add(name, "whole segment", block_at(course, "rms"), number_at(course, "normalised_rms"), "");
+        const Json& ahead = block_at(segment, "ahead");
+        const double horizon = number_at(ahead, "horizon");
+        const std::string failed = text_at(segment, "message");
+        add(name, failed.empty() ? "beginning" : failed.c_str(), block_at(ahead, "coordinates"),
+            number_at(ahead, "normalised_rms"), std::isfinite(horizon) ? significant(horizon, 3) : "");
+    }
+    const Json& steps = block_at(prediction, "steps");
+    if (!steps.empty())
+        add("one step ahead", "", block_at(steps, "coordinates"), number_at(steps, "normalised_rms"), "");
+    return html_table("How far the record is predicted", table);
 }
 
 double p_of(const Json& group, const char* test) {
@@ -87,6 +118,7 @@ ReportChapter residual_chapter(const ReportSource& source) {
     chapter.html += figure_html(waveform_chart(source.run, source.residuals),
                                 "Measured steady states (dots) and computed ones (lines) over one turn of the orbit.");
     chapter.html += prediction_table(block_at(result, "prediction"));
+    if (source.run.prediction) chapter.html += forecast_table(*source.run.prediction);
     std::string residuals = figure_html(residual_chart(groups),
                                         "What is left, in standard deviations of its error. 19 of 20 should lie within "
                                         "the dashed lines, without a course that the eye can follow.");

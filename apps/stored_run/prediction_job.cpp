@@ -44,6 +44,44 @@ const Json& chosen_experiment(const StoredRun& run, const std::string& name) {
     return *experiments.front();
 }
 
+/// Whether the measured inputs of an experiment come from a table of their own.
+bool has_own_table(const Json& experiment) {
+    return experiment.contains("inputs") && experiment["inputs"].is_object() && experiment["inputs"].contains("file");
+}
+
+/// Beginnings of another record: what was held at a value, and where to look for the others. Prior knowledge of the
+/// first record's beginning does not hold for this one.
+Json kept_beginnings(const Json& rules) {
+    Json kept = Json::object();
+    for (const auto& [coordinate, rule] : rules.items()) {
+        if (!rule.is_object()) continue;
+        Json own = rule;
+        own.erase("prior");
+        if (!own.empty()) kept[coordinate] = std::move(own);
+    }
+    return kept;
+}
+
+/// The table of the inputs in the place of that of the run, which belongs to another record.
+void replace_inputs(const StoredRun& run, const std::filesystem::path& inputs, bool given, Json& entry) {
+    if (!inputs.empty()) {
+        if (!has_own_table(entry))
+            throw StoredRunRefused(
+                fmt::format("{}: its measured inputs, if any, are columns of the record itself: "
+                            "leave --inputs out",
+                            run.folder.string()));
+        if (!std::filesystem::is_regular_file(inputs))
+            throw orbits::DataError(fmt::format("{}: no such file", inputs.string()));
+        entry["inputs"]["file"] = std::filesystem::absolute(inputs).string();
+        entry["inputs"].erase("sha256");
+    } else if (has_own_table(entry) && !given) {
+        throw StoredRunRefused(fmt::format(
+            "{}: its measured inputs come from a table of their own ({}), which belongs to its record: give "
+            "that of the new record by --inputs FILE",
+            run.folder.string(), entry["inputs"]["file"].get<std::string>()));
+    }
+}
+
 /// A "data" object that stands in a file of its own, with its paths made absolute.
 Json data_object(const std::filesystem::path& file) {
     Json object;
@@ -56,7 +94,11 @@ Json data_object(const std::filesystem::path& file) {
         throw orbits::DataError(
             fmt::format("{}: must hold one \"data\" object of a job, with \"file\" in it", file.string()));
     const auto folder = std::filesystem::absolute(file).parent_path();
-    object["file"] = (folder / object["file"].get<std::string>()).lexically_normal().string();
+    const auto beside = [&folder](Json& path) {
+        path = (folder / path.get<std::string>()).lexically_normal().string();
+    };
+    beside(object["file"]);
+    if (has_own_table(object) && object["inputs"]["file"].is_string()) beside(object["inputs"]["file"]);
     return object;
 }
 
@@ -77,29 +119,27 @@ void describe_table(const ModelJob& model, const std::filesystem::path& file, Js
 }
 
 /// The experiment with another record in its place.
-Json experiment_entry(const StoredRun& run, const Json& like, const std::filesystem::path& data) {
+Json experiment_entry(const StoredRun& run, const Json& like, const std::filesystem::path& data,
+                      const std::filesystem::path& inputs) {
     Json entry = like;
     for (const char* key : {"file", "sha256", "simulate", "segments", "free", "initial_state"})
         entry.erase(key);
     const bool simulated = like.contains("simulate");
     if (simulated) entry["kind"] = like["simulate"].contains("samples") ? "samples" : "section";
-    if (entry.contains("inputs") && entry["inputs"].is_object() && entry["inputs"].contains("file"))
-        entry["inputs"]["file"] =
-            std::filesystem::absolute(run.folder / entry["inputs"]["file"].get<std::string>()).string();
-    // Prior knowledge of the first record's beginning does not hold for this one; what was held at a value does.
     if (like.contains("initial_state")) {
-        for (const auto& [coordinate, rule] : like["initial_state"].items())
-            if (rule.is_object() && rule.contains("value")) entry["initial_state"][coordinate] = rule;
+        if (Json kept = kept_beginnings(like["initial_state"]); !kept.empty()) entry["initial_state"] = std::move(kept);
     }
     if (data.extension() == ".json") {
         const Json given = data_object(data);
         for (const auto& [key, value] : given.items())
             entry[key] = value;
+        replace_inputs(run, inputs, given.contains("inputs"), entry);
         if (is_table(entry["file"].get<std::string>()) && !entry.contains("columns") && simulated)
             describe_table(stored_model(run), entry["file"].get<std::string>(), entry);
         return entry;
     }
     entry["file"] = std::filesystem::absolute(data).string();
+    replace_inputs(run, inputs, false, entry);
     if (!is_table(data)) {
         entry.erase("columns");
         entry.erase("missing");
@@ -222,7 +262,8 @@ Eigen::MatrixXd stored_covariance(const Json& result, const std::vector<std::siz
 
 }  // namespace
 
-PredictionJob prediction_job(const StoredRun& run, const std::filesystem::path& data, const std::string& experiment) {
+PredictionJob prediction_job(const StoredRun& run, const std::filesystem::path& data,
+                             const std::filesystem::path& inputs, const std::string& experiment) {
     if (!run.result || !run.result->contains("parameters"))
         throw StoredRunRefused(fmt::format("{}: holds no estimate (result.json)", run.folder.string()));
     if (!std::filesystem::exists(data)) throw orbits::DataError(fmt::format("{}: no such file", data.string()));
@@ -236,7 +277,7 @@ PredictionJob prediction_job(const StoredRun& run, const std::filesystem::path& 
     document["model"] = run.job.at("model");
     for (const char* key : {"seed", "section"})
         if (run.job.contains(key)) document[key] = run.job[key];
-    Json entry = experiment_entry(run, like, data);
+    Json entry = experiment_entry(run, like, data, inputs);
     Json free = Json::object();
     const auto rows = put_estimates((*run.result)["parameters"], name, document["model"]["parameters"], entry, free);
     document["data"] = Json::array({entry});

@@ -20,14 +20,17 @@ struct PredictionJob {
 
 /// Makes the job of a prediction from that of a run. It has one experiment, the record in `data`, with columns, sensor,
 /// inputs and observed coordinates of the run's experiment. Errors of the readings are at their estimates. Initial
-/// states are free, except those fixed in the run.
+/// states are free, except those fixed in the run, with the starts and bounds that the run gives them.
 ///
 /// @param data        a table or HDF5 file in the layout of the run's data; or a JSON file that holds one "data" object
 ///                    of a job for another layout (what it leaves out is taken from the run's experiment).
+/// @param inputs      table of the measured inputs during the record, where those of the run have a table of their own;
+///                    empty: `data` has them, or says where they are.
 /// @param experiment  name of the corresponding experiment of the run; empty: the only one.
-/// @throws StoredRunRefused when the run has no estimate, the experiment does not exist, or several exist and none is
-///         named; orbits::DataError when a file is missing or the layout does not fit.
+/// @throws StoredRunRefused when the run has no estimate, the experiment does not exist, several exist and none is
+///         named, or the inputs are missing or not wanted; orbits::DataError when a file is missing or the layout does
+///         not fit.
 [[nodiscard]] PredictionJob prediction_job(const StoredRun& run, const std::filesystem::path& data,
-                                           const std::string& experiment);
+                                           const std::filesystem::path& inputs, const std::string& experiment);
 
 }  // namespace orbid::apps

@@ -103,6 +103,7 @@ StoredRun read_stored_run(const std::filesystem::path& folder) {
     run.branch = read_file(folder / "branch.json", "orbid-branches/1");
     run.invariants = read_file(folder / "invariants.json", "orbid-invariants/1");
     run.timing = read_file(folder / "timing.json", "");
+    run.prediction = read_file(folder / "prediction.json", "orbid-prediction/1");
     return run;
 }
 

@@ -35,6 +35,7 @@ struct StoredRun {
     std::optional<Json> branch;           ///< branch.json, orbid-branches/1
     std::optional<Json> invariants;       ///< invariants.json
     std::optional<Json> timing;           ///< timing.json
+    std::optional<Json> prediction;       ///< prediction.json, orbid-prediction/1: of `orbid predict`
 
     /// "title" of the job; may be empty.
     [[nodiscard]] std::string title() const;

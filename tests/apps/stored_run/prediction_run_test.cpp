@@ -109,6 +109,70 @@ TEST_CASE("a record in another layout comes with its data object", "[apps][predi
           read_json(runs.run / "predict_further" / "prediction.json"));
 }
 
+/// A first-order lag of which an input of its own table is known; started where the run says.
+json lag_job(int seed, const std::string& input) {
+    json job = json::parse(R"({
+      "model": { "equations": { "x": "-k * x + u" }, "inputs": { "u": "1" }, "parameters": { "k": 1.5 } },
+      "data": { "name": "lag", "simulate": { "samples": { "step": 0.05, "count": 201 }, "initial": [[0.2]],
+                  "noise": { "x": 0.001 } }, "inputs": { "time": "t", "u": "u" },
+                "initial_state": { "x": { "start": 0.25, "bounds": [-3, 3] } } },
+      "estimate": { "parameters": { "k": { "start": 1.3 } },
+                    "residuals": [ { "type": "series", "interval": "segment" } ] },
+      "output": { "series": "csv" } })");
+    job["seed"] = seed;
+    job["data"]["inputs"]["file"] = input;
+    return job;
+}
+
+Path write_input(const Path& file, double frequency) {
+    std::string text = "t,u\n";
+    for (int k = 0; k <= 220; ++k)
+        text += std::to_string(0.05 * k) + "," + std::to_string(std::sin(frequency * 0.05 * k)) + "\n";
+    return write_text(file, text);
+}
+
+TEST_CASE("a record is driven by its own input, never by that of the run", "[apps][predict]") {
+    const TemporaryFolder folder;
+    write_input(folder.path() / "first.csv", 1.0);
+    std::filesystem::create_directory(folder.path() / "new");
+    const Path second = write_input(folder.path() / "new" / "second.csv", 2.3);
+    const Path run = folder.path() / "run";
+    REQUIRE(orbid_with({"run", write_job(folder.path() / "run.json", lag_job(3, "first.csv"))}).code == 0);
+    const Path other = folder.path() / "other";
+    REQUIRE(orbid_with({"simulate", write_job(folder.path() / "other.json", lag_job(4, "new/second.csv"))}).code == 0);
+    const Path record = folder.path() / "new" / "record.csv";
+    std::filesystem::copy_file(other / "series.csv", record);
+
+    const Outcome silent = orbid_with({"predict", run, record});
+    CHECK(silent.code == 2);
+    CHECK_THAT(silent.error, ContainsSubstring("measured inputs come from a table of their own (first.csv)") ||
+                                 ContainsSubstring("first.csv), which belongs to its record: give that of the new"));
+    CHECK_THAT(silent.error, ContainsSubstring("--inputs FILE"));
+
+    const Outcome outcome = orbid_with({"predict", run, record, "--inputs", second});
+    CAPTURE(outcome.error, outcome.out);
+    REQUIRE(outcome.code == 0);
+    const json prediction = read_json(run / "predict_record" / "prediction.json");
+    // 201 readings: 5 % is the sd of an rms; the error scale as well; three of both.
+    CHECK_THAT(prediction["segments"][0]["course"]["normalised_rms"].get<double>(), WithinAbs(1.0, 0.22));
+    CHECK(prediction["segments"][0]["message"].is_null());
+    const json initial = read_json(run / "predict_record" / "job.json")["data"][0]["initial_state"]["x"];
+    CHECK(initial["start"] == 0.25);
+    CHECK(initial["bounds"] == json({-3, 3}));
+
+    // The same from a data object: its paths are beside it, wherever the command is given.
+    const Path object =
+        write_text(folder.path() / "new" / "record.json",
+                   R"({ "file": "record.csv", "inputs": { "file": "second.csv", "time": "t", "u": "u" } })");
+    REQUIRE(orbid_with({"predict", run, object, "--out", folder.path() / "again", "--quiet"}).code == 0);
+    CHECK(read_json(folder.path() / "again" / "prediction.json") == prediction);
+    // The page says how far off the prediction is.
+    CHECK_THAT(orbid::apps::read_whole_file(folder.path() / "again" / "report.html"),
+               ContainsSubstring("How far the record is predicted") && ContainsSubstring("whole segment"));
+    CHECK(orbid_with({"predict", run, object, "--out", folder.path() / "again", "--quiet"}).error.empty());
+    CHECK_FALSE(orbid_with({"predict", run, object, "--out", folder.path() / "again"}).error.empty());
+}
+
 TEST_CASE("sections are predicted one step ahead", "[apps][predict]") {
     const TemporaryFolder folder;
     json job = json::parse(R"({ "model": { "name": "henon" }, "seed": 4,
