@@ -17,7 +17,10 @@ namespace orbid::apps {
 void read_model(ObjectReader& root, Job& job);
 void read_section(ObjectReader& root, Job& job);
 /// The block "model" of a job with its own equations.
-void read_equations(ObjectReader& model, Job& job);
+/// @param used_outside  names that the formulas of sensors use
+void read_equations(ObjectReader& model, const std::vector<std::string>& used_outside, Job& job);
+/// The names in the formulas of the sensors in "data", before the model is known that they are parsed with.
+[[nodiscard]] std::vector<std::string> names_in_sensors(const JsonValue& data);
 void read_data(ObjectReader& root, Job& job);
 void read_orbits(ObjectReader& root, Job& job);
 void read_periodic(ObjectReader& root, Job& job);

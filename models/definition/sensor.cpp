@@ -23,4 +23,12 @@ std::vector<std::string> reading_names(std::span<const Coordinate> coordinates, 
     return names;
 }
 
+std::vector<std::string> reading_names(std::span<const Coordinate> coordinates, std::span<const Parameter> parameters,
+                                       std::span<const Coordinate> inputs) {
+    std::vector<std::string> names = reading_names(coordinates, parameters);
+    for (const Coordinate& input : inputs)
+        names.emplace_back(input.name);
+    return names;
+}
+
 }  // namespace orbid::models

@@ -24,8 +24,9 @@ struct FunctionReading {
 ///                   otherwise)
 /// angle_difference  an angle, and as its rate the difference quotient [phi(t + delay) - phi(t)] / delay
 ///                   (mathematics.md, "Instrument"); other coordinates as in `state`
-/// function          formulas of the coordinates of the STATE (not of what the model's instrument makes of them) and of
-///                   the parameters; coordinates without a formula as in `state`
+/// function          formulas of the coordinates of the STATE (not of what the model's instrument makes of them), of
+/// the
+///                   parameters and of the measured inputs at that instant; coordinates without a formula as in `state`
 ///
 /// A formula is a real number: two readings differ by their plain difference, even in the place of an angle, whose
 /// readings are otherwise compared modulo 2 pi. Angles in a formula are those of the flow, not wrapped. After a turn
@@ -52,6 +53,10 @@ struct Sensor {
 /// The names that a formula may use: the coordinates, then the parameters, each in the order of the model's table.
 [[nodiscard]] std::vector<std::string> reading_names(std::span<const Coordinate> coordinates,
                                                      std::span<const Parameter> parameters);
+/// The same, and then the measured inputs of a model that has some.
+[[nodiscard]] std::vector<std::string> reading_names(std::span<const Coordinate> coordinates,
+                                                     std::span<const Parameter> parameters,
+                                                     std::span<const Coordinate> inputs);
 
 }  // namespace orbid::models
 

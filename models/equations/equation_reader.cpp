@@ -159,12 +159,14 @@ void EquationReader::check_numbers() {
 void EquationReader::check_use() {
     for (std::size_t name = 0; name < names_.size(); ++name) {
         if (used_[name]) continue;
+        const bool outside =
+            std::find(text_.used_outside.begin(), text_.used_outside.end(), names_[name]) != text_.used_outside.end();
         for (std::size_t i = 0; i < text_.parameters.size(); ++i)
-            if (text_.parameters[i].name == names_[name] && equations_->frequency_ != i)
+            if (text_.parameters[i].name == names_[name] && equations_->frequency_ != i && !outside)
                 report(Part::parameter, i,
                        fmt::format("the parameter {} occurs in no formula: remove it", names_[name]));
         for (std::size_t i = 0; i < text_.inputs.size(); ++i)
-            if (text_.inputs[i].name == names_[name])
+            if (text_.inputs[i].name == names_[name] && !outside)
                 report(Part::input, i, fmt::format("the input {} occurs in no formula", names_[name]));
         for (std::size_t i = 0; i < text_.definitions.size(); ++i)
             if (text_.definitions[i].name == names_[name])

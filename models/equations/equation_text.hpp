@@ -46,6 +46,8 @@ struct EquationText {
     std::vector<Quantity> inputs = {};  ///< measured; name and unit
     std::optional<Symmetry> symmetry = {};
     bool stiff = false;
+    /// Names that formulas outside use, those of a sensor. Parameters and inputs among them may occur in no equation.
+    std::vector<std::string> used_outside = {};
 };
 
 /// What is wrong with a model written as text, and where.

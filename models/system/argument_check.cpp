@@ -15,7 +15,7 @@ namespace {
 
 void check_functions(const System& system, const Sensor& sensor) {
     const std::size_t n = system.coordinates().size();
-    const std::size_t names = n + system.parameters().size();
+    const std::size_t names = n + system.parameters().size() + system.inputs().size();
     if (sensor.functions.empty()) refuse(system, "sensor function: has no formula, must have at least one");
     for (std::size_t i = 0; i < sensor.functions.size(); ++i) {
         const FunctionReading& reading = sensor.functions[i];
@@ -29,8 +29,8 @@ void check_functions(const System& system, const Sensor& sensor) {
         if (reading.expression.steps().empty()) refuse(system, fmt::format("sensor function: formula {} is empty", i));
         // Parsed with other names than reading_names() of this system.
         if (!reading.expression.used().empty() && reading.expression.used().back() >= names)
-            refuse(system, fmt::format("sensor function: formula {} uses name {}, there are {} coordinates and "
-                                       "parameters",
+            refuse(system, fmt::format("sensor function: formula {} uses name {}, there are {} coordinates, "
+                                       "parameters and inputs",
                                        i, reading.expression.used().back(), names));
     }
 }

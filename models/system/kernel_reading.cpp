@@ -46,12 +46,16 @@ FlowStatus difference_quotient(const KernelSystem& system, const Kernel& kernel,
 /// allocation.
 class FunctionReader {
 public:
-    FunctionReader(const Sensor& sensor, const Eigen::VectorXd& theta, Eigen::Index n, const Free& free)
-        : sensor_(&sensor), n_(n), derivatives_(free.has_value()) {
-        const auto count = static_cast<std::size_t>(n + theta.size());
+    FunctionReader(const Sensor& sensor, const Eigen::VectorXd& theta, Eigen::Index n, std::size_t inputs,
+                   const Free& free)
+        : sensor_(&sensor),
+          n_(n),
+          first_input_(static_cast<std::size_t>(n + theta.size())),
+          derivatives_(free.has_value()) {
+        const std::size_t count = first_input_ + inputs;
         values_.resize(count);
         duals_.resize(derivatives_ ? count : 0);
-        // Column of the derivatives for each name; -1: a parameter that is held.
+        // Column of the derivatives for each name; -1: a parameter that is held, or an input.
         column_.assign(count, -1);
         for (Eigen::Index i = 0; i < n; ++i)
             column_[static_cast<std::size_t>(i)] = i;
@@ -66,8 +70,11 @@ public:
         }
     }
 
-    FlowStatus read(const Eigen::VectorXd& state, Eigen::Ref<Eigen::VectorXd> reading,
+    /// @param inputs  measured ones at this instant
+    FlowStatus read(const Eigen::VectorXd& state, const double* inputs, Eigen::Ref<Eigen::VectorXd> reading,
                     Eigen::Ref<Eigen::MatrixXd> derivative) {
+        for (std::size_t i = first_input_; i < values_.size(); ++i)
+            set(i, inputs[i - first_input_]);
         for (Eigen::Index i = 0; i < n_; ++i)
             set(static_cast<std::size_t>(i), state[i]);
         bool finite = true;
@@ -108,12 +115,22 @@ private:
 
     const Sensor* sensor_;
     Eigen::Index n_;
+    std::size_t first_input_;  ///< among the names
     bool derivatives_;
     std::vector<Eigen::Index> column_;
     std::vector<std::vector<std::size_t>> directions_;  ///< per formula: its names with derivatives
     std::vector<double> values_, value_stack_;
     std::vector<Scalar> duals_, dual_stack_;
 };
+
+/// Whether a formula of the sensor uses a measured input.
+bool reads_input(const KernelSystem& system, const Sensor& sensor) {
+    if (sensor.type != Sensor::Type::function) return false;
+    const std::size_t first = system.coordinates().size() + system.parameters().size();
+    return std::any_of(sensor.functions.begin(), sensor.functions.end(), [first](const FunctionReading& reading) {
+        return !reading.expression.used().empty() && reading.expression.used().back() >= first;
+    });
+}
 
 }  // namespace
 
@@ -126,6 +143,7 @@ ReadingResult KernelSystem::readings(const Sensor& sensor, const Eigen::MatrixXd
     check_sensor(*this, sensor);
     check_options(options);
     if (free) check_free(*this, *free);
+    if (reads_input(*this, sensor)) require_input();
     const Eigen::Index n = dimension();
     const Eigen::Index directions = free ? n + static_cast<Eigen::Index>(free->size()) : 0;
     ReadingResult result;
@@ -135,7 +153,8 @@ ReadingResult KernelSystem::readings(const Sensor& sensor, const Eigen::MatrixXd
     std::vector<FlowStatus> status(static_cast<std::size_t>(states.cols()), FlowStatus::ok);
     const auto range_of_columns = [&](Eigen::Index begin, Eigen::Index end) {
         std::optional<FunctionReader> functions;
-        if (sensor.type == Sensor::Type::function) functions.emplace(sensor, theta, n, free);
+        std::vector<double> input;
+        if (sensor.type == Sensor::Type::function) functions.emplace(sensor, theta, n, inputs().size(), free);
         for (Eigen::Index k = begin; k < end; ++k) {
             Eigen::Ref<Eigen::VectorXd> reading = result.readings.col(k);
             Eigen::Ref<Eigen::MatrixXd> derivative = result.derivatives.middleCols(k * directions, directions);
@@ -145,7 +164,9 @@ ReadingResult KernelSystem::readings(const Sensor& sensor, const Eigen::MatrixXd
             if (sensor.type == Sensor::Type::angle_difference)
                 here = difference_quotient(*this, *kernel_, sensor, states.col(k), phases[static_cast<std::size_t>(k)],
                                            theta, free, asking(options), reading, derivative);
-            if (functions) here = functions->read(states.col(k), reading, derivative);
+            if (functions)
+                here = functions->read(states.col(k), input_at(phases[static_cast<std::size_t>(k)], input), reading,
+                                       derivative);
         }
     };
     if (sensor.type == Sensor::Type::state) {

@@ -39,7 +39,7 @@ void read_encoder(NamedArguments& given, const models::System& system, Sensor& s
 }
 
 void read_functions(NamedArguments& given, const models::System& system, Sensor& sensor) {
-    const auto names = models::reading_names(system.coordinates(), system.parameters());
+    const auto names = models::reading_names(system.coordinates(), system.parameters(), system.inputs());
     const auto coordinates = coordinate_names(system);
     for (const auto& [key, value] : mapping(given.find_value("readings"), given.place("readings"))) {
         const auto name = key.cast<std::string>();

@@ -16,7 +16,10 @@ using Quantity = models::EquationText::Quantity;
 /// A model written in a job on its way from JSON to models::EquationText, with the values that problems are shown at.
 class EquationBlock {
 public:
-    EquationBlock(ObjectReader& model, Job& job) : model_(model), job_(job), equations_(*model.find("equations")) {}
+    EquationBlock(ObjectReader& model, const std::vector<std::string>& used_outside, Job& job)
+        : model_(model), job_(job), equations_(*model.find("equations")) {
+        text_.used_outside = used_outside;
+    }
 
     void read() {
         const std::size_t before = equations_.problem_count();
@@ -232,8 +235,8 @@ private:
 
 }  // namespace
 
-void read_equations(ObjectReader& model, Job& job) {
-    EquationBlock(model, job).read();
+void read_equations(ObjectReader& model, const std::vector<std::string>& used_outside, Job& job) {
+    EquationBlock(model, used_outside, job).read();
 }
 
 }  // namespace orbid::apps

@@ -77,7 +77,10 @@ void read_model(ObjectReader& root, Job& job) {
     const auto value = root.find("model");
     if (!value) return;
     ObjectReader model(*value);
-    if (model.find("equations")) return read_equations(model, job);
+    if (model.find("equations")) {
+        const auto data = root.find("data");
+        return read_equations(model, data ? names_in_sensors(data->value()) : std::vector<std::string>(), job);
+    }
     const auto name = model.find("name");
     const auto variant = model.find("variant");
     const auto size = model.find("size");

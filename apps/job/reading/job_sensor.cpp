@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <regex>
 
 #include "apps/job/job_parts.hpp"
 
@@ -57,7 +58,8 @@ void read_functions(ObjectReader& object, const Job& job, models::Sensor& sensor
         const auto text = member.text();
         if (!coordinate || !text) continue;
         try {
-            const auto names = models::reading_names(job.model.system->coordinates(), job.model.system->parameters());
+            const models::System& system = *job.model.system;
+            const auto names = models::reading_names(system.coordinates(), system.parameters(), system.inputs());
             sensor.functions.push_back(
                 {static_cast<std::size_t>(*coordinate), models::Expression::parse(*text, names)});
         } catch (const models::ExpressionError& error) {
@@ -69,6 +71,26 @@ void read_functions(ObjectReader& object, const Job& job, models::Sensor& sensor
 }
 
 }  // namespace
+
+std::vector<std::string> names_in_sensors(const JsonValue& data) {
+    const auto member = [](const JsonValue& object, std::string_view key) {
+        const auto at = std::find_if(object.members.begin(), object.members.end(),
+                                     [key](const JsonMember& one) { return one.key == key; });
+        return at == object.members.end() ? JsonValue() : at->value;
+    };
+    std::vector<std::string> names;
+    const auto add = [&](const JsonValue& experiment) {
+        for (const JsonMember& reading : member(member(experiment, "sensor"), "readings").members) {
+            const std::string& text = reading.value.text;
+            const std::regex name("[A-Za-z_][A-Za-z0-9_]*");
+            for (std::sregex_iterator at(text.begin(), text.end(), name), end; at != end; ++at)
+                names.push_back(at->str());
+        }
+    };
+    if (data.kind == JsonValue::Kind::object) add(data);
+    std::for_each(data.items.begin(), data.items.end(), add);
+    return names;
+}
 
 models::Sensor read_sensor(const ValueReader& value, const Job& job) {
     models::Sensor sensor;

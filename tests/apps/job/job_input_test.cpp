@@ -1,6 +1,7 @@
 // Measured inputs in a job: what is read, written, run and refused.
 
 #include <cmath>
+#include <map>
 #include <sstream>
 
 #include <fmt/format.h>
@@ -131,6 +132,42 @@ TEST_CASE("measured inputs that cannot be are refused with place and rule", "[ap
     refused(
         R"("simulate": { "samples": { "step": 0.01, "count": 201 }, "initial": [[0.14, 0.1]] }, "interpolation": "cubic")",
         "/data/interpolation: belongs to \"inputs\", which is missing", "harmonic_base");
+}
+
+TEST_CASE("a sensor reads measured inputs and parameters that no equation has", "[apps][run]") {
+    const tests::TemporaryFolder folder;
+    write_ground(folder.path());
+    const std::string text = R"({
+  "model": { "equations": { "x": "v", "v": "-k * x - c * v" }, "inputs": { "acc": "m/s^2" },
+             "parameters": { "k": 40, "c": 0.8, "h0": 0.5, "gain": 0.02 } },
+  "data": { "simulate": { "samples": { "step": 0.01, "count": 201 }, "initial": [[0.14, 0.1]], "noise": { "x": 1e-5 } },
+            "inputs": { "file": "ground.csv", "time": { "column": "ms", "unit": "ms" },
+                        "acc": { "column": "acc", "unit": "g" } }, "interpolation": "cubic", "observe": ["x"],
+            "sensor": { "type": "function", "readings": { "x": "h0 + x + gain * acc" } } },
+  "estimate": { "parameters": { "k": { "start": 38 }, "h0": { "start": 0.45 }, "gain": { "start": 0.03 } },
+                "residuals": [ { "type": "series", "interval": "segment" } ] },
+  "output": { "series": "csv" } })";
+    const auto run = tests::orbid_with({"run", tests::write_text(folder.path() / "job.json", text)});
+    CAPTURE(run.error);
+    REQUIRE(run.code == 0);
+    const auto rows = table(folder.path() / "job" / "series.csv");
+    REQUIRE(rows.size() == 201);
+    // At time 0 the state is the one given; five sds of the noise.
+    CHECK_THAT(rows[0].at(2), WithinAbs(0.5 + 0.14 + 0.02 * acceleration(0.0), 5e-5));
+    const auto result = tests::read_json(folder.path() / "job" / "result.json");
+    const std::map<std::string, double> truth{{"k", 40.0}, {"h0", 0.5}, {"gain", 0.02}};
+    for (const auto& [name, value] : truth) {
+        CAPTURE(name);
+        const auto& found = result["parameters"][name];
+        CHECK(std::abs(found["value"].get<double>() - value) < 4.0 * found["sd"].get<double>());
+        CHECK(found["sd"].get<double>() < 1e-3 * value);
+    }
+    // What neither the equations nor a sensor use is still refused.
+    std::string unused = text;
+    unused.replace(unused.find("h0 + x"), 6, "x");
+    const auto found = problems(unused, folder.path());
+    REQUIRE(found.size() == 1);
+    CHECK_THAT(found[0], ContainsSubstring("/model/parameters/h0: the parameter h0 occurs in no formula: remove it"));
 }
 
 TEST_CASE("a measured ground moves the strut as the harmonic one it was taken from", "[apps][run]") {
