@@ -37,6 +37,14 @@ std::string_view kind_text(Bifurcation bifurcation) {
     return texts[static_cast<std::size_t>(bifurcation)];
 }
 
+/// A share of few percent; neither 0 % nor 100 % unless it is none or all.
+std::string share_text(std::ptrdiff_t part, std::size_t all) {
+    const double percent = 100.0 * static_cast<double>(part) / static_cast<double>(all);
+    if (part > 0 && percent < 1.0) return "< 1 %";
+    if (part < static_cast<std::ptrdiff_t>(all) && percent > 99.0) return "> 99 %";
+    return fmt::format("{:.0f} %", percent);
+}
+
 std::string branches_table(const std::vector<Branch>& branches, const std::string& parameter) {
     SummaryTable table({"branch", "period", left_aligned("begins at"), left_aligned(parameter), "orbits", "stable",
                         left_aligned("ends")});
@@ -52,12 +60,10 @@ std::string branches_table(const std::vector<Branch>& branches, const std::strin
             const BranchPoint& origin = branches[branch.origin->branch].points[branch.origin->point];
             begins = fmt::format("{} of branch {}", kind_text(origin.bifurcation), branch.origin->branch);
         }
-        table.add(
-            {std::to_string(b), std::to_string(branch_period(branch)), begins,
-             fmt::format("{:.6g} ... {:.6g}", least->parameter, largest->parameter),
-             std::to_string(branch.points.size()),
-             fmt::format("{:.0f} %", 100.0 * static_cast<double>(stable) / static_cast<double>(branch.points.size())),
-             std::string(end_text(branch.last))});
+        table.add({std::to_string(b), std::to_string(branch_period(branch)), begins,
+                   fmt::format("{:.6g} ... {:.6g}", least->parameter, largest->parameter),
+                   std::to_string(branch.points.size()), share_text(stable, branch.points.size()),
+                   std::string(end_text(branch.last))});
     }
     return table.text();
 }

@@ -98,7 +98,11 @@ std::string search_table(const ComputedOrbits& orbits) {
              row.largest > 0.0 ? fmt::format("{:.4g} ... {:.4g}", row.least, row.largest) : "", origins});
     }
     if (!table.empty() || !orbits.searched) return table.text();
-    return "  none found\n";
+    // Starts are recurrences of the model's own motion: without them there was nothing to solve.
+    if (orbits.starts == 0)
+        return "  none found: in none of the periods did the model's motion come back near to where it began\n";
+    return fmt::format("  none found: of {}, none closed on an orbit of the periods that were asked for\n",
+                       counted(orbits.starts, "solved start"));
 }
 
 }  // namespace

@@ -129,6 +129,15 @@ TEST_CASE("branches are told in tables", "[apps]") {
         CAPTURE(text);
         CHECK_THAT(text, ContainsSubstring(words));
     }
+    // A short stable stretch is no "0 %".
+    auto long_branch = followed();
+    auto& points = long_branch.branches[0].points;
+    auto unstable = points[0];
+    unstable.unstable = 1;
+    unstable.bifurcation = {};
+    points[0].unstable = 0;
+    points.insert(points.end(), 300, unstable);
+    CHECK_THAT(apps::branches_summary(long_branch, omega), ContainsSubstring("< 1 %"));
     CHECK_THAT(apps::branches_summary({"orbit 0 is no start", {}}, omega),
                ContainsSubstring("none: orbit 0 is no start"));
 }

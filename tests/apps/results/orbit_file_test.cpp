@@ -163,7 +163,8 @@ TEST_CASE("found orbits are counted by period", "[apps]") {
     orbits.list[2].mirror = 2;
     const std::string text = apps::orbits_summary(orbits);
     CHECK_THAT(text, ContainsSubstring("     2       3             1          1  2 ... 2               recurrence 3"));
-    CHECK_THAT(apps::orbits_summary({{}, true, 12, 0, false}), ContainsSubstring("none found"));
+    CHECK_THAT(apps::orbits_summary({{}, true, 12, 0, false}), ContainsSubstring("none found: of 12 solved starts"));
+    CHECK_THAT(apps::orbits_summary({{}, true, 0, 0, false}), ContainsSubstring("none found: in none of the periods"));
     CHECK_THAT(text, !ContainsSubstring("missing") && !ContainsSubstring("more \"points\""));
     orbits.index_sums = {0, 0};
     CHECK_THAT(apps::orbits_summary(orbits), !ContainsSubstring("missing"));
