@@ -16,16 +16,12 @@ namespace orbid::apps {
 /// each block uses the earlier ones. Where the model is unknown, names and domains are not checked.
 void read_model(ObjectReader& root, Job& job);
 void read_section(ObjectReader& root, Job& job);
-/// The block "model" of a job with its own equations.
-/// @param used_outside  names that the formulas of sensors use
-void read_equations(ObjectReader& model, const std::vector<std::string>& used_outside, Job& job);
 /// The names in the formulas of the sensors in "data", before the model is known that they are parsed with.
 [[nodiscard]] std::vector<std::string> names_in_sensors(const JsonValue& data);
 void read_data(ObjectReader& root, Job& job);
 void read_orbits(ObjectReader& root, Job& job);
 void read_periodic(ObjectReader& root, Job& job);
 void read_estimate(ObjectReader& root, Job& job);
-void read_reference(ObjectReader& root, Job& job);
 
 /// Parts of data.
 /// The noise has an entry per coordinate even if the job is invalid.

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/blocks/model_block.hpp"
 
 namespace orbid::apps {
 
@@ -24,18 +25,6 @@ bool is_sha256(std::string_view word) {
 
 bool is_not_empty(std::string_view word) {
     return !word.empty();
-}
-
-ValueSchema output_block() {
-    return object(
-        {key("series", choice(series_output_names), "How the series of the job are stored.").by_default("h5")});
-}
-
-ValueSchema flow_block() {
-    return object({key("stepper", choice(flow_stepper_names),
-                       "What takes the steps of flows: the library's own stepper, or Boost.Odeint's, for smooth models "
-                       "that are not stiff; an independent way to the same numbers.")
-                       .by_default("verner")});
 }
 
 }  // namespace
@@ -76,40 +65,43 @@ ValueSchema name() {
     return text_like(is_plain_name, "^[A-Za-z_][A-Za-z0-9_]*$", "a name: letters, digits and _, no digit first");
 }
 
-ValueSchema section_block() {
-    return object(
-        {key("phase", number(), "Forced models: the phase omega t at which the state is read.")
-             .in("rad")
-             .by_default(0.0),
-         key("coordinate", text(), "Autonomous models: the coordinate that has the same value at all crossings."),
-         // Needed beside a coordinate: whether a section has one depends on the model.
-         key("value", number(), "The value it is crossed at.").with("coordinate"),
-         key("direction", one_of({1.0, -1.0}), "Crossed while the coordinate rises (1) or falls (-1).")
-             .with("coordinate")
-             .by_default(1)});
+const FieldTable<Job>& flow_fields() {
+    static const FieldTable<Job> table{
+        choice_field(key("stepper", {},
+                         "What takes the steps of flows: the library's own stepper, or Boost.Odeint's, for smooth "
+                         "models that are not stiff; an independent way to the same numbers."),
+                     flow_stepper_names, &Job::stepper)};
+    return table;
+}
+
+const FieldTable<Job>& output_fields() {
+    static const FieldTable<Job> table{choice_field(key("series", {}, "How the series of the job are stored."),
+                                                    series_output_names, &Job::series_output)};
+    return table;
 }
 
 }  // namespace describe
 
 const ValueSchema& job_description() {
     using namespace describe;
-    static const ValueSchema job =
-        object({key("$schema", text(), "The schema that editors check the job with; `orbid schema` prints it."),
-                key("format", choice({"orbid-job/1"}), "Written into job.json."),
-                key("versions", entries(text(), "a program"), "Written into job.json: what wrote it."),
-                key("title", text(), "What the job is about, in one line.").by_default(""),
-                key("model", model_block(), "The equations and the values of their parameters.").required_always(),
-                key("seed", seed(), "Of all random numbers.").by_default(1),
-                key("section", section_block(), "Where orbits are cut: a phase of the forcing, or a plane."),
-                key("flow", flow_block(), "How flows are computed; `orbid check --flow` compares the ways."),
-                key("data", data_block() | list(data_block(), 1), "An experiment, or a list of them."),
-                key("orbits", object(keys_of(orbits_fields())),
-                    "Search for unstable periodic orbits in the section series, or a file of them."),
-                key("periodic", object(keys_of(periodic_fields())), "Periodic orbits of the model itself."),
-                key("estimate", estimate_block(), "Parameters from the data."),
-                key("reference", entries(number(), "a parameter or derived quantity"),
-                    "Known values: the result shows deviations from them."),
-                key("output", output_block(), "What is stored.")});
+    static const ValueSchema job = object(
+        {key("$schema", text(), "The schema that editors check the job with; `orbid schema` prints it."),
+         key("format", choice({"orbid-job/1"}), "Written into job.json."),
+         key("versions", entries(text(), "a program"), "Written into job.json: what wrote it."),
+         key("title", text(), "What the job is about, in one line.").by_default(""),
+         key("model", object(keys_of(model_fields())), "The equations and the values of their parameters.")
+             .required_always(),
+         key("seed", seed(), "Of all random numbers.").by_default(1),
+         key("section", section_block(), "Where orbits are cut: a phase of the forcing, or a plane."),
+         key("flow", object(keys_of(flow_fields())), "How flows are computed; `orbid check --flow` compares the ways."),
+         key("data", data_block() | list(data_block(), 1), "An experiment, or a list of them."),
+         key("orbits", object(keys_of(orbits_fields())),
+             "Search for unstable periodic orbits in the section series, or a file of them."),
+         key("periodic", object(keys_of(periodic_fields())), "Periodic orbits of the model itself."),
+         key("estimate", estimate_block(), "Parameters from the data."),
+         key("reference", entries(number(), "a parameter or derived quantity"),
+             "Known values: the result shows deviations from them."),
+         key("output", object(keys_of(output_fields())), "What is stored.")});
     return job;
 }
 

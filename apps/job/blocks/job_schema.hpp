@@ -11,7 +11,6 @@ namespace orbid::apps {
 namespace describe {
 
 // The blocks of a job.
-[[nodiscard]] ValueSchema model_block();
 [[nodiscard]] ValueSchema section_block();
 [[nodiscard]] ValueSchema data_block();
 [[nodiscard]] ValueSchema estimate_block();

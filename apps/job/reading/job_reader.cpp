@@ -6,6 +6,7 @@
 #include "apps/documents/atomic_file.hpp"
 #include "apps/documents/schema_check.hpp"
 #include "apps/job/blocks/job_schema.hpp"
+#include "apps/job/blocks/model_block.hpp"
 #include "apps/job/flow_stepper.hpp"
 #include "apps/job/job_parts.hpp"
 
@@ -17,24 +18,36 @@ namespace {
 void read_flow(ObjectReader& root, Job& job) {
     const auto value = root.find("flow");
     if (!value) return;
-    ObjectReader flow(*value);
-    const auto stepper = flow.choose("stepper", flow_stepper_names, job.stepper);
-    if (job.stepper == FlowStepper::odeint && job.model.system) {
-        const std::string why = odeint_refusal(job);
-        if (why.empty())
-            job.model.system = with_stepper(job.model.system, job.stepper);
-        else
-            stepper->report(fmt::format("must be \"verner\" here: {}", why));
-    }
-    flow.finish();
+    read_object(*value, describe::flow_fields(), job, job);
+    if (job.stepper != FlowStepper::odeint || !job.model.system) return;
+    const std::string why = odeint_refusal(job);
+    if (why.empty())
+        job.model.system = with_stepper(job.model.system, job.stepper);
+    else
+        ObjectReader(*value).find("stepper")->report(fmt::format("must be \"verner\" here: {}", why));
 }
 
-void read_output(ObjectReader& root, Job& job) {
-    const auto value = root.find("output");
+void read_reference(ObjectReader& root, Job& job) {
+    const auto value = root.find("reference");
     if (!value) return;
-    ObjectReader output(*value);
-    output.choose("series", series_output_names, job.series_output);
-    output.finish();
+    std::vector<std::string> known = parameter_names(job);
+    if (job.estimate) {
+        for (const DerivedJob& derived : job.estimate->derived)
+            known.push_back(derived.name);
+    }
+    for (const DataJob& data : job.data) {
+        for (const Eigen::Index parameter : data.free)
+            known.push_back(parameter_names(job)[static_cast<std::size_t>(parameter)] + "@" + data.name);
+    }
+    for (const auto& [name, member] : value->members()) {
+        const auto number = member.number();
+        if (job.model.system && std::find(known.begin(), known.end(), name) == known.end()) {
+            member.report(fmt::format("\"{}\" is neither a parameter of the model nor a derived quantity{}", name,
+                                      suggestion(name, known)));
+        } else if (number) {
+            job.reference.push_back({name, *number});
+        }
+    }
 }
 
 /// Keys that job.json carries beside the job: what wrote it, nothing that a run depends on.
@@ -60,7 +73,7 @@ void read_root(const ValueReader& value, Job& job) {
     read_estimate(root, job);
     read_reference(root, job);
     read_flow(root, job);
-    read_output(root, job);
+    if (const auto output = root.find("output")) read_object(*output, describe::output_fields(), job, job);
     root.finish();
     const bool simulates =
         std::any_of(job.data.begin(), job.data.end(), [](const DataJob& data) { return data.simulation.has_value(); });

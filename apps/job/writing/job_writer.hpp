@@ -26,8 +26,6 @@ namespace detail {
 // Blocks of the document, one per file of the writer.
 [[nodiscard]] nlohmann::ordered_json data_document(const Job& job, const DataJob& data,
                                                    const std::filesystem::path& folder);
-/// "model" of a job with its own equations.
-[[nodiscard]] nlohmann::ordered_json equations_document(const Job& job);
 [[nodiscard]] nlohmann::ordered_json estimate_document(const Job& job);
 /// "errors" and "covariance" of a residual.
 void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::vector<CovarianceJob>& covariances,

@@ -1,0 +1,143 @@
+#include "apps/job/blocks/model_block.hpp"
+
+#include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/blocks/job_schema.hpp"
+
+namespace orbid::apps {
+
+namespace describe {
+
+namespace {
+
+/// What is read when it is known which model it is.
+void read_with_model(const ValueReader&, const Job&, ModelBlock&) {}
+
+nlohmann::ordered_json parameters_document(const ModelBlock& block, const Writing& at) {
+    auto parameters = nlohmann::ordered_json::object();
+    for (Eigen::Index i = 0; i < block.model.values.size(); ++i) {
+        const double value = block.model.values[i];
+        parameters[parameter_name(at.job, i)] =
+            block.model.equations
+                ? equation_parameter_document(block.text.parameters[static_cast<std::size_t>(i)], value)
+                : nlohmann::ordered_json(value);
+    }
+    return parameters;
+}
+
+}  // namespace
+
+const models::ModelEntry* registered(const std::string& name) {
+    for (const models::ModelEntry& entry : models::registered_models())
+        if (entry.name == name) return &entry;
+    return nullptr;
+}
+
+const FieldTable<ModelBlock>& model_fields() {
+    static const FieldTable<ModelBlock> table = [] {
+        FieldTable<ModelBlock> fields{
+            {key("name", name(),
+                 "One of the models that `orbid models` lists; beside \"equations\" a name of their own.")
+                 .needed_unless("equations"),
+             read_with_model,
+             [](const ModelBlock& block, const Writing&) -> nlohmann::ordered_json { return block.model.name; }},
+            {key("variant", text(), "Of the model; the first that `orbid models NAME` lists unless given.")
+                 .without("equations"),
+             read_with_model,
+             [](const ModelBlock& block, const Writing&) -> nlohmann::ordered_json {
+                 if (block.model.equations) return left_out();
+                 return block.model.variant;
+             }},
+            {key("size", whole(1, models::ModelSize::largest), "Number of coordinates, of a model that leaves it open.")
+                 .without("equations"),
+             read_with_model,
+             [](const ModelBlock& block, const Writing&) -> nlohmann::ordered_json {
+                 if (!block.model.size) return left_out();
+                 return *block.model.size;
+             }},
+            // A number; of equations in the job also with what else is known of the parameter.
+            Field<ModelBlock>{
+                key("parameters", entries(number() | object(keys_of(equation_parameter_fields())), "a parameter"),
+                    "Data are simulated at these values, and fixed parameters keep them; those left out have the "
+                    "defaults of the model.")
+                    .needed_with("equations"),
+                read_with_model, parameters_document}
+                .written_after("units")};
+        const FieldTable<ModelBlock> equations = equations_fields();
+        fields.insert(fields.end(), equations.begin(), equations.end());
+        return fields;
+    }();
+    return table;
+}
+
+}  // namespace describe
+
+namespace {
+
+void resolve_model(const ValueReader& name_value, const std::optional<ValueReader>& variant_value,
+                   const std::optional<ValueReader>& size_value, Job& job) {
+    const auto name = name_value.text();
+    if (!name) return;
+    const models::ModelEntry* entry = describe::registered(*name);
+    if (entry == nullptr) {
+        std::vector<std::string> known;
+        for (const models::ModelEntry& each : models::registered_models())
+            known.emplace_back(each.name);
+        name_value.report(fmt::format("there is no model \"{}\"{}", *name, suggestion(*name, known)));
+        return;
+    }
+    std::string variant;
+    if (variant_value) {
+        const std::vector<std::string> known(entry->variants.begin(), entry->variants.end());
+        if (known.empty()) {
+            // job.json writes "" for a model without variants.
+            if (!variant_value->value().text.empty())
+                variant_value->report(fmt::format("the model {} has no variants", *name));
+        } else if (!variant_value->value().text.empty()) {
+            // "" is the default: a job.json written before the model had variants says so.
+            const auto choice = variant_value->choice(known);
+            if (!choice) return;
+            variant = known[*choice];
+        }
+    }
+    std::optional<std::size_t> size;
+    if (entry->size) size = entry->size->standard;
+    if (size_value && !entry->size) {
+        size_value->report(fmt::format("the number of coordinates of {} is part of its equations", *name));
+    } else if (size_value) {
+        const auto chosen = size_value->whole(entry->size->smallest, models::ModelSize::largest);
+        // A bad size is reported; with the standard one the rest of the job can be checked too.
+        if (chosen) size = static_cast<std::size_t>(*chosen);
+    }
+    job.model.name = *name;
+    job.model.size = size;
+    job.model.system = models::make_system(*name, variant, size);
+    job.model.variant = job.model.system->variant();
+    job.model.values = job.model.system->default_parameters();
+}
+
+}  // namespace
+
+void read_model(ObjectReader& root, Job& job) {
+    const auto value = root.find("model");
+    if (!value) return;
+    const std::size_t before = value->problem_count();
+    ObjectReader object(*value);
+    describe::ModelBlock block;
+    read_fields(object, describe::model_fields(), block, job);
+    const auto name = object.find("name");
+    const auto parameters = object.find("parameters");
+    if (const auto equations = object.find("equations")) {
+        describe::read_equation_names(name, parameters, block);
+        if (const auto data = root.find("data")) block.text.used_outside = names_in_sensors(data->value());
+        // What is no text, name or number cannot be understood further.
+        if (value->sound() && value->problem_count() == before) describe::use_equations(*equations, block, job);
+    } else {
+        if (name) resolve_model(*name, object.find("variant"), object.find("size"), job);
+        if (parameters)
+            for (const ParameterValue& entry : read_parameter_values(*parameters, job))
+                job.model.values[entry.parameter] = entry.value;
+    }
+    object.finish();
+}
+
+}  // namespace orbid::apps
