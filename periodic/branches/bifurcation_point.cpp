@@ -28,6 +28,18 @@ constexpr double smallest_slope = 1e-9;
 /// What equations that were kept regular at a branch point may miss: their rounding errors.
 constexpr double largest_unfolding = 1e-10;
 
+/// How near to -1 or 1 a multiplier is at a doubling or branch point, where its rounding is far smaller. Multipliers
+/// near a homoclinic orbit are as large as the exponential of the period, and their sign may change through infinity.
+constexpr double critical_distance = 1e-2;
+
+/// Whether the multiplier is there that a sign of the determinants promised.
+bool has_critical_multiplier(const CurvePoint& point, Bifurcation bifurcation) {
+    if (bifurcation != Bifurcation::branch_point && bifurcation != Bifurcation::period_doubling) return true;
+    const double wanted = bifurcation == Bifurcation::branch_point ? 1.0 : -1.0;
+    return std::any_of(point.multipliers.begin(), point.multipliers.end(),
+                       [&](const Complex& mu) { return std::abs(mu - wanted) < critical_distance; });
+}
+
 /// Product of (1 + sign mu), relative to the same product of the sizes.
 double determinant(const std::vector<Complex>& multipliers, double sign) {
     Complex product = 1.0;
@@ -157,7 +169,7 @@ LocatedPoint zero_between(const CurvePoint& a, const CurvePoint& b, Bifurcation 
     result.position = best.s;
     // The test function belongs to the orbit before Newton's last step.
     result.parameter_error = change + std::abs(result.point.parameter_slope()) * result.point.last_step;
-    result.found = true;
+    result.found = has_critical_multiplier(result.point, bifurcation);
     return result;
 }
 

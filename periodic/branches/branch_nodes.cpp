@@ -42,6 +42,26 @@ VectorXd scale_along(const CurveSetting& setting, const ShootingMesh& mesh) {
     return default_scale(setting.system, values);
 }
 
+namespace {
+
+/// The same tangent where the orbit begins on another plane: all nodes move along the flow by one time, so that the
+/// first one moves within the plane. Without that, a tangent that is mostly along the flow may come out reversed.
+VectorXd moved_along_flow(const CurvePoint& point, const models::Section& plane) {
+    const CurveSetting& setting = point.curve->setting();
+    const MatrixXd nodes = point.curve->nodes(point.y);
+    const VectorXd theta = setting.theta_at(point.parameter());
+    const Index n = nodes.rows();
+    MatrixXd flow(n, nodes.cols());
+    for (Index j = 0; j < nodes.cols(); ++j)
+        flow.col(j) = setting.system.rhs(nodes.col(j), std::vector<double>{0.0}, theta);
+    VectorXd moved = point.tangent;
+    const double time = plane.normal.dot(moved.head(n)) / plane.normal.dot(flow.col(0));
+    moved.head(flow.size()) -= time * flow.reshaped();
+    return moved;
+}
+
+}  // namespace
+
 CurvePoint with_fitting_nodes(const CurvePoint& point) {
     const OrbitCurve& old = *point.curve;
     const CurveSetting& setting = old.setting();
@@ -62,6 +82,10 @@ CurvePoint with_fitting_nodes(const CurvePoint& point) {
     const VectorXd theta = setting.theta_at(point.parameter());
     // The old tangent where nodes stay; none at new ones.
     VectorXd direction = point.tangent;
+    if (oblique) {
+        phase = plane_across_flow(setting.system, theta, mesh.nodes.col(0));
+        direction = moved_along_flow(point, *phase);
+    }
     if (grows) {
         ShootingMesh finer = refined(setting.system, theta, mesh, setting.solver.segment_growth, setting.solver.flow);
         const auto closing =
@@ -78,7 +102,6 @@ CurvePoint with_fitting_nodes(const CurvePoint& point) {
         direction = lifted;
         mesh = std::move(finer);
     }
-    if (oblique) phase = plane_across_flow(setting.system, theta, mesh.nodes.col(0));
     const auto curve = std::make_shared<const OrbitCurve>(setting, std::move(mesh), turns, scale, phase, old.period());
     const Correction moved =
         curve->corrected(curve->at_mesh(point.parameter()), direction, setting.solver.tolerance, 12);

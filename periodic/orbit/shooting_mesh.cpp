@@ -43,13 +43,28 @@ double time_scale(const models::System& system, const VectorXd& theta, const Vec
     return std::max(x.norm(), 1.0) / std::max(f.norm(), 1e-6);
 }
 
+/// A crossing within this fraction of the next return is the start itself, which rounding has put before the plane.
+constexpr double at_start = 1e-9;
+
+/// The first crossing of a plane by the motion from a state; a state on the plane does not cross it at once.
+models::CrossingResult next_crossing(const models::System& system, const VectorXd& theta, const VectorXd& x,
+                                     const models::Section& plane, const models::FlowOptions& options) {
+    const double longest = longest_return * time_scale(system, theta, x);
+    models::CrossingResult first = system.crossings(x, plane, 1, longest, theta, std::nullopt, options);
+    const bool before = plane.direction * (plane.normal.dot(x) - plane.offset) < 0.0;
+    if (!before || first.status != models::FlowStatus::ok || first.times.size() == 0) return first;
+    models::CrossingResult two = system.crossings(x, plane, 2, longest, theta, std::nullopt, options);
+    if (two.times.size() < 2 || first.times(0) > at_start * two.times(1)) return first;
+    two.times = two.times.tail(1).eval();
+    return two;
+}
+
 void find_segments_between_crossings(const models::System& system, const VectorXd& theta, const StartingSolution& start,
                                      const models::FlowOptions& options, ShootingMesh& mesh) {
     const Index p = mesh.nodes.cols();
     for (Index j = 0; j < p; ++j) {
         const VectorXd x = mesh.nodes.col(j);
-        const auto crossing = system.crossings(x, *start.section, 1, longest_return * time_scale(system, theta, x),
-                                               theta, std::nullopt, options);
+        const auto crossing = next_crossing(system, theta, x, *start.section, options);
         if (crossing.status != models::FlowStatus::ok || crossing.times.size() == 0) {
             mesh.time = time_scale(system, theta, x);
             return;

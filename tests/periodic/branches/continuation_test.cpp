@@ -192,6 +192,22 @@ TEST_CASE("a branch between two doublings is followed once", "[periodic]") {
     }
 }
 
+TEST_CASE("a multiplier that changes its sign through infinity doubles no period", "[periodic][analytic]") {
+    const tests::PoleMap system;
+    StartingSolution start;
+    start.points = MatrixXd::Zero(1, 1);
+    ContinuationOptions options;
+    options.lower = -0.5;
+    options.upper = 0.9;
+    const BifurcationDiagram diagram = follow_branches(system, VectorXd::Constant(1, 0.5), start, options);
+    REQUIRE(diagram.branches.size() == 1);
+    const Branch& branch = diagram.branches[0];
+    // The multiplier goes from 1 / 0.9 to -2 over +-1e7; -1 and 1 lie outside the range.
+    CHECK(branch.points.front().parameter * branch.points.back().parameter < 0.0);
+    for (const BranchPoint& point : branch.points)
+        CHECK(point.bifurcation == Bifurcation::none);
+}
+
 TEST_CASE("an asymmetric branch between two losses of symmetry is followed once", "[periodic]") {
     const tests::ArchMap system;
     StartingSolution start;

@@ -72,6 +72,17 @@ public:
     }
 };
 
+/// x' = x / lambda: the fixed point 0, whose multiplier 1 / lambda changes its sign through infinity.
+class PoleMap : public ClosedFormSystem {
+public:
+    PoleMap()
+        : ClosedFormSystem(models::Kind::map, {models::real("x", "")}, {{"lambda", "", models::any_real, 0.5, ""}}) {}
+    [[nodiscard]] Eigen::VectorXcd advance(const Eigen::VectorXcd& x0, double, double duration,
+                                           const Eigen::VectorXcd& theta) const override {
+        return x0 / std::pow(theta(0), std::lround(duration));
+    }
+};
+
 /// x' = a x (1 - y), y' = x (the delayed logistic map): fixed point x = y = 1 - 1 / a with multipliers of product a - 1
 /// and sum 1, which pass the unit circle at exp(+-i pi / 3) when a = 2.
 /// Source: J. Maynard Smith, Mathematical Ideas in Biology (1968).
