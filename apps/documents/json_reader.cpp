@@ -158,7 +158,7 @@ const ValueSchema* ObjectReader::description_of(std::string_view key) const {
 
 std::optional<ValueReader> ObjectReader::find(std::string_view key) {
     const ValueSchema* described = description_of(key);
-    known_.emplace_back(key);
+    if (!is_in(key, known_)) known_.emplace_back(key);
     if (self_.refused()) return std::nullopt;
     for (const JsonMember& member : self_.value_->members) {
         if (member.key != key) continue;

@@ -167,10 +167,4 @@ std::optional<std::filesystem::path> read_path(const ValueReader& value, const J
     return path;
 }
 
-std::string read_sha256(ObjectReader& object) {
-    const auto value = object.find("sha256");
-    if (!value) return {};
-    return value->text().value_or("");
-}
-
 }  // namespace orbid::apps

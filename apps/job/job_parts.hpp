@@ -23,16 +23,6 @@ void read_orbits(ObjectReader& root, Job& job);
 void read_periodic(ObjectReader& root, Job& job);
 void read_estimate(ObjectReader& root, Job& job);
 
-/// Parts of data.
-/// The noise has an entry per coordinate even if the job is invalid.
-[[nodiscard]] SimulationJob simulation_without_noise(const Job& job);
-[[nodiscard]] SimulationJob read_simulation(const ValueReader& value, const Job& job);
-void read_file(ObjectReader& data, const ValueReader& path, const Job& job, FileJob& file);
-
-/// "inputs" and "interpolation", after the source of the data.
-void read_inputs(ObjectReader& object, const Job& job, DataJob& data);
-[[nodiscard]] models::Sensor read_sensor(const ValueReader& value, const Job& job);
-
 /// Whether any of these experiments (indices into Job::data) reads an angle for the coordinate; without experiments,
 /// whether the coordinate is an angle.
 [[nodiscard]] bool reads_angle(const Job& job, const std::vector<std::size_t>& data, Eigen::Index coordinate);
@@ -131,8 +121,5 @@ template <class Entry>
 
 /// An existing file, made absolute; a missing one is reported as unreadable data.
 [[nodiscard]] std::optional<std::filesystem::path> read_path(const ValueReader& value, const Job& job);
-
-/// The key "sha256" beside a file: 64 hexadecimal digits.
-[[nodiscard]] std::string read_sha256(ObjectReader& object);
 
 }  // namespace orbid::apps

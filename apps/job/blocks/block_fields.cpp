@@ -34,24 +34,6 @@ const FieldTable<MultiStartJob>& multi_start_fields() {
     return table;
 }
 
-const FieldTable<SimulationJob>& samples_fields() {
-    static const FieldTable<SimulationJob> table{
-        open_field(key("step", above(0.0), "Between two samples.").in("s").required_always(), &SimulationJob::step),
-        open_field(
-            key("count", whole(2, most_simulated_points), "Number of samples of a trajectory.").required_always(),
-            &SimulationJob::count)};
-    return table;
-}
-
-const FieldTable<ColumnJob>& column_fields() {
-    static const FieldTable<ColumnJob> table{
-        open_field(key("column", header(), "Its header in the file.").required_always(), &ColumnJob::column),
-        open_field(key("unit", text(), "Of the column; the coordinate's own unless given."), &ColumnJob::unit),
-        field(key("sign", one_of({1.0, -1.0}), "Model value = sign * (column * unit - offset)."), &ColumnJob::sign),
-        field(key("offset", number(), "In the coordinate's unit."), &ColumnJob::offset)};
-    return table;
-}
-
 const FieldTable<models::EquationText::Parameter>& equation_parameter_fields() {
     using Parameter = models::EquationText::Parameter;
     static const FieldTable<Parameter> table{

@@ -3,7 +3,7 @@
 #include <string>
 #include <tuple>
 
-#include "apps/job/blocks/field_table.hpp"
+#include "apps/job/blocks/field_kinds.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/orbits_job.hpp"
@@ -16,9 +16,19 @@ namespace orbid::apps::describe {
 
 [[nodiscard]] const FieldTable<SampleJob>& sample_fields();
 [[nodiscard]] const FieldTable<MultiStartJob>& multi_start_fields();
-/// "samples" of a simulation.
-[[nodiscard]] const FieldTable<SimulationJob>& samples_fields();
-[[nodiscard]] const FieldTable<ColumnJob>& column_fields();
+/// An experiment.
+[[nodiscard]] const FieldTable<DataJob>& data_fields();
+/// "simulate", read after "file", beside which it is refused.
+[[nodiscard]] Field<DataJob> simulation_field();
+/// The noise has an entry per coordinate even if the job is invalid.
+[[nodiscard]] SimulationJob simulation_without_noise(const Job& job);
+/// "file" and what is said of it, "inputs" and "interpolation".
+void add_file_fields(FieldTable<DataJob>& table);
+/// The columns that orbid writes, for a table of which "columns" says nothing.
+void take_default_columns(const Job& job, FileJob& file);
+[[nodiscard]] Field<DataJob> sensor_field();
+/// "initial_state"; DataJob::initial_state has an entry per coordinate before.
+[[nodiscard]] Field<DataJob> initial_state_field();
 /// What is known of a parameter of equations in the job.
 [[nodiscard]] const FieldTable<models::EquationText::Parameter>& equation_parameter_fields();
 [[nodiscard]] const FieldTable<OrbitsJob>& orbits_fields();

@@ -134,25 +134,23 @@ std::optional<Eigen::Index> read_plotted(ObjectReader& object, const Job& job) {
     return choice;
 }
 
-/// Keys that are read together, when all others are.
-void read_later(const ValueReader&, const Job&, ContinuationJob&) {}
-
 }  // namespace
 
 const FieldTable<ContinuationJob>& continuation_fields() {
     using Json = nlohmann::ordered_json;
     static const FieldTable<ContinuationJob> table = [] {
         FieldTable<ContinuationJob> fields{
-            {key("parameter", text(), "The parameter that is followed.").required_always(), read_later,
+            {key("parameter", text(), "The parameter that is followed.").required_always(), read_later<ContinuationJob>,
              [](const ContinuationJob& continuation, const Writing& at) -> Json {
                  return parameter_name(at.job, continuation.options.parameter);
              }},
-            {key("range", list(number(), 2, 2, "[lower, upper]"), "Its values; contains the model's own."), read_later,
+            {key("range", list(number(), 2, 2, "[lower, upper]"), "Its values; contains the model's own."),
+             read_later<ContinuationJob>,
              [](const ContinuationJob& continuation, const Writing&) -> Json {
                  return Json::array({continuation.options.lower, continuation.options.upper});
              }},
-            {key("to", number(), "Where the branch ends that starts at the model's own value."), read_later,
-             [](const ContinuationJob&, const Writing&) { return left_out(); }},
+            {key("to", number(), "Where the branch ends that starts at the model's own value."),
+             read_later<ContinuationJob>, [](const ContinuationJob&, const Writing&) { return left_out(); }},
             refused_field<ContinuationJob>(key("from", anything(), "")
                                                .refuse("a branch starts at the model's own value of the parameter: "
                                                        "\"to\" says where it ends, or \"range\": [lower, upper]")),
@@ -162,16 +160,16 @@ const FieldTable<ContinuationJob>& continuation_fields() {
                   &ContinuationJob::options, &Options::direction),
             {key("orbit", whole(0, most_found), "Of the list in orbits.json, where the branch starts; from 0.")
                  .by_default(0),
-             read_later,
+             read_later<ContinuationJob>,
              [](const ContinuationJob& continuation, const Writing&) -> Json { return continuation.orbit; }},
             {key("step", object(keys_of(step_fields())),
                  "Steps along the branch, relative to the scales and the range."),
              read_step, [](const ContinuationJob& continuation, const Writing& at) {
                  return fields_document(continuation.options, step_fields(), at);
              }}};
-        add_fields_of(
-            fields, branch_fields(), [](auto& continuation) -> auto& { return continuation.options; });
-        fields.push_back({key("plot", text(), "What branch.svg shows: a coordinate, or \"time\"."), read_later,
+        add_fields_of(fields, branch_fields(), &ContinuationJob::options);
+        fields.push_back({key("plot", text(), "What branch.svg shows: a coordinate, or \"time\"."),
+                          read_later<ContinuationJob>,
                           [](const ContinuationJob& continuation, const Writing& at) -> Json {
                               return continuation.plotted ? coordinate_name(at.job, *continuation.plotted) : "time";
                           }});

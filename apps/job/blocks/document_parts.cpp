@@ -1,7 +1,12 @@
 #include "apps/job/blocks/document_parts.hpp"
 
+#include <cmath>
+#include <tuple>
+#include <type_traits>
+#include <variant>
+
 #include "apps/documents/json_text.hpp"
-#include "apps/job/blocks/field_table.hpp"
+#include "apps/job/blocks/block_fields.hpp"
 
 namespace orbid::apps {
 
@@ -45,6 +50,24 @@ Json coordinate_list(const Job& job, const std::vector<Eigen::Index>& indices) {
 
 Json columns_document(const Eigen::MatrixXd& matrix) {
     return json_rows(matrix.transpose());
+}
+
+Json prior_document(const estimator::Prior& prior) {
+    return std::visit(
+        []<class Density>(const Density& density) -> Json {
+            if constexpr (std::is_same_v<Density, estimator::FlatPrior>) {
+                return "flat";
+            } else {
+                const auto& form = std::get<describe::DensityForm<Density>>(describe::density_forms());
+                return {{form.name, fields_document(density, form.fields)}};
+            }
+        },
+        prior);
+}
+
+Json bounds_document(double lower, double upper) {
+    const auto bound = [](double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); };
+    return Json::array({bound(lower), bound(upper)});
 }
 
 }  // namespace orbid::apps

@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -43,105 +44,63 @@ struct Field {
 
     /// In job.json it follows this key, not the one before it in the table.
     [[nodiscard]] Field written_after(std::string other) && {
-        after = std::move(other);
+        write_after = std::move(other);
+        return std::move(*this);
+    }
+    /// It is read after this key, although it is described elsewhere.
+    [[nodiscard]] Field read_after(std::string other) && {
+        later_than = std::move(other);
+        return std::move(*this);
+    }
+    /// What else is checked or set once the value is read.
+    [[nodiscard]] Field with_rule(Read rule) && {
+        read = [first = std::move(read), rule = std::move(rule)](const ValueReader& value, const Job& job,
+                                                                 Block& block) {
+            first(value, job, block);
+            rule(value, job, block);
+        };
+        return std::move(*this);
+    }
+    /// job.json has it only then.
+    [[nodiscard]] Field written_if(std::function<bool(const Block&)> holds) && {
+        write = [all = std::move(write), holds = std::move(holds)](const Block& block, const Writing& at) {
+            return holds(block) ? all(block, at) : left_out();
+        };
         return std::move(*this);
     }
 
     KeySchema key;
-    Read read;    ///< called where the key is there and described rightly
+    Read read;    ///< called where the key is there; what the schema has refused reads as nothing
     Write write;  ///< left_out() where job.json has no such key
-    std::string after;
+    std::string write_after;
+    std::string later_than;
 };
 
-/// The keys of a block in the order of the schema; they are read in this order.
+/// The keys of a block in the order of the schema. They are read and written in this order, unless one says otherwise.
 template <class Block>
 using FieldTable = std::vector<Field<Block>>;
 
-/// The member of a member (of a member ...) of a block: each step is a pointer to a member, or a function.
-template <class Block, class Step, class... Steps>
-[[nodiscard]] auto& member_of(Block& block, const Step& step, const Steps&... steps) {
-    auto& inner = std::invoke(step, block);
-    if constexpr (sizeof...(steps) == 0) {
-        return inner;
-    } else {
-        return member_of(inner, steps...);
+/// Visits all fields: those that name another one in `after` follow it, the others keep their order.
+template <class Block, class Visit>
+void visit_fields(const FieldTable<Block>& fields, std::string Field<Block>::*after, const Visit& visit,
+                  const std::string& previous = "") {
+    for (const Field<Block>& one : fields) {
+        if (one.*after != previous) continue;
+        visit(one);
+        visit_fields(fields, after, visit, one.key.key);
     }
 }
 
-/// A key that is refused with a reason of its own.
+/// The field of a key; nullptr when there is none.
 template <class Block>
-[[nodiscard]] Field<Block> refused_field(KeySchema key) {
-    return {std::move(key), [](const ValueReader&, const Job&, Block&) {},
-            [](const Block&, const Writing&) { return left_out(); }};
+[[nodiscard]] const Field<Block>* find_field(const FieldTable<Block>& fields, std::string_view key) {
+    const auto found = std::find_if(fields.begin(), fields.end(), [&](const auto& one) { return one.key.key == key; });
+    return found != fields.end() ? &*found : nullptr;
 }
 
-/// A number, truth value, text or list whose default is not a fixed one, or that has none. An optional value is
-/// written where it is there.
-template <class Block, class First, class... Rest>
-[[nodiscard]] Field<Block> open_field(KeySchema key, First Block::*first, Rest... rest) {
-    return {std::move(key),
-            [=](const ValueReader& value, const Job&, Block& block) { value.read(member_of(block, first, rest...)); },
-            [=](const Block& block, const Writing&) -> nlohmann::ordered_json {
-                const auto& member = member_of(block, first, rest...);
-                if constexpr (std::is_same_v<std::decay_t<decltype(member)>, std::optional<double>>) {
-                    if (!member) return left_out();
-                    return *member;
-                } else {
-                    return member;
-                }
-            }};
-}
-
-/// The same with the default of the struct.
-template <class Block, class First, class... Rest>
-[[nodiscard]] Field<Block> field(KeySchema key, First Block::*first, Rest... rest) {
-    const Block usual{};
-    const auto& member = member_of(usual, first, rest...);
-    if constexpr (std::is_same_v<std::decay_t<decltype(member)>, std::string>) {
-        key.by_default(member.c_str());
-    } else {
-        key.by_default(member);
-    }
-    return open_field(std::move(key), first, rest...);
-}
-
-/// A text that is written where it is not empty.
+/// For a key that is read by hand, when all others are.
 template <class Block>
-[[nodiscard]] Field<Block> text_field(KeySchema key, std::string Block::*member) {
-    Field<Block> made = open_field(std::move(key), member);
-    made.write = [member](const Block& block, const Writing&) -> nlohmann::ordered_json {
-        if ((block.*member).empty()) return left_out();
-        return block.*member;
-    };
-    return made;
-}
-
-/// One of several names, in the order of the enumeration; `names` must live as long as the table.
-template <class Block, class First, class... Rest>
-[[nodiscard]] Field<Block> choice_field(KeySchema key, const std::vector<std::string>& names, First Block::*first,
-                                        Rest... rest) {
-    const Block usual{};
-    key.value = describe::choice(names);
-    key.by_default(names[static_cast<std::size_t>(member_of(usual, first, rest...))].c_str());
-    return {std::move(key),
-            [=, &names](const ValueReader& value, const Job&, Block& block) {
-                value.choose(names, member_of(block, first, rest...));
-            },
-            [=, &names](const Block& block, const Writing&) -> nlohmann::ordered_json {
-                return names[static_cast<std::size_t>(member_of(block, first, rest...))];
-            }};
-}
-
-/// An existing file beside the job.
-template <class Block>
-[[nodiscard]] Field<Block> file_field(KeySchema key, std::optional<std::filesystem::path> Block::*member) {
-    return {std::move(key),
-            [member](const ValueReader& value, const Job& job, Block& block) { block.*member = read_path(value, job); },
-            [member](const Block& block, const Writing& at) -> nlohmann::ordered_json {
-                if (!(block.*member)) return left_out();
-                return path_text(*(block.*member), at.folder);
-            }};
-}
+void read_later(const ValueReader&, const Job&, Block&) {}
 
 template <class Block>
 [[nodiscard]] std::vector<KeySchema> keys_of(const FieldTable<Block>& fields) {
@@ -151,10 +110,14 @@ template <class Block>
     return keys;
 }
 
+/// Reads the keys that are there. One that belongs to a missing key has been refused, and is not counted as known.
 template <class Block>
 void read_fields(ObjectReader& object, const FieldTable<Block>& fields, Block& block, const Job& job = no_job()) {
-    for (const Field<Block>& one : fields)
+    visit_fields(fields, &Field<Block>::later_than, [&](const Field<Block>& one) {
+        const auto& other = one.key.only_with;
+        if (other && other->values.empty() && !object.find(other->key)) return;
         if (const auto value = object.find(one.key.key)) one.read(*value, job, block);
+    });
 }
 
 /// Reads an object that has these keys alone.
@@ -165,6 +128,14 @@ void read_object(const ValueReader& value, const FieldTable<Block>& fields, Bloc
     object.finish();
 }
 
+/// The same, or the value of one key in the place of the object: "t" for { "column": "t" }.
+template <class Block>
+void read_short_or_object(const ValueReader& value, const std::string& short_key, const FieldTable<Block>& fields,
+                          Block& block, const Job& job = no_job()) {
+    if (value.is(JsonValue::Kind::object)) return read_object(value, fields, block, job);
+    find_field(fields, short_key)->read(value, job, block);
+}
+
 /// Whether a key may stand in an object so far as it is written.
 [[nodiscard]] bool may_be_written(const KeySchema& key, const nlohmann::ordered_json& object);
 
@@ -173,15 +144,10 @@ template <class Block>
 [[nodiscard]] nlohmann::ordered_json fields_document(const Block& block, const FieldTable<Block>& fields,
                                                      const Writing& at = {no_job()}) {
     auto object = nlohmann::ordered_json::object();
-    const auto write = [&](const auto& self, const std::string& after) -> void {
-        for (const Field<Block>& one : fields) {
-            if (one.after != after) continue;
-            if (may_be_written(one.key, object))
-                if (auto value = one.write(block, at); !value.is_discarded()) object[one.key.key] = std::move(value);
-            self(self, one.key.key);
-        }
-    };
-    write(write, "");
+    visit_fields(fields, &Field<Block>::write_after, [&](const Field<Block>& one) {
+        if (!may_be_written(one.key, object)) return;
+        if (auto value = one.write(block, at); !value.is_discarded()) object[one.key.key] = std::move(value);
+    });
     return object;
 }
 
@@ -193,18 +159,6 @@ template <class Block>
     for (const Block& block : blocks)
         list.push_back(fields_document(block, fields, at));
     return list;
-}
-
-/// The fields of a part whose keys stand in the block itself. `access` gives the part of a block, constant or not.
-template <class Block, class Part, class Access>
-void add_fields_of(FieldTable<Block>& table, const FieldTable<Part>& fields, Access access) {
-    for (const Field<Part>& one : fields)
-        table.push_back(
-            {one.key,
-             [&one, access](const ValueReader& value, const Job& job, Block& block) {
-                 one.read(value, job, access(block));
-             },
-             [&one, access](const Block& block, const Writing& at) { return one.write(access(block), at); }});
 }
 
 }  // namespace orbid::apps

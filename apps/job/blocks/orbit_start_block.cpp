@@ -91,8 +91,7 @@ const FieldTable<OrbitStart>& orbit_start_fields() {
              return start.rotation.empty() ? left_out() : Json(start.rotation);
          }},
         // Read when it is known how many there must be.
-        {key("points", list(state()), "One state per period: [[...], ...].").required_always(),
-         [](const ValueReader&, const Job&, OrbitStart&) {},
+        {key("points", list(state()), "One state per period: [[...], ...].").required_always(), read_later<OrbitStart>,
          [](const OrbitStart& start, const Writing&) { return columns_document(start.points); }}};
     return table;
 }

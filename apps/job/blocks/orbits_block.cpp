@@ -28,15 +28,13 @@ std::uint64_t fewest_neighbours_of(std::size_t n, int order) {
     return static_cast<std::uint64_t>(orbits::coefficient_count(static_cast<Eigen::Index>(n), std::max(order, 1))) + 2;
 }
 
-void read_cycle_method(const ValueReader& value, const Job&, OrbitsJob& orbits) {
-    value.choose(cycle_method_names, orbits.search.method);
+void take_paper_defaults(const ValueReader&, const Job&, OrbitsJob& orbits) {
     if (orbits.search.method != Search::Method::closest_return) return;
     orbits.search.box = 0.01;  // the paper's
     orbits.search.minimum_recurrences = 3;
 }
 
-void read_local_map(const ValueReader& value, const Job&, OrbitsJob& orbits) {
-    value.choose(local_map_names, orbits.search.order);
+void check_local_map(const ValueReader& value, const Job&, OrbitsJob& orbits) {
     if (orbits.search.method == Search::Method::closest_return && orbits.search.order > 1)
         value.report("with \"method\": \"closest_return\" maps are linear: must be \"linear\" or left out");
 }
@@ -91,8 +89,7 @@ void read_boundaries(const ValueReader& value, const Job&, orbits::Partition& pa
     }
 }
 
-void read_symbols(const ValueReader& value, const Job&, orbits::Partition& partition) {
-    value.read(partition.symbols);
+void check_symbols(const ValueReader& value, const Job&, orbits::Partition& partition) {
     if (value.is(JsonValue::Kind::string) && partition.symbols.size() != partition.boundaries.size() + 1)
         value.report(fmt::format("must have one character per part: {}, not {}", partition.boundaries.size() + 1,
                                  partition.symbols.size()));
@@ -101,21 +98,17 @@ void read_symbols(const ValueReader& value, const Job&, orbits::Partition& parti
 const FieldTable<orbits::Partition>& partition_fields() {
     using orbits::Partition;
     static const FieldTable<Partition> table{
-        {key("coordinate", text(), "The coordinate whose value decides about the symbol.").required_always(),
-         [](const ValueReader& value, const Job& job, Partition& partition) {
-             const auto word = value.text();
-             if (!word) return;
-             partition.coordinate = coordinate_named(*word, value, job).value_or(0);
-             if (job.section_plane && partition.coordinate == job.section_plane->coordinate)
-                 value.report("has the same value at all points of the section; must be another coordinate");
-         },
-         [](const Partition& partition, const Writing& at) -> Json {
-             return coordinate_name(at.job, partition.coordinate);
-         }},
+        coordinate_field(
+            key("coordinate", text(), "The coordinate whose value decides about the symbol.").required_always(),
+            &Partition::coordinate)
+            .with_rule([](const ValueReader& value, const Job& job, Partition& partition) {
+                if (job.section_plane && partition.coordinate == job.section_plane->coordinate)
+                    value.report("has the same value at all points of the section; must be another coordinate");
+            }),
         {key("boundaries", list(number()), "Values between the parts, ascending.").required_always(), read_boundaries,
          [](const Partition& partition, const Writing&) -> Json { return partition.boundaries; }},
-        {key("symbols", text(), "One character per part, from below.").required_always(), read_symbols,
-         [](const Partition& partition, const Writing&) -> Json { return partition.symbols; }}};
+        open_field(key("symbols", text(), "One character per part, from below.").required_always(), &Partition::symbols)
+            .with_rule(check_symbols)};
     return table;
 }
 
@@ -168,13 +161,11 @@ std::optional<models::Symmetry> section_symmetry(const Job& job) {
 FieldTable<OrbitsJob> cycle_search_fields() {
     const auto search = &OrbitsJob::search;
     FieldTable<OrbitsJob> table{
-        {key("method", choice(cycle_method_names),
-             "How the map of the section onto itself is told from the data; \"closest_return\" is the paper's way.")
-             .by_default("auto"),
-         read_cycle_method,
-         [](const OrbitsJob& orbits, const Writing&) -> Json {
-             return name_of(orbits.search.method, cycle_method_names);
-         }},
+        choice_field(
+            key("method", {},
+                "How the map of the section onto itself is told from the data; \"closest_return\" is the paper's way."),
+            cycle_method_names, search, &Search::method)
+            .with_rule(take_paper_defaults),
         {key("periods", periods(), "The periods that are searched for.").by_default(Search{}.periods),
          [](const ValueReader& value, const Job&, OrbitsJob& orbits) {
              orbits.search.periods = read_periods(value).value_or(orbits.search.periods);
@@ -183,13 +174,9 @@ FieldTable<OrbitsJob> cycle_search_fields() {
         field(key("box", between(0.0, 0.5),
                   "Linear size of a recurrence box relative to the range of the series; 0.01 with \"closest_return\"."),
               search, &Search::box),
-        Field<OrbitsJob>{key("local_map", choice(local_map_names),
-                             "Order of the local maps; left to the data, cycle by cycle, with \"auto\".")
-                             .by_default("auto"),
-                         read_local_map,
-                         [](const OrbitsJob& orbits, const Writing&) -> Json {
-                             return name_of(orbits.search.order, local_map_names);
-                         }}
+        choice_field(key("local_map", {}, "Order of the local maps; left to the data, cycle by cycle, with \"auto\"."),
+                     local_map_names, search, &Search::order)
+            .with_rule(check_local_map)
             .written_after("neighbours"),
         {key("neighbours", whole(fewest_neighbours, most_neighbours),
              "Points of a local fit: at least its coefficients and two more; chosen by the data unless given."),
@@ -209,14 +196,9 @@ FieldTable<OrbitsJob> cycle_search_fields() {
              "Standard deviations of a reading, of all coordinates that the section has.")
              .by_default("estimate"),
          read_reading_error, reading_error_document},
-        {key("partition", object(keys_of(partition_fields())), "Names parts of the section, so that cycles get codes."),
-         [](const ValueReader& value, const Job& job, OrbitsJob& orbits) {
-             read_object(value, partition_fields(), orbits.search.partition.emplace(), job);
-         },
-         [](const OrbitsJob& orbits, const Writing& at) {
-             return orbits.search.partition ? fields_document(*orbits.search.partition, partition_fields(), at)
-                                            : left_out();
-         }},
+        object_field<OrbitsJob>(
+            key("partition", {}, "Names parts of the section, so that cycles get codes."), partition_fields(),
+            [](auto& orbits) -> auto& { return orbits.search.partition; }),
         {key("invariants", boolean() | object(keys_of(invariants_fields())),
              "Exponents, dimensions and entropies of the series.")
              .by_default(false),

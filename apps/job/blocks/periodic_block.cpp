@@ -56,13 +56,12 @@ const FieldTable<periodic::ShootingOptions>& solver_fields() {
     static const FieldTable<Solver> table{
         field(key("tolerance", above(0.0), "Of the closing error, relative to the scales."), &Solver::tolerance),
         field(key("maximum_iterations", whole(1, most_iterations), "Newton steps."), &Solver::maximum_iterations),
-        {key("maximum_distance", above(0.0),
-             "An orbit farther from its start than this, relative to the scales, counts as another one; any unless "
-             "given."),
-         [](const ValueReader& value, const Job&, Solver& solver) { value.read(solver.maximum_distance); },
-         [](const Solver& solver, const Writing&) {
-             return std::isfinite(solver.maximum_distance) ? Json(solver.maximum_distance) : left_out();
-         }}};
+        open_field(
+            key("maximum_distance", above(0.0),
+                "An orbit farther from its start than this, relative to the scales, counts as another one; any unless "
+                "given."),
+            &Solver::maximum_distance)
+            .written_if([](const Solver& solver) { return std::isfinite(solver.maximum_distance); })};
     return table;
 }
 

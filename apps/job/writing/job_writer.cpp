@@ -23,7 +23,7 @@ Json job_document(const Job& job, const std::filesystem::path& folder, const Ver
     // The default is not written: fingerprints and bytes of stored runs are older than this key.
     if (job.stepper != FlowStepper::verner) document["flow"] = fields_document(job, describe::flow_fields());
     for (const DataJob& data : job.data)
-        document["data"].push_back(detail::data_document(job, data, folder));
+        document["data"].push_back(fields_document(data, describe::data_fields(), {job, folder}));
     if (job.orbits) document["orbits"] = fields_document(*job.orbits, describe::orbits_fields(), {job, folder});
     if (job.periodic) document["periodic"] = fields_document(*job.periodic, describe::periodic_fields(), {job, folder});
     if (job.estimate) document["estimate"] = detail::estimate_document(job);

@@ -24,20 +24,15 @@ namespace orbid::apps {
 namespace detail {
 
 // Blocks of the document, one per file of the writer.
-[[nodiscard]] nlohmann::ordered_json data_document(const Job& job, const DataJob& data,
-                                                   const std::filesystem::path& folder);
 [[nodiscard]] nlohmann::ordered_json estimate_document(const Job& job);
 /// "errors" and "covariance" of a residual.
 void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::vector<CovarianceJob>& covariances,
                 nlohmann::ordered_json& residual);
 /// A sd as in "errors": a number, or { "estimate": { "start", "prior" } }.
 [[nodiscard]] nlohmann::ordered_json scale_document(const estimator::ErrorScale& scale);
-[[nodiscard]] nlohmann::ordered_json prior_document(const estimator::Prior& prior);
 [[nodiscard]] nlohmann::ordered_json joint_priors_document(const std::vector<estimator::JointNormalPrior>& priors);
 /// A tied parameter has only its tie.
 [[nodiscard]] nlohmann::ordered_json tie_document(const estimator::FreeParameter& parameter);
-/// [lower, upper], null where infinite.
-[[nodiscard]] nlohmann::ordered_json bounds_document(double lower, double upper);
 
 }  // namespace detail
 

@@ -1,7 +1,3 @@
-#include <tuple>
-#include <type_traits>
-#include <variant>
-
 #include "apps/documents/json_text.hpp"
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/writing/job_writer.hpp"
@@ -58,19 +54,6 @@ void add_errors(const Job& job, const std::vector<ErrorJob>& errors, const std::
                 {"inverse_wishart", {{"dof", covariance.dof}, {"matrix", json_rows(covariance.psi)}}}};
         }
     }
-}
-
-Json prior_document(const estimator::Prior& prior) {
-    return std::visit(
-        []<class Density>(const Density& density) -> Json {
-            if constexpr (std::is_same_v<Density, estimator::FlatPrior>) {
-                return "flat";
-            } else {
-                const auto& form = std::get<describe::DensityForm<Density>>(describe::density_forms());
-                return {{form.name, fields_document(density, form.fields)}};
-            }
-        },
-        prior);
 }
 
 Json joint_priors_document(const std::vector<estimator::JointNormalPrior>& priors) {

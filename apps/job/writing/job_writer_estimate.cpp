@@ -1,5 +1,3 @@
-#include <cmath>
-
 #include "apps/documents/json_text.hpp"
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/writing/job_writer.hpp"
@@ -9,10 +7,6 @@ namespace orbid::apps::detail {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-Json bound_document(double bound) {
-    return std::isfinite(bound) ? Json(bound) : Json(nullptr);
-}
 
 Json choice_document(const ParameterChoice& choice) {
     return choice.names.empty() ? Json(choice.all) : Json(choice.names);
@@ -115,10 +109,6 @@ Json residuals_document(const Job& job, const EstimateJob& estimate) {
 }
 
 }  // namespace
-
-Json bounds_document(double lower, double upper) {
-    return Json::array({bound_document(lower), bound_document(upper)});
-}
 
 Json estimate_document(const Job& job) {
     const EstimateJob& estimate = *job.estimate;

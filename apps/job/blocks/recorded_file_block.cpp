@@ -1,0 +1,227 @@
+#include <algorithm>
+#include <cctype>
+
+#include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/blocks/job_schema.hpp"
+#include "orbits/records/unit.hpp"
+
+namespace orbid::apps::describe {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Sampling = orbits::Series::Sampling;
+
+std::string extension(const std::filesystem::path& path) {
+    std::string text = path.extension().string();
+    for (char& c : text)
+        c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return text;
+}
+
+/// Its unit is the coordinate's until it is read.
+void read_unit(const ValueReader& value, const Job&, ColumnJob& column) {
+    const std::string own = column.unit;
+    value.read(column.unit);
+    if (!orbits::unit_factor(column.unit, own))
+        value.report(
+            fmt::format("unit \"{}\" cannot be turned into {}; known: {}", column.unit, own, orbits::units_like(own)));
+}
+
+const FieldTable<ColumnJob>& column_fields() {
+    static const FieldTable<ColumnJob> table{
+        open_field(key("column", header(), "Its header in the file.").required_always(), &ColumnJob::column),
+        {key("unit", text(), "Of the column; the coordinate's own unless given."), read_unit,
+         [](const ColumnJob& column, const Writing&) -> Json { return column.unit; }},
+        field(key("sign", one_of({1.0, -1.0}), "Model value = sign * (column * unit - offset)."), &ColumnJob::sign),
+        field(key("offset", number(), "In the coordinate's unit."), &ColumnJob::offset)};
+    return table;
+}
+
+ValueSchema column() {
+    return named("column", header() | object(keys_of(column_fields())));
+}
+
+/// "theta", or { "column": "theta", "unit": "deg", "sign": -1, "offset": 3.14 }.
+ColumnJob read_column(const ValueReader& value, Eigen::Index index, const models::Coordinate& entry) {
+    ColumnJob column;
+    column.coordinate = index;
+    column.unit = entry.unit;
+    read_short_or_object(value, "column", column_fields(), column);
+    return column;
+}
+
+template <class Table>
+const FieldTable<Table>& time_fields() {
+    static const FieldTable<Table> table{
+        open_field(key("column", header(), "Its header in the file.").required_always(), &Table::time_column),
+        field(key("unit", text(), "Of the time."), &Table::time_unit)
+            .with_rule([](const ValueReader& value, const Job&, Table& read) {
+                if (!orbits::unit_factor(read.time_unit, "s"))
+                    value.report(
+                        fmt::format("unit \"{}\" is no time; known: {}", read.time_unit, orbits::units_like("s")));
+            })};
+    return table;
+}
+
+/// The column of the time in a table: "t", or { "column": "t", "unit": "ms" }.
+template <class Table>
+Field<Table> time_field(KeySchema described) {
+    described.value = named("time_column", header() | object(keys_of(time_fields<Table>())));
+    return {std::move(described),
+            [](const ValueReader& value, const Job&, Table& table) {
+                read_short_or_object(value, "column", time_fields<Table>(), table);
+            },
+            [](const Table& table, const Writing&) {
+                return table.time_column.empty() ? left_out() : fields_document(table, time_fields<Table>());
+            }};
+}
+
+/// Of "columns", beside the coordinates.
+const FieldTable<FileJob>& table_fields() {
+    static const FieldTable<FileJob> table{
+        text_field(key("segment", header(), "The column that numbers or names the segments."),
+                   &FileJob::segment_column),
+        time_field<FileJob>(key("time", {}, "The column of the time; samples need one."))};
+    return table;
+}
+
+void read_columns(const ValueReader& value, const Job& job, FileJob& file) {
+    if (!file.table) return value.report("belongs to a table in text; an HDF5 file says itself what its columns are");
+    for (const auto& [name, member] : value.members()) {
+        if (const auto* own = find_field(table_fields(), name)) {
+            own->read(member, job, file);
+        } else if (const auto coordinate = coordinate_named(name, member, job)) {
+            file.columns.push_back(read_column(member, *coordinate, job.model.coordinate(*coordinate)));
+        }
+    }
+    std::sort(file.columns.begin(), file.columns.end(),
+              [](const ColumnJob& a, const ColumnJob& b) { return a.coordinate < b.coordinate; });
+    if (job.model.system && file.columns.empty() && value.is(JsonValue::Kind::object))
+        value.report("must name the column of at least one coordinate of the model");
+    if (file.sampling == Sampling::samples && file.time_column.empty())
+        value.report("samples need the column of the time: \"time\": \"t\"");
+}
+
+Json columns_of_table(const FileJob& file, const Writing& at) {
+    Json columns = fields_document(file, table_fields(), at);
+    for (const ColumnJob& column : file.columns)
+        columns[coordinate_name(at.job, column.coordinate)] = fields_document(column, column_fields());
+    return columns;
+}
+
+void check_sampling(const ValueReader& value, const Job& job, FileJob& file) {
+    if (job.model.is(models::Kind::map) && file.sampling == Sampling::samples)
+        value.report(fmt::format("the model {} is a map: it has no samples in time; its iterates are a \"section\"",
+                                 job.model.name));
+}
+
+/// What else is said of a file.
+const FieldTable<FileJob>& recorded_file_fields() {
+    static const FieldTable<FileJob> table{
+        text_field(key("sha256", sha256(), "Of the file: refused if it has changed.").with("file"), &FileJob::sha256),
+        choice_field(key("kind", {}, "One reading per period of the forcing, or samples in time.")
+                         .with("file")
+                         .required_always(),
+                     sampling_names, &FileJob::sampling)
+            .with_rule(check_sampling),
+        Field<FileJob>{key("columns", entries(column(), "a coordinate of the model", keys_of(table_fields())),
+                           "Which column of a table is what; unless given those that orbid writes.")
+                           .with("file"),
+                       read_columns, columns_of_table}
+            .written_if([](const FileJob& file) { return file.table; }),
+        word_field(key("missing", {}, "What marks a missing sample; \"nan\": that word too.").with("file"),
+                   {{false, "empty"}, {true, "nan"}}, &FileJob::nan_is_missing)};
+    return table;
+}
+
+void read_recorded_file(const ValueReader& value, const Job& job, DataJob& data) {
+    data.simulation.reset();
+    FileJob& file = data.file.emplace();
+    const auto path = read_path(value, job);
+    if (!path) return;
+    file.path = *path;
+    const std::string type = extension(*path);
+    file.table = type == ".csv" || type == ".tsv" || type == ".txt";
+    if (!file.table && type != ".h5" && type != ".hdf5")
+        value.report(fmt::format("files end in .csv, .tsv, .txt, .h5 or .hdf5, not in \"{}\"", type));
+}
+
+/// Of "inputs", beside the inputs themselves.
+const FieldTable<InputJob>& input_file_fields() {
+    static const FieldTable<InputJob> table{
+        file_field(key("file", file_name(), "A table of their own; left out, they stand in the table of the data."),
+                   &InputJob::file),
+        text_field(key("sha256", sha256(), "Of that file: refused if it has changed.").with("file"), &InputJob::sha256),
+        time_field<InputJob>(key("time", {}, "Its column of the time.").with("file").by_default("t"))};
+    return table;
+}
+
+/// Inputs without a file stand in the table of the data.
+void check_input_source(const ValueReader& value, const DataJob& data) {
+    if (data.simulation) {
+        value.report("inputs of a simulation need a \"file\" with their record");
+    } else if (!data.file->table) {
+        value.report("inputs come from a table in text; beside an HDF5 file name their own: \"file\": \"inputs.csv\"");
+    }
+}
+
+void read_inputs(const ValueReader& value, const Job& job, DataJob& data) {
+    InputJob& input = data.inputs.emplace();
+    const auto inputs = job.model.system ? job.model.system->inputs() : std::span<const models::Coordinate>{};
+    if (job.model.system && inputs.empty())
+        return value.report(fmt::format("the model {}{} reads no measured inputs", job.model.name,
+                                        job.model.variant.empty() ? "" : ", variant " + job.model.variant + ","));
+    if (data.sampling() == Sampling::section) value.report_later("measured inputs of a section series");
+    ObjectReader columns(value);
+    read_fields(columns, input_file_fields(), input, job);
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+        const auto column = columns.require(inputs[i].name, "the column of this input");
+        if (column) input.columns.push_back(read_column(*column, static_cast<Eigen::Index>(i), inputs[i]));
+    }
+    if (!columns.find("file")) check_input_source(value, data);
+    // Without the model its inputs would be called unknown.
+    if (job.model.system) columns.finish();
+}
+
+Json inputs_document(const DataJob& data, const Writing& at) {
+    if (!data.inputs) return left_out();
+    Json inputs = fields_document(*data.inputs, input_file_fields(), at);
+    for (const ColumnJob& column : data.inputs->columns) {
+        const auto& entry = at.job.model.system->inputs()[static_cast<std::size_t>(column.coordinate)];
+        inputs[std::string(entry.name)] = fields_document(column, column_fields());
+    }
+    return inputs;
+}
+
+}  // namespace
+
+void add_file_fields(FieldTable<DataJob>& table) {
+    static const FieldTable<InputJob> interpolation{
+        choice_field(key("interpolation", {}, "Of the inputs between their samples.").with("inputs"),
+                     interpolation_names, &InputJob::interpolation)};
+    table.push_back({key("file", file_name(), "Recorded data: .csv, .tsv, .txt, .h5 or .hdf5, relative to the job."),
+                     read_recorded_file, [](const DataJob& data, const Writing& at) {
+                         return data.file ? Json(path_text(data.file->path, at.folder)) : left_out();
+                     }});
+    add_fields_of(
+        table, recorded_file_fields(), [](auto& data) -> auto& { return *data.file; });
+    table.push_back({key("inputs", entries(column(), "an input of the model", keys_of(input_file_fields())),
+                         "Columns of the measured inputs that the model reads."),
+                     read_inputs, inputs_document});
+    add_fields_of(
+        table, interpolation, [](auto& data) -> auto& { return *data.inputs; });
+}
+
+void take_default_columns(const Job& job, FileJob& file) {
+    file.segment_column = "segment";
+    const bool autonomous = job.model.is(models::Kind::autonomous);
+    if (file.sampling == Sampling::samples || autonomous) file.time_column = "t";
+    if (!job.model.system) return;
+    for (const models::Coordinate& coordinate : job.model.system->coordinates()) {
+        const auto index = static_cast<Eigen::Index>(file.columns.size());
+        file.columns.push_back({index, std::string(coordinate.name), std::string(coordinate.unit), 1, 0.0});
+    }
+}
+
+}  // namespace orbid::apps::describe
