@@ -1,5 +1,6 @@
 #include "apps/results/branch_file.hpp"
 
+#include <cmath>
 #include <optional>
 
 #include <fmt/format.h>
@@ -22,6 +23,11 @@ Json place_json(const BranchPlace& place) {
     return Json::array({place.branch, place.point});
 }
 
+/// Orbits per second; per iteration of a map.
+double frequency(const BranchPoint& point) {
+    return 1.0 / point.orbit.time;
+}
+
 Json point_json(const BranchPoint& point) {
     const bool located = point.bifurcation != Bifurcation::none;
     return {{"parameter", point.parameter},
@@ -33,7 +39,22 @@ Json point_json(const BranchPoint& point) {
             {"multipliers", detail::complex_pairs(point.orbit.multipliers)},
             {"unstable", point.unstable},
             {"bifurcation", located ? Json(periodic::name(point.bifurcation)) : Json(nullptr)},
-            {"parameter_error", located ? Json(point.parameter_error) : Json(nullptr)}};
+            {"parameter_error", located ? Json(point.parameter_error) : Json(nullptr)},
+            {"frequency", frequency(point)},
+            {"amplitude", point.amplitude.mean.size() > 0 ? detail::amplitude_json(point.amplitude) : Json(nullptr)}};
+}
+
+/// The columns of branch.csv behind the coordinates; cells of what is not known are empty.
+std::string amplitude_cells(const BranchPoint& point, std::size_t coordinates) {
+    std::string text = fmt::format(",{}", frequency(point));
+    const periodic::OrbitAmplitude& of = point.amplitude;
+    for (std::size_t i = 0; i < coordinates; ++i)
+        for (const Eigen::VectorXd* values : {&of.maximum, &of.minimum, &of.mean, &of.half_range, &of.rms}) {
+            const auto index = static_cast<Eigen::Index>(i);
+            const bool known = index < values->size() && std::isfinite((*values)(index));
+            text += known ? fmt::format(",{}", (*values)(index)) : std::string(",");
+        }
+    return text;
 }
 
 Json cascades_json(const std::vector<Branch>& branches) {
@@ -67,6 +88,7 @@ BranchPoint point_of(const nlohmann::json& json) {
         point.bifurcation = detail::named(json["bifurcation"].get<std::string>(), Bifurcation::branch_point).value();
         point.parameter_error = detail::number_of(json.at("parameter_error"));
     }
+    point.amplitude = detail::amplitude_from(json);
     return point;
 }
 
@@ -107,6 +129,10 @@ std::string branches_csv(const CycleFileHead& head, const models::Parameter& par
         parameter.name);
     for (const auto& coordinate : head.coordinates)
         text += "," + coordinate.name;
+    text += ",frequency";
+    for (const auto& coordinate : head.coordinates)
+        for (const char* measure : {"max", "min", "mean", "half_range", "rms"})
+            text += fmt::format(",{}_{}", coordinate.name, measure);
     text += '\n';
     for (std::size_t b = 0; b < followed.branches.size(); ++b) {
         const auto& points = followed.branches[b].points;
@@ -118,11 +144,13 @@ std::string branches_csv(const CycleFileHead& head, const models::Parameter& par
                                                                             orbit.multipliers[0].imag());
             const std::string_view bifurcation =
                 point.bifurcation == Bifurcation::none ? std::string_view() : periodic::name(point.bifurcation);
+            const std::string amplitude = amplitude_cells(point, head.coordinates.size());
             for (Eigen::Index j = 0; j < orbit.points.cols(); ++j) {
                 text += fmt::format("{},{},{},{},{},{},{},{},{},{}", b, k, point.parameter, point.arclength,
                                     orbit.period, orbit.time, point.unstable, bifurcation, multiplier, j);
                 for (Eigen::Index i = 0; i < orbit.points.rows(); ++i)
                     text += fmt::format(",{}", orbit.points(i, j));
+                text += amplitude;
                 text += '\n';
             }
         }

@@ -15,12 +15,14 @@ namespace orbid::apps {
 /// errors and the ratios of their intervals). Of a branch: `origin` ([branch, point] it was switched to at, or null),
 /// `ends` (why it ended, before the first and after the last point), `points`; of a point `parameter`, `arclength`,
 /// `period`, `rotation`, `time` [s], `points` (one list of coordinates per period), `multipliers`, `unstable`,
-/// `bifurcation` (null on ordinary points), `parameter_error` (of located bifurcations, else null).
+/// `bifurcation` (null on ordinary points), `parameter_error` (of located bifurcations, else null), `frequency` [Hz]
+/// (1 / time) and `amplitude` (`max`, `min`, `mean`, `half_range`, `rms` of the coordinates, or null).
 [[nodiscard]] std::string branches_text(const CycleFileHead& head, const models::Parameter& parameter, double lower,
                                         double upper, const FollowedBranches& followed);
 
 /// The same as a table, one line per point of the section: branch, point, the parameter, arclength, period, time,
-/// unstable, bifurcation, the largest multiplier, which point of the orbit, and its coordinates.
+/// unstable, bifurcation, the largest multiplier, which point of the orbit, its coordinates, the frequency, and the
+/// amplitude of each coordinate.
 [[nodiscard]] std::string branches_csv(const CycleFileHead& head, const models::Parameter& parameter,
                                        const FollowedBranches& followed);
 

@@ -8,6 +8,7 @@
 
 #include "models/system/system.hpp"
 #include "periodic/orbit/orbit.hpp"
+#include "periodic/orbit/orbit_amplitude.hpp"
 #include "periodic/stability/stability.hpp"
 
 namespace orbid::apps {
@@ -23,6 +24,8 @@ struct ComputedOrbit {
     std::size_t hits = 1;       ///< starts of the search that led to it
     std::optional<int> mirror;  ///< index of its mirror image in the list, its own when symmetric
     bool computed = true;       ///< false: the run was interrupted before its turn
+    /// Of the coordinates; empty where it was not computed.
+    periodic::OrbitAmplitude amplitude{};
 
     [[nodiscard]] bool searched() const { return origin != "start" && origin != "cycle"; }
     [[nodiscard]] bool converged() const { return computed && orbit.status == periodic::OrbitStatus::converged; }

@@ -62,6 +62,10 @@ Json orbit_json(const CycleFileHead& head, const ComputedOrbit& computed, std::s
     out["distance"] = orbit.distance;
     if (computed.stability) add_stability(*computed.stability, parameters, out);
     out["sensitivities"] = detail::rows_or_null(orbit.sensitivities);
+    if (computed.amplitude.mean.size() > 0) {
+        out["frequency"] = orbit.time > 0.0 ? Json(1.0 / orbit.time) : Json(nullptr);
+        out["amplitude"] = detail::amplitude_json(computed.amplitude);
+    }
     return out;
 }
 
@@ -84,6 +88,7 @@ ComputedOrbit orbit_of(const nlohmann::json& json) {
     orbit.residual = detail::number_of(json.at("residual"));
     orbit.iterations = json.at("iterations").get<int>();
     orbit.distance = detail::number_of(json.at("distance"));
+    computed.amplitude = detail::amplitude_from(json);
     if (json.contains("unstable")) {
         computed.stability.emplace();
         computed.stability->unstable = json["unstable"].get<int>();
@@ -109,6 +114,26 @@ Eigen::MatrixXd columns_of(const nlohmann::json& rows) {
         for (Eigen::Index i = 0; i < columns.rows(); ++i)
             columns(i, j) = number_of(rows.at(static_cast<std::size_t>(j)).at(static_cast<std::size_t>(i)));
     return columns;
+}
+
+Json amplitude_json(const periodic::OrbitAmplitude& amplitude) {
+    return {{"max", json_list(amplitude.maximum)},
+            {"min", json_list(amplitude.minimum)},
+            {"mean", json_list(amplitude.mean)},
+            {"half_range", json_list(amplitude.half_range)},
+            {"rms", json_list(amplitude.rms)}};
+}
+
+periodic::OrbitAmplitude amplitude_from(const nlohmann::json& orbit) {
+    if (!orbit.contains("amplitude") || orbit["amplitude"].is_null()) return {};
+    const auto values = [&](const char* key) {
+        const nlohmann::json& list = orbit["amplitude"].at(key);
+        Eigen::VectorXd result(static_cast<Eigen::Index>(list.size()));
+        for (std::size_t i = 0; i < list.size(); ++i)
+            result(static_cast<Eigen::Index>(i)) = number_of(list[i]);
+        return result;
+    };
+    return {values("max"), values("min"), values("mean"), values("half_range"), values("rms")};
 }
 
 std::vector<std::complex<double>> complex_of(const nlohmann::json& pairs) {

@@ -12,10 +12,11 @@ namespace orbid::apps {
 
 /// Content of orbits.json: the layout of cycles.json for computed orbits. Of an orbit also `status`, `message` (what
 /// was found instead), `residual`, `iterations`, `distance` (from the start), `sensitivities` (shape (n p, f), columns
-/// named by the top-level key `parameters`), `origin` and `hits` of a search; of flows without forcing `times` (of the
-/// points), `time_sensitivities` and `trivial_multiplier`; with stability `unstable`, `bifurcation_near`, `directions`
-/// (per point, per multiplier, per coordinate [re, im]) and `ln_multiplier_sensitivities` (per multiplier, columns as
-/// above). A search adds `search`: starts solved, trajectories captured, periods not settled, index sums.
+/// named by the top-level key `parameters`), `frequency` [Hz] and `amplitude` where it was found, `origin` and `hits`
+/// of a search; of flows without forcing `times` (of the points), `time_sensitivities` and `trivial_multiplier`; with
+/// stability `unstable`, `bifurcation_near`, `directions` (per point, per multiplier, per coordinate [re, im]) and
+/// `ln_multiplier_sensitivities` (per multiplier, columns as above). A search adds `search`: starts solved,
+/// trajectories captured, periods not settled, index sums.
 ///
 /// @param parameters  names of the f free parameters of the sensitivities.
 /// @throws std::invalid_argument when an orbit's shapes do not fit its period, the coordinates and the parameters.
@@ -50,6 +51,11 @@ template <class Enum>
 [[nodiscard]] double number_of(const nlohmann::json& value);
 /// [[re, im], ...]
 [[nodiscard]] std::vector<std::complex<double>> complex_of(const nlohmann::json& pairs);
+/// `max`, `min`, `mean`, `half_range` and `rms`, one number per coordinate; undefined ones are null.
+[[nodiscard]] nlohmann::ordered_json amplitude_json(const periodic::OrbitAmplitude& amplitude);
+/// The key `amplitude` of an orbit or a point of a branch; empty when it has none.
+/// @throws nlohmann::json::exception when it is something else.
+[[nodiscard]] periodic::OrbitAmplitude amplitude_from(const nlohmann::json& orbit);
 
 }  // namespace detail
 

@@ -62,6 +62,9 @@ ComputedOrbit computed_from(const Job& job, const periodic::StartingSolution& st
         // Directions of the points that are listed.
         if (start.time > 0.0 && computed.stability->directions.size() > 1) computed.stability->directions.resize(1);
     }
+    if (computed.converged())
+        computed.amplitude =
+            periodic::amplitude_of(system, job.model.values, job.section_phase, computed.orbit, models::FlowOptions{});
     computed.message = orbit_message(computed.orbit, start.rotation);
     show_in_list(computed.orbit, start);
     return computed;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "periodic/orbit/orbit.hpp"
+#include "periodic/orbit/orbit_amplitude.hpp"
 #include "periodic/stability/stability.hpp"
 
 #pragma GCC visibility push(default)
@@ -22,6 +23,7 @@ struct BranchPoint {
     Bifurcation bifurcation = Bifurcation::none;
     /// Located bifurcations: estimated error of `parameter` (the last step of the location). 0 on ordinary points.
     double parameter_error = 0.0;
+    OrbitAmplitude amplitude{};  ///< of the coordinates; empty when it could not be computed
 };
 
 /// Why a branch ended.

@@ -111,6 +111,17 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
     return with_fitting_nodes(point);
 }
 
+/// How far the coordinates move along an orbit; empty if the flow is left after a stop was requested.
+OrbitAmplitude amplitude_at(const CurvePoint& point) {
+    const CurveSetting& setting = point.curve->setting();
+    try {
+        return amplitude_of(setting.system, setting.theta_at(point.parameter()), point.curve->mesh_at(point.y),
+                            setting.solver.flow);
+    } catch (const models::Stopped&) {
+        return {};
+    }
+}
+
 /// A branch ended at this bifurcation when it was followed from elsewhere.
 bool ends_at(const BranchSwitch& start, const Followed& branch) {
     // Both were located, but along the other branch the parameter is stationary, and the place known to the root of
@@ -160,7 +171,7 @@ public:
             Branch branch{setting_.parameter, {}, followed.first, followed.last, followed.origin};
             for (const WalkPoint& at : followed.points)
                 branch.points.push_back({at.point.parameter(), at.arclength, reported(at.point), at.point.unstable(),
-                                         at.bifurcation, at.parameter_error});
+                                         at.bifurcation, at.parameter_error, amplitude_at(at.point)});
             result.push_back(std::move(branch));
         }
         return result;

@@ -116,9 +116,11 @@ TEST_CASE("branches are written, tabulated and read back", "[apps]") {
     CHECK_FALSE(apps::stored_branches(unknown));
 
     const std::string csv = apps::branches_csv(head(), omega, followed());
-    CHECK_THAT(csv, ContainsSubstring("section,phi,phi_dot\n0,0,13,0,1,") &&
-                        ContainsSubstring("\n0,1,12,1,1,0.6666666666666666,0,period_doubling,-1,0,0,") &&
-                        ContainsSubstring("\n1,1,11,2,2,1.3333333333333333,0,,-0.5,0,1,"));
+    CHECK_THAT(csv,
+               ContainsSubstring("section,phi,phi_dot,frequency,phi_max,phi_min,phi_mean,phi_half_range,phi_rms,") &&
+                   ContainsSubstring("phi_dot_rms\n0,0,13,0,1,") &&
+                   ContainsSubstring("\n0,1,12,1,1,0.6666666666666666,0,period_doubling,-1,0,0,") &&
+                   ContainsSubstring("\n1,1,11,2,2,1.3333333333333333,0,,-0.5,0,1,"));
 }
 
 TEST_CASE("branches are told in tables", "[apps]") {
