@@ -204,6 +204,10 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
             result.distrust = verdict.reason;
         }
     }
+    if (rounds.minimum.kink) {
+        result.trust_normal = false;
+        result.distrust = "the minimum lies at a kink of the objective, whose sides have different curvatures";
+    }
     result.objective = posterior.objective();
     result.log_likelihood = posterior.log_likelihood();
     result.degrees_of_freedom = posterior.degrees_of_freedom();

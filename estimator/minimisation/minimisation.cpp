@@ -39,7 +39,7 @@ Minimum Minimisation::run() {
             tighten();
         } else if (decision.next == end) {
             conclude(decision.outcome, decision.message);
-            break;
+            if (decision.outcome != Outcome::no_progress || !passes_kink()) break;
         } else if (!go_on()) {
             break;
         }

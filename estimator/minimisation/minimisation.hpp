@@ -67,6 +67,16 @@ private:
     [[nodiscard]] bool decreases(Trial& trial);
     void adopt(const TrialStep& step, Trial trial);
     bool end_at(std::vector<std::size_t> stopped);
+    /// What is found where no step decreases the objective: no kink, one that a step leads away from, or the minimum.
+    enum class Kink { none, left, minimum };
+    [[nodiscard]] Eigen::Index unknowns() const;
+    [[nodiscard]] TrialStep step_of(const Eigen::VectorXd& p);
+    [[nodiscard]] Eigen::VectorXd gradient_of(const std::vector<BlockRows>& rows, const PriorModel& prior);
+    [[nodiscard]] Eigen::MatrixXd hessian();
+    bool step_along_kink(const TrialStep& step);
+    Kink examine_kink();
+    Kink examine_jump(const TrialStep& step);
+    bool passes_kink();
     void conclude(Outcome outcome, const std::string& message) {
         minimum_.outcome = outcome;
         minimum_.message = message;
@@ -92,6 +102,7 @@ private:
     double stretch_ = 1.0;  ///< length of the best step over the full Gauss-Newton step, from the last full step
     double radius_ = 0.0;
     bool derivatives_at_trial_ = true;
+    int kinks_ = 0;  ///< examined
 };
 
 }  // namespace orbid::estimator

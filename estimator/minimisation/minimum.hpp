@@ -28,6 +28,7 @@ struct Minimum {
     /// Weight of the constraints at the end: the size of a violation that costs 1/2, in units of their sizes.
     double matching = 1.0;
     double remaining = 0.0;  ///< length of the remaining full step, in posterior sds
+    bool kink = false;       ///< several smooth pieces of the objective meet here; `step` is that of one of them
 };
 
 /// Counters and history over all rounds.
@@ -53,9 +54,10 @@ struct SolverStatistics {
 /// once they fail from most starts; in stages they succeed (Bock's and Baake's problems). Converged: the remaining full
 /// step is shorter than `step_tolerance` in the metric of the posterior information, with the scales at their minimum.
 /// (Then every parameter's step is below that many of its posterior sds, and the gradient is as small in the inverse
-/// metric.) A few more steps follow as long as they gain digits. If no shorter step decreases Phi although its length
-/// is below `rounding_sds`, the residuals' own rounding is reached: converged too, and the message says so. Otherwise
-/// no_progress.
+/// metric.) Where the objective has kinks (dry friction that begins to stick), the step is the one that decreases all
+/// smooth pieces that meet there, see GradientBundle. A few more steps follow as long as they gain digits. If no
+/// shorter step decreases Phi although its length is below `rounding_sds`, the residuals' own rounding is reached:
+/// converged too, and the message says so. Otherwise no_progress.
 [[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger);
 
 }  // namespace orbid::estimator

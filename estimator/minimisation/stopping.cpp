@@ -51,7 +51,7 @@ bool Stopping::within_rounding(const Standing& standing) {
 /// Whether this stage has nothing left to give.
 bool Stopping::exhausted(const Standing& standing) const {
     // Nothing below rounding can be gained by shorter steps still.
-    if (rejected_ >= 30 || standing.radius_vanished) return true;
+    if (rejected_ >= enough_rejections_ || standing.radius_vanished) return true;
     // Steps may also continue forever within rounding: tight links make it large.
     return within_rounding(standing) && (rejected_ >= 4 || (set_.latents > 0 && stagnant_ >= stagnant_steps));
 }

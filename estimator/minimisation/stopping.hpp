@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "estimator/interface/not_finite.hpp"
@@ -40,6 +41,11 @@ public:
     /// Counts a trial. @return blocks that stopped too many steps; the minimisation then ends
     [[nodiscard]] std::vector<std::size_t> rejected();
     [[nodiscard]] std::vector<std::size_t> accepted();
+    /// Where a minimisation goes along kinks, fewer rejections show the next one. @return whether that changed
+    bool expect_kinks(bool expected) {
+        const int before = std::exchange(enough_rejections_, expected ? 10 : 30);
+        return before != enough_rejections_;
+    }
     [[nodiscard]] bool after_rejection() const { return rejected_ > 0; }
     [[nodiscard]] bool at_start() const { return accepted_ == 0; }  ///< before the first accepted step
     /// Whether an intermediate stage (see Residual::is_intermediate_stage()) ends with this step.
@@ -57,7 +63,8 @@ private:
     const BlockSet& set_;
     const SolverStatistics& ledger_;
     int accepted_ = 0;
-    int rejected_ = 0;           ///< trials in a row
+    int rejected_ = 0;  ///< trials in a row
+    int enough_rejections_ = 30;
     int polishing_ = 0;          ///< steps since the convergence test is met
     int stagnant_ = 0;           ///< steps without halving what is left
     double last_ = infinity;     ///< what was left before the last step
