@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "models/definition/band_limited.hpp"
+#include "models/arithmetic/band_limited.hpp"
 #include "models/definition/wrong_data.hpp"
 
 namespace orbid::models {

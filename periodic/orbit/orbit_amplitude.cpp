@@ -14,46 +14,87 @@
 namespace orbid::periodic {
 namespace {
 
-/// Instants per period of the forcing or return. Extrema are then known to 1e-9 of a motion of one harmonic.
-constexpr std::size_t instants_per_period = 512;
+/// Instants per period of the forcing or return, and where these do not resolve the motion.
+constexpr std::size_t instants_per_period = 64;
+constexpr std::size_t more_instants = 512;
+/// They resolve it if every other one gives the same mean and mean square, relative to the largest square.
+constexpr double resolution = 1e-7;
+/// An extremum is located to this share of the distance of the instants; its value is that much squared better.
+constexpr double located = 1e-6;
+constexpr int most_trials = 30;
 
-/// Values of a coordinate at equal instants over an orbit, and their slopes times the distance of the instants.
+/// An orbit at equal instants.
 struct Course {
-    VectorXd values;
-    VectorXd slopes;  ///< empty for maps
+    const models::System& system;
+    const VectorXd& theta;
+    const models::FlowOptions& options;
+    models::Clock clock;
+    MatrixXd states;             ///< shape (n, instants)
+    MatrixXd slopes;             ///< by time, like states
+    std::vector<double> phases;  ///< of the instants
+    double step;                 ///< from instant to instant, on the clock
+
+    /// Coordinate i is stationary between instants k and k + 1: how much larger it is there than at k.
+    [[nodiscard]] double rise_to_extremum(Index i, Index k, Index next) const {
+        // Illinois' variant of the false position, on the slope of the true motion.
+        double low = 0.0, high = 1.0, slope_low = slopes(i, k), slope_high = slopes(i, next), rise = 0.0;
+        for (int trial = 0; trial < most_trials && high - low > located; ++trial) {
+            const double s = low + (high - low) * slope_low / (slope_low - slope_high);
+            const double durations[] = {s * step};
+            const VectorXd start = states.col(k);
+            const double phase = phases[static_cast<std::size_t>(k)];
+            const models::FlowResult flow = system.flow(start, phase, durations, theta, clock, options);
+            if (flow.status != models::FlowStatus::ok) break;
+            rise = flow.states(i, 0) - start(i);
+            const double at = clock == models::Clock::phase ? phase + durations[0] : phase;
+            const double slope = system.rhs(flow.states, std::vector<double>{at}, theta)(i, 0);
+            const double moved = slope * slope_low > 0.0 ? s - low : high - s;
+            if (slope * slope_low > 0.0) {
+                low = s;
+                slope_low = slope;
+                slope_high *= 0.5;
+            } else {
+                high = s;
+                slope_high = slope;
+                slope_low *= 0.5;
+            }
+            if (moved < located || slope == 0.0) break;
+        }
+        return rise;
+    }
 };
 
-/// Takes the cubic between two instants into the extrema: its own are zeros of its derivative a s^2 + b s + c.
-void include_cubic(double x0, double x1, double v0, double v1, double& lowest, double& highest) {
-    const double a = 3.0 * (2.0 * (x0 - x1) + v0 + v1);
-    const double b = 2.0 * (3.0 * (x1 - x0) - 2.0 * v0 - v1);
-    const double root = std::sqrt(std::max(b * b - 4.0 * a * v0, 0.0));
-    const double q = -0.5 * (b + std::copysign(root, b));
-    for (const double s : {q / a, v0 / q}) {
-        if (!(s > 0.0 && s < 1.0)) continue;
-        const double value = x0 + s * (v0 + s * (0.5 * b + s * a / 3.0));
-        lowest = std::min(lowest, value);
-        highest = std::max(highest, value);
-    }
-}
-
-void measure(Course course, bool angle, Index i, OrbitAmplitude& result) {
-    VectorXd& x = course.values;
+void measure(VectorXd x, bool angle, Index i, const Course* course, OrbitAmplitude& result) {
     const Index count = x.size();
     if (angle) x.array() -= full_turn * std::round(x.mean() / full_turn);
     double lowest = x.minCoeff();
     double highest = x.maxCoeff();
-    for (Index k = 0; k < course.slopes.size(); ++k) {
+    for (Index k = 0; course != nullptr && k < count; ++k) {
         const Index next = (k + 1) % count;
         // Between slopes of one sign the ends are the extrema, but for what rounding adds.
-        if (course.slopes(k) * course.slopes(next) < 0.0)
-            include_cubic(x(k), x(next), course.slopes(k), course.slopes(next), lowest, highest);
+        if (!(course->slopes(i, k) * course->slopes(i, next) < 0.0)) continue;
+        const double value = x(k) + course->rise_to_extremum(i, k, next);
+        lowest = std::min(lowest, value);
+        highest = std::max(highest, value);
     }
     result.maximum(i) = highest;
     result.minimum(i) = lowest;
     result.mean(i) = x.mean();
     result.half_range(i) = 0.5 * (highest - lowest);
     result.rms(i) = std::sqrt(x.squaredNorm() / static_cast<double>(count));
+}
+
+bool resolved(const SampledMesh& samples) {
+    const MatrixXd& states = samples.states;
+    for (Index i = 0; i < states.rows(); ++i) {
+        if (samples.turns(i) != 0.0) continue;
+        const Eigen::ArrayXd x = states.row(i).array() - states.row(i).mean();
+        const Eigen::ArrayXd half = x(Eigen::seq(0, Eigen::last, 2));
+        const double size = x.abs().maxCoeff();
+        if (std::abs(half.mean()) > resolution * size) return false;
+        if (std::abs(half.square().mean() - x.square().mean()) > resolution * size * size) return false;
+    }
+    return true;
 }
 
 OrbitAmplitude undefined(Index n) {
@@ -70,27 +111,37 @@ OrbitAmplitude amplitude_of(const models::System& system, const VectorXd& theta,
     if (system.kind() == models::Kind::map) {
         OrbitAmplitude result = undefined(n);
         for (Index i = 0; i < n; ++i)
-            measure({mesh.nodes.row(i).transpose(), {}}, false, i, result);
+            measure(mesh.nodes.row(i), false, i, nullptr, result);
         return result;
     }
-    const std::size_t count = instants_per_period * std::max<std::size_t>(mesh.points.size(), 1);
-    double duration = 0.0;
-    for (const Segment& segment : mesh.segments)
-        duration += segment.duration;
-    std::vector<double> shares, phases;
-    for (std::size_t k = 0; k < count; ++k) {
-        shares.push_back(static_cast<double>(k) / static_cast<double>(count));
-        const bool forced = system.kind() == models::Kind::forced;
-        phases.push_back(forced ? mesh.segments.front().phase + duration * shares.back() : 0.0);
+    const bool forced = system.kind() == models::Kind::forced;
+    double duration = mesh.time;
+    if (forced) {
+        duration = 0.0;
+        for (const Segment& segment : mesh.segments)
+            duration += segment.duration;
     }
-    const SampledMesh samples = sampled(system, theta, mesh, shares, options);
-    if (!samples.simulated) return {};
-    const MatrixXd slopes = system.rhs(samples.states, phases, theta) * (mesh.time / static_cast<double>(count));
+    std::vector<double> shares, phases;
+    SampledMesh samples;
+    for (const std::size_t per_period : {instants_per_period, more_instants}) {
+        const std::size_t count = per_period * std::max<std::size_t>(mesh.points.size(), 1);
+        shares.clear();
+        phases.clear();
+        for (std::size_t k = 0; k < count; ++k) {
+            shares.push_back(static_cast<double>(k) / static_cast<double>(count));
+            phases.push_back(forced ? mesh.segments.front().phase + duration * shares.back() : 0.0);
+        }
+        samples = sampled(system, theta, mesh, shares, options);
+        if (!samples.simulated) return {};
+        if (resolved(samples)) break;
+    }
+    const MatrixXd slopes = system.rhs(samples.states, phases, theta);
+    const double step = duration / static_cast<double>(phases.size());
+    const Course course{system, theta, options, mesh.clock, samples.states, slopes, std::move(phases), step};
     OrbitAmplitude result = undefined(n);
     for (Index i = 0; i < n; ++i)
         if (samples.turns(i) == 0.0)
-            measure({samples.states.row(i).transpose(), slopes.row(i).transpose()},
-                    table[static_cast<std::size_t>(i)].angle, i, result);
+            measure(samples.states.row(i), table[static_cast<std::size_t>(i)].angle, i, &course, result);
     return result;
 }
 

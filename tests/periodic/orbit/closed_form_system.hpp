@@ -157,6 +157,14 @@ public:
         return {in_phase * std::cos(phase) + quadrature * std::sin(phase),
                 theta(3) * (quadrature * std::cos(phase) - in_phase * std::sin(phase))};
     }
+    [[nodiscard]] Eigen::MatrixXd rhs(const Eigen::MatrixXd& states, std::span<const double> phases,
+                                      const Eigen::VectorXd& theta) const override {
+        Eigen::MatrixXd f(2, states.cols());
+        for (Eigen::Index k = 0; k < states.cols(); ++k)
+            f.col(k) << states(1, k), theta(2) * std::cos(phases[static_cast<std::size_t>(k)]) -
+                                          theta(0) * states(0, k) - theta(1) * states(1, k);
+        return f;
+    }
     [[nodiscard]] Eigen::VectorXcd advance(const Eigen::VectorXcd& x0, double phase, double duration,
                                            const Eigen::VectorXcd& theta) const override {
         const Complex sigma = 0.5 * theta(1);

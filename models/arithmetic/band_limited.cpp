@@ -1,4 +1,4 @@
-#include "models/definition/band_limited.hpp"
+#include "models/arithmetic/band_limited.hpp"
 
 #include <algorithm>
 #include <cmath>
