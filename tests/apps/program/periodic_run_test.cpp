@@ -198,7 +198,8 @@ TEST_CASE("the doublings of the logistic map are located along its branches", "[
                                         ContainsSubstring("4.7514"));
     const std::string table = orbid::apps::read_whole_file(cascade.out() / "branch.csv");
     CHECK_THAT(table, ContainsSubstring("branch,point,r,arclength,period,time,unstable,bifurcation,multiplier_re,"
-                                        "multiplier_im,section,x\n0,0,2.8,0,1,"));
+                                        "multiplier_im,section,x,frequency,x_max,x_min,x_mean,x_half_range,x_rms\n"
+                                        "0,0,2.8,0,1,"));
     CHECK_THAT(orbid::apps::read_whole_file(cascade.out() / "branch.svg"),
                ContainsSubstring("<title>logistic</title>") && ContainsSubstring("period doubling"));
 
