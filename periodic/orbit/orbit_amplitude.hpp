@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 
+#include "models/arithmetic/matrix_layout.hpp"
 #include "models/system/system.hpp"
 #include "periodic/orbit/shooting_mesh.hpp"
 
