@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "periodic/orbit/eigen_names.hpp"
@@ -15,12 +16,12 @@ namespace orbid::periodic {
 namespace {
 
 /// Instants per period of the forcing or return, and where these do not resolve the motion.
-constexpr std::size_t instants_per_period = 64;
+constexpr std::size_t instants_per_period = 32;
 constexpr std::size_t more_instants = 512;
 /// They resolve it if every other one gives the same mean and mean square, relative to the largest square.
 constexpr double resolution = 1e-7;
-/// An extremum is located to this share of the distance of the instants; its value is that much squared better.
-constexpr double located = 1e-6;
+/// The rest of the way to an extremum is a parabola's once it is below this share of the range; it errs by less.
+constexpr double parabolic = 1e-8;
 constexpr int most_trials = 30;
 
 /// An orbit at equal instants.
@@ -33,32 +34,33 @@ struct Course {
     MatrixXd slopes;             ///< by time, like states
     std::vector<double> phases;  ///< of the instants
     double step;                 ///< from instant to instant, on the clock
+    double seconds;              ///< likewise [s]
 
     /// Coordinate i is stationary between instants k and k + 1: how much larger it is there than at k.
-    [[nodiscard]] double rise_to_extremum(Index i, Index k, Index next) const {
-        // Illinois' variant of the false position, on the slope of the true motion.
-        double low = 0.0, high = 1.0, slope_low = slopes(i, k), slope_high = slopes(i, next), rise = 0.0;
-        for (int trial = 0; trial < most_trials && high - low > located; ++trial) {
-            const double s = low + (high - low) * slope_low / (slope_low - slope_high);
+    [[nodiscard]] double rise_to_extremum(Index i, Index k, Index next, double range) const {
+        // The secant method on the slope of the true motion, kept between instants of other signs.
+        const VectorXd start = states.col(k);
+        const double phase = phases[static_cast<std::size_t>(k)];
+        double low = 0.0, high = 1.0, before = 0.0, slope_before = slopes(i, k), rise = 0.0;
+        double s = slopes(i, k) / (slopes(i, k) - slopes(i, next));
+        for (int trial = 0; trial < most_trials; ++trial) {
             const double durations[] = {s * step};
-            const VectorXd start = states.col(k);
-            const double phase = phases[static_cast<std::size_t>(k)];
             const models::FlowResult flow = system.flow(start, phase, durations, theta, clock, options);
             if (flow.status != models::FlowStatus::ok) break;
-            rise = flow.states(i, 0) - start(i);
             const double at = clock == models::Clock::phase ? phase + durations[0] : phase;
             const double slope = system.rhs(flow.states, std::vector<double>{at}, theta)(i, 0);
-            const double moved = slope * slope_low > 0.0 ? s - low : high - s;
-            if (slope * slope_low > 0.0) {
-                low = s;
-                slope_low = slope;
-                slope_high *= 0.5;
-            } else {
-                high = s;
-                slope_high = slope;
-                slope_low *= 0.5;
+            rise = flow.states(i, 0) - start(i);
+            (slope * slopes(i, k) > 0.0 ? low : high) = s;
+            if (slope == slope_before) break;
+            double to = s - slope * (s - before) / (slope - slope_before);
+            const double rest = 0.5 * slope * (to - s) * seconds;
+            if (std::abs(rest) <= parabolic * range) {
+                rise += rest;
+                break;
             }
-            if (moved < located || slope == 0.0) break;
+            if (!(to > low && to < high)) to = 0.5 * (low + high);
+            before = std::exchange(s, to);
+            slope_before = slope;
         }
         return rise;
     }
@@ -73,7 +75,7 @@ void measure(VectorXd x, bool angle, Index i, const Course* course, OrbitAmplitu
         const Index next = (k + 1) % count;
         // Between slopes of one sign the ends are the extrema, but for what rounding adds.
         if (!(course->slopes(i, k) * course->slopes(i, next) < 0.0)) continue;
-        const double value = x(k) + course->rise_to_extremum(i, k, next);
+        const double value = x(k) + course->rise_to_extremum(i, k, next, highest - lowest);
         lowest = std::min(lowest, value);
         highest = std::max(highest, value);
     }
@@ -137,7 +139,10 @@ OrbitAmplitude amplitude_of(const models::System& system, const VectorXd& theta,
     }
     const MatrixXd slopes = system.rhs(samples.states, phases, theta);
     const double step = duration / static_cast<double>(phases.size());
-    const Course course{system, theta, options, mesh.clock, samples.states, slopes, std::move(phases), step};
+    const double second = forced
+                              ? system.period(theta, models::Clock::phase) / system.period(theta, models::Clock::time)
+                              : 1.0;  // on the clock
+    const Course course{system, theta, options, mesh.clock, samples.states, slopes, phases, step, step / second};
     OrbitAmplitude result = undefined(n);
     for (Index i = 0; i < n; ++i)
         if (samples.turns(i) == 0.0)

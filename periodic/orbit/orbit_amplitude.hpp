@@ -23,7 +23,7 @@ struct OrbitAmplitude {
 };
 
 /// The amplitude of the orbit through the nodes of a mesh. Means are those of equidistant instants, which converge
-/// faster than any power of their distance for smooth orbits: 64 per period, or 512 where half of the 64 give other
+/// faster than any power of their distance for smooth orbits: 32 per period, or 512 where half of the 32 give other
 /// means. Extrema are located between instants whose slopes have other signs, by the motion itself. Of maps: over the
 /// nodes.
 /// @return empty vectors if the orbit cannot be simulated.

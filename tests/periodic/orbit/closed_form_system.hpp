@@ -157,6 +157,9 @@ public:
         return {in_phase * std::cos(phase) + quadrature * std::sin(phase),
                 theta(3) * (quadrature * std::cos(phase) - in_phase * std::sin(phase))};
     }
+    [[nodiscard]] double period(const Eigen::VectorXd& theta, models::Clock clock) const override {
+        return 2.0 * std::numbers::pi / (clock == models::Clock::time ? theta(3) : 1.0);
+    }
     [[nodiscard]] Eigen::MatrixXd rhs(const Eigen::MatrixXd& states, std::span<const double> phases,
                                       const Eigen::VectorXd& theta) const override {
         Eigen::MatrixXd f(2, states.cols());
