@@ -92,10 +92,9 @@ void add_status(const Json& result, Remarks& remarks) {
     const std::string why = message.empty() ? "" : ": " + message;
     double least = 1.0;  // share of the records that are used
     for (const Json& count : block_at(result, "residuals")) {
-        const std::string type = text_at(count, "type");
         const double used = number_at(count, "used");
         const auto lost = static_cast<double>(block_at(count, "unused").size());
-        if ((type == "series" || type == "waveform") && lost > 0.0) least = std::min(least, used / (used + lost));
+        if (counts_records(text_at(count, "type")) && lost > 0.0) least = std::min(least, used / (used + lost));
     }
     if (status == "converged" && least < least_used_share)
         remarks.bad(fmt::format("The estimate converged on {:.0f} % of the records only{}.", 100.0 * least, why));

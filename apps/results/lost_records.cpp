@@ -12,17 +12,17 @@ namespace {
 
 constexpr std::size_t most_names = 8;
 
-bool counts_records(const estimator::ResidualCount& count) {
-    return count.type == "series" || count.type == "waveform";
-}
-
 }  // namespace
+
+bool counts_records(std::string_view residual_type) {
+    return residual_type == "series" || residual_type == "waveform";
+}
 
 std::string lost_records(const std::vector<estimator::ResidualCount>& counts, const std::vector<SteadyState>& states) {
     std::string out;
     for (const estimator::ResidualCount& count : counts) {
         const std::size_t lost = count.unused.size();
-        if (lost == 0 || !counts_records(count)) continue;
+        if (lost == 0 || !counts_records(count.type)) continue;
         const auto shown = count.unused.begin() + static_cast<std::ptrdiff_t>(std::min(lost, most_names));
         out += fmt::format("{}{} of {} records {} not used: {}{}", out.empty() ? "" : "; ", lost,
                            static_cast<std::size_t>(count.used) + lost, lost == 1 ? "is" : "are",
@@ -38,7 +38,7 @@ std::string lost_records(const std::vector<estimator::ResidualCount>& counts, co
 bool too_few_used(const std::vector<estimator::ResidualCount>& counts) {
     return std::any_of(counts.begin(), counts.end(), [](const estimator::ResidualCount& count) {
         const double all = static_cast<double>(count.used) + static_cast<double>(count.unused.size());
-        return counts_records(count) && count.used < least_used_share * all;
+        return counts_records(count.type) && count.used < least_used_share * all;
     });
 }
 

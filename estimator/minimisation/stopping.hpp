@@ -43,7 +43,7 @@ public:
     [[nodiscard]] std::vector<std::size_t> accepted();
     /// Where a minimisation goes along kinks, fewer rejections show the next one. @return whether that changed
     bool expect_kinks(bool expected) {
-        const int before = std::exchange(enough_rejections_, expected ? 10 : 30);
+        const int before = std::exchange(enough_rejections_, expected ? few_rejections : many_rejections);
         return before != enough_rejections_;
     }
     [[nodiscard]] bool after_rejection() const { return rejected_ > 0; }
@@ -52,6 +52,9 @@ public:
     [[nodiscard]] bool ends_intermediate_stage(const StepTaken& step) const;
 
 private:
+    /// Trials in a row that fail before a step is given up.
+    static constexpr int many_rejections = 30, few_rejections = 10;
+
     void note_remaining(double remaining);
     [[nodiscard]] Decision next_stage();
     [[nodiscard]] bool gains_no_digits(double remaining) const;
@@ -64,7 +67,7 @@ private:
     const SolverStatistics& ledger_;
     int accepted_ = 0;
     int rejected_ = 0;  ///< trials in a row
-    int enough_rejections_ = 30;
+    int enough_rejections_ = many_rejections;
     int polishing_ = 0;          ///< steps since the convergence test is met
     int stagnant_ = 0;           ///< steps without halving what is left
     double last_ = infinity;     ///< what was left before the last step

@@ -51,6 +51,29 @@ TEST_CASE("a minimum at a kink of one parameter converges and says so", "[estima
     CHECK(result.remaining < 1e-3);
 }
 
+TEST_CASE("a minimum before a jump converges only if less than one sd lies beyond", "[estimator][kink]") {
+    // 1/2 (x_0 - x)^2, and 3^2 / 2 more behind x = 1: a block that sticks from there on.
+    const auto least = [](double x_0) {
+        FunctionResidual residual = with_unit_errors(
+            2,
+            [x_0](const Eigen::VectorXd& x) {
+                return Eigen::VectorXd(Eigen::Vector2d(x_0 - x[0], x[0] > 1.0 ? 3.0 : 0.0));
+            },
+            [](const Eigen::VectorXd&) { return Eigen::MatrixXd(Eigen::Vector2d(-1.0, 0.0)); });
+        return estimator::estimate({free_parameter("x", 0.2)}, {&residual});
+    };
+    const auto near = least(1.5);
+    CAPTURE(near.message);
+    CHECK(near.status == estimator::EstimateStatus::converged);
+    CHECK_THAT(near.message, ContainsSubstring("the objective jumps by 4.5 where it is least"));
+    CHECK_THAT(near.parameters[0].value, WithinAbs(1.0, 1e-3));
+    CHECK_THAT(near.remaining, WithinAbs(0.5, 1e-3));
+    CHECK_FALSE(near.trust_normal);
+    const auto far = least(3.0);
+    CAPTURE(far.message);
+    CHECK(far.status == estimator::EstimateStatus::no_progress);
+}
+
 TEST_CASE("wrong derivatives are no kink", "[estimator][kink]") {
     FunctionResidual residual = with_unit_errors(
         1, [](const Eigen::VectorXd& x) { return Eigen::VectorXd::Constant(1, 2.0 - x[0]); },
