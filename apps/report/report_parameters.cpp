@@ -127,9 +127,12 @@ ReportChapter parameter_chapter(const ReportSource& source) {
     const Json& result = *source.run.result;
     chapter.html += estimated_table("Parameters", block_at(result, "parameters"));
     chapter.html += estimated_table("Derived quantities", block_at(result, "derived"));
-    chapter.html += figure_html(parameter_chart(source.run),
-                                "Estimates with their 95 % intervals, seen from the reference values. Intervals should "
-                                "reach the line at 0 in 19 of 20 cases.");
+    chapter.html += figure_html(
+        parameter_chart(source.run),
+        has_references(source.run)
+            ? "Estimates with their 95 % intervals, seen from the reference values. Intervals should reach the line at "
+              "0 in 19 of 20 cases."
+            : "95 % intervals, in percent of the estimates.");
     chapter.html += html_headed(3, "Errors", errors_table(block_at(result, "errors")));
     chapter.html += covariances_table(block_at(result, "covariances"));
     chapter.html += html_headed(

@@ -75,16 +75,22 @@ ChartView matrix_view(const std::vector<std::string>& names, const Json& matrix,
 
 }  // namespace
 
+bool has_references(const StoredRun& run) {
+    if (!run.result) return false;
+    const auto list = estimated_quantities(*run.result);
+    return std::any_of(list.begin(), list.end(),
+                       [](const auto& one) { return std::isfinite(number_at(*one.second, "reference")); });
+}
+
 Chart parameter_chart(const StoredRun& run) {
-    Chart chart{"parameters", "Estimates against known values, in standard deviations"};
+    const bool known = has_references(run);
+    Chart chart{"parameters", known ? "Estimates against known values, in standard deviations"
+                                    : "Estimates with their intervals, in percent"};
     if (!run.result) return chart;
     const auto list = estimated_quantities(*run.result);
-    const auto any = [&list](const auto& value) {
-        return std::any_of(list.begin(), list.end(),
-                           [&](const auto& one) { return std::isfinite(value(*one.second)); });
-    };
-    if (!any([](const Json& entry) { return interval_end(entry, 0); })) return chart;
-    const bool known = any([](const Json& entry) { return number_at(entry, "reference"); });
+    if (std::none_of(list.begin(), list.end(),
+                     [](const auto& one) { return std::isfinite(interval_end(*one.second, 0)); }))
+        return chart;
     ChartLayer intervals{LayerKind::intervals, "95 % interval", 2};
     ChartLayer values{LayerKind::points, "estimate", 2};
     ChartView view;

@@ -19,6 +19,8 @@ namespace orbid::apps {
 /// Branches, one view per coordinate: the one that the job plots (or the time) first.
 [[nodiscard]] Chart branch_chart(const StoredRun& run);
 
+/// Whether a parameter or derived quantity has a known value.
+[[nodiscard]] bool has_references(const StoredRun& run);
 /// Estimates with their intervals, from the known values in sds; without any, intervals in percent of the estimate.
 [[nodiscard]] Chart parameter_chart(const StoredRun& run);
 /// The objective above its last value, step by step; how far each stage left the parameters from the result.

@@ -241,6 +241,18 @@ TEST_CASE("a run writes its report, the same bytes again from the folder", "[app
     REQUIRE(orbid_with({"report", out}).code == 0);
     CHECK_FALSE(contains(read_whole_file(out / "report.html"), "<caption>Times"));
     CHECK(contains(page, "<caption>Times"));
+
+    // Without known values there is nothing that intervals should reach.
+    CHECK(contains(page, "seen from the reference values"));
+    json result = read_json(out / "result.json");
+    for (const char* block : {"parameters", "derived"})
+        for (auto& [name, entry] : result[block].items())
+            entry.erase("reference");
+    write_text(out / "result.json", result.dump());
+    REQUIRE(orbid_with({"report", out}).code == 0);
+    const std::string unknown = read_whole_file(out / "report.html");
+    CHECK_FALSE(contains(unknown, "seen from the reference values"));
+    CHECK(contains(unknown, "95 % intervals, in percent of the estimates"));
 }
 
 TEST_CASE("a report is refused where there is no run, and says which file is broken", "[apps][report]") {
