@@ -17,6 +17,8 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/program/run.hpp"
 

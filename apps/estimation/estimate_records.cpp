@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/orbits_job.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "identification/problem/estimated_values.hpp"
 

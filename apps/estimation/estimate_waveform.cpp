@@ -9,6 +9,7 @@
 
 #include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/waveform_plot.hpp"
+#include "apps/job/data_job.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "identification/problem/estimated_values.hpp"
 #include "models/definition/parameter.hpp"

@@ -4,7 +4,10 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/flow_stepper.hpp"
+#include "apps/job/orbits_job.hpp"
 #include "identification/problem/problem_residuals.hpp"
 #include "models/catalogue/registry.hpp"
 

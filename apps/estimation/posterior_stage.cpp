@@ -7,6 +7,8 @@
 #include <fmt/format.h>
 
 #include "apps/estimation/checkpoint_fields.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "estimator/exploration/evidence.hpp"
 #include "models/definition/wrong_data.hpp"
 

@@ -4,8 +4,11 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/flow_stepper.hpp"
 #include "apps/job/model_plugin.hpp"
+#include "apps/job/periodic_job.hpp"
 #include "models/equations/interpreted_kernel.hpp"
 #include "models/system/kernel_system.hpp"
 

@@ -6,6 +6,9 @@
 #include <utility>
 #include <vector>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
+#include "apps/job/periodic_job.hpp"
 #include "models/trajectories/odeint/odeint_kernel.hpp"
 
 namespace orbid::apps {

@@ -6,6 +6,8 @@
 #include <fmt/format.h>
 
 #include "apps/documents/fingerprint.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/orbits_job.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {

@@ -6,16 +6,16 @@
 #include <string>
 #include <vector>
 
-#include "apps/job/data_job.hpp"
-#include "apps/job/estimate_job.hpp"
 #include "apps/job/model_job.hpp"
-#include "apps/job/orbits_job.hpp"
-#include "apps/job/periodic_job.hpp"
+#include "apps/job/optional_block.hpp"
 
 namespace orbid::apps {
 
-/// A job file as plain data: every name resolved to an index, every default filled in, every path absolute.
-/// A Job from job_reader has passed all checks that need no data.
+// Blocks by name: who uses one includes its header.
+struct DataJob;
+struct OrbitsJob;
+struct PeriodicJob;
+struct EstimateJob;
 
 /// A section of an autonomous flow: coordinate = value, crossed in one direction.
 struct SectionPlaneJob {
@@ -34,7 +34,16 @@ enum class SeriesOutput { h5, csv, none };
 /// As jobs write them, in the order of SeriesOutput.
 inline const std::vector<std::string> series_output_names{"h5", "csv", "none"};
 
+/// A job file as plain data: every name resolved to an index, every default filled in, every path absolute.
+/// A Job from job_reader has passed all checks that need no data.
 struct Job {
+    Job();
+    Job(const Job& other);
+    Job(Job&& other) noexcept;
+    Job& operator=(const Job& other);
+    Job& operator=(Job&& other) noexcept;
+    ~Job();
+
     std::filesystem::path source;  ///< absolute path of the job file
     std::string title;
     ModelJob model;
@@ -42,9 +51,9 @@ struct Job {
     double section_phase = 0.0;                    ///< [rad], forced models
     std::optional<SectionPlaneJob> section_plane;  ///< autonomous models
     std::vector<DataJob> data;
-    std::optional<OrbitsJob> orbits;
-    std::optional<PeriodicJob> periodic;
-    std::optional<EstimateJob> estimate;
+    OptionalBlock<OrbitsJob> orbits;
+    OptionalBlock<PeriodicJob> periodic;
+    OptionalBlock<EstimateJob> estimate;
     std::vector<ReferenceJob> reference;
     SeriesOutput series_output = SeriesOutput::h5;
     FlowStepper stepper = FlowStepper::verner;  ///< model.system takes its steps

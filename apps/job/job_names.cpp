@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "apps/job/data_job.hpp"
 #include "apps/job/job_parts.hpp"
 
 namespace orbid::apps {

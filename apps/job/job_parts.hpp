@@ -9,6 +9,10 @@
 
 #include "apps/documents/json_reader.hpp"
 #include "apps/job/job.hpp"
+#include "estimator/interface/prior.hpp"
+#include "estimator/interface/residual.hpp"
+#include "identification/problem/identification_problem.hpp"
+#include "orbits/records/series.hpp"
 
 namespace orbid::apps {
 
@@ -32,8 +36,8 @@ void read_estimate(ObjectReader& root, Job& job);
 /// "joint_priors", after the parameters.
 void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& estimate);
 /// Names of the model's estimated parameters in the result: k2, or k2@run1 where one is free per experiment.
-[[nodiscard]] std::vector<std::string> estimated_parameter_names(const Job& job,
-                                                                 const std::vector<FreeParameterJob>& parameters);
+[[nodiscard]] std::vector<std::string> estimated_parameter_names(
+    const Job& job, const std::vector<identification::FreeModelParameter>& parameters);
 void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate);
 /// What "auto" uses when no residuals are named: cycles if searched or given, and the data as series. Their problems
 /// are reported at `at`; `residuals` describes a list of residuals.
@@ -72,8 +76,9 @@ struct ErrorUse {
 
 /// "errors" and "covariance" of a residual: one entry per coordinate of `use`; the others are normal with an estimated
 /// sd.
-void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, std::vector<ErrorJob>& errors,
-                 std::vector<CovarianceJob>& covariances);
+void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job,
+                 std::vector<identification::RecordErrors>& errors,
+                 std::vector<identification::JointErrors>& covariances);
 
 /// Names of a model's parameters, coordinates or inputs.
 template <class Entry>

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/job/data_job.hpp"
 #include "apps/job/version.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/report/plots/picture_file.hpp"

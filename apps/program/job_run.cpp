@@ -9,6 +9,7 @@
 #include <streambuf>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/program/check/data_check.hpp"
 #include "apps/program/command.hpp"

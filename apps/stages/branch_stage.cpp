@@ -9,6 +9,7 @@
 #include "apps/documents/atomic_file.hpp"
 #include "apps/drawing/branch_plot.hpp"
 #include "apps/drawing/chart_picture.hpp"
+#include "apps/job/periodic_job.hpp"
 #include "apps/results/branch_file.hpp"
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/periodic_stage.hpp"

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/results/counted_noun.hpp"
 #include "apps/stages/periodic_stage.hpp"
 #include "models/arithmetic/splitmix64.hpp"

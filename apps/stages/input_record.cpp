@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/records/series_file.hpp"
 

@@ -4,6 +4,9 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
+#include "apps/job/orbits_job.hpp"
 #include "apps/results/cycle_reader.hpp"
 #include "apps/results/invariants_file.hpp"
 #include "apps/stages/workspace.hpp"

@@ -8,6 +8,8 @@
 #include <tbb/parallel_for.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/job/orbits_job.hpp"
+#include "apps/job/periodic_job.hpp"
 #include "apps/results/orbit_file.hpp"
 #include "apps/stages/model_section_plot.hpp"
 #include "apps/stages/orbits_stage.hpp"

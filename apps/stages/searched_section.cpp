@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/orbits_job.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/sections/sampled_section.hpp"
 

@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "apps/estimation/job_problem.hpp"
+#include "apps/job/data_job.hpp"
 #include "apps/stored_run/segment_beginning.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "identification/problem/problem_residuals.hpp"

@@ -6,6 +6,8 @@
 #include <fmt/format.h>
 #include <Eigen/Core>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/stored_run/forecast.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "identification/problem/problem_residuals.hpp"

@@ -5,6 +5,7 @@
 #include <variant>
 
 #include "apps/estimation/job_problem.hpp"
+#include "apps/job/data_job.hpp"
 #include "identification/problem/problem_residuals.hpp"
 #include "orbits/records/data_error.hpp"
 

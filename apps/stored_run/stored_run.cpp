@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/job/data_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/stages/data_stage.hpp"
 #include "orbits/records/data_error.hpp"

@@ -1,5 +1,7 @@
 #include "apps/stored_run/stored_section.hpp"
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/orbits_job.hpp"
 #include "apps/stages/searched_section.hpp"
 
 namespace orbid::apps {

@@ -1,6 +1,7 @@
 #include "apps/job/blocks/block_fields.hpp"
 
 #include "apps/job/blocks/job_schema.hpp"
+#include "apps/job/estimate_job.hpp"
 
 namespace orbid::apps::describe {
 

@@ -4,11 +4,20 @@
 #include <tuple>
 
 #include "apps/job/blocks/field_kinds.hpp"
-#include "apps/job/data_job.hpp"
-#include "apps/job/estimate_job.hpp"
-#include "apps/job/orbits_job.hpp"
-#include "apps/job/periodic_job.hpp"
+#include "estimator/interface/prior.hpp"
 #include "models/equations/equation_text.hpp"
+#include "periodic/search/orbit_search.hpp"
+
+namespace orbid::apps {
+
+struct SampleJob;
+struct MultiStartJob;
+struct SimulationJob;
+struct FileJob;
+struct OrbitStart;
+struct ContinuationJob;
+
+}  // namespace orbid::apps
 
 namespace orbid::apps::describe {
 

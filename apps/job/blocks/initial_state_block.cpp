@@ -2,6 +2,7 @@
 
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
+#include "apps/job/data_job.hpp"
 
 namespace orbid::apps::describe {
 

@@ -1,5 +1,6 @@
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
+#include "apps/job/periodic_job.hpp"
 
 namespace orbid::apps::describe {
 

@@ -3,6 +3,8 @@
 
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/orbits_job.hpp"
 #include "orbits/local_maps/local_map.hpp"
 
 namespace orbid::apps {

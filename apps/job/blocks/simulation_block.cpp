@@ -3,6 +3,7 @@
 #include "apps/documents/json_text.hpp"
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
+#include "apps/job/data_job.hpp"
 
 namespace orbid::apps::describe {
 

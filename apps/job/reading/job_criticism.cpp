@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/job_parts.hpp"
 #include "models/catalogue/registry.hpp"
 

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <array>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/job_parts.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
 

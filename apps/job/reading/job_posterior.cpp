@@ -1,6 +1,8 @@
 #include <algorithm>
 
 #include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/job_parts.hpp"
 
 namespace orbid::apps {

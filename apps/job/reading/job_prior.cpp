@@ -4,6 +4,8 @@
 #include <type_traits>
 
 #include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/job_parts.hpp"
 
 namespace orbid::apps {

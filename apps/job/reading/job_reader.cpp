@@ -7,6 +7,8 @@
 #include "apps/documents/schema_check.hpp"
 #include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/blocks/model_block.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/flow_stepper.hpp"
 #include "apps/job/job_parts.hpp"
 

@@ -1,6 +1,9 @@
 #include <algorithm>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/job_parts.hpp"
+#include "apps/job/orbits_job.hpp"
 
 namespace orbid::apps {
 

@@ -2,6 +2,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/job_parts.hpp"
 
 namespace orbid::apps {

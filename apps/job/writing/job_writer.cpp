@@ -3,6 +3,10 @@
 #include "apps/documents/json_text.hpp"
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/blocks/model_block.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
+#include "apps/job/orbits_job.hpp"
+#include "apps/job/periodic_job.hpp"
 
 namespace orbid::apps {
 

@@ -1,5 +1,7 @@
 #include "apps/documents/json_text.hpp"
 #include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/writing/job_writer.hpp"
 
 namespace orbid::apps::detail {

@@ -3,7 +3,10 @@
 #include <algorithm>
 
 #include "apps/estimation/job_problem.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/input_checksums.hpp"
+#include "apps/job/orbits_job.hpp"
 #include "apps/results/cycle_reader.hpp"
 #include "apps/stages/data_stage.hpp"
 #include "apps/stages/searched_section.hpp"

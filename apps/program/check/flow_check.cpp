@@ -8,7 +8,10 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/flow_stepper.hpp"
+#include "apps/job/periodic_job.hpp"
 #include "apps/results/counted_noun.hpp"
 #include "apps/results/summary_table.hpp"
 #include "apps/stages/data_stage.hpp"

@@ -4,7 +4,11 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/evaluated_model.hpp"
+#include "apps/job/orbits_job.hpp"
+#include "apps/job/periodic_job.hpp"
 #include "apps/results/counted_noun.hpp"
 
 namespace orbid::apps {

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/program/run.hpp"
 #include "tests/apps/program/program.hpp"

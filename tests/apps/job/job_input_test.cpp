@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/program/check/job_summary.hpp"

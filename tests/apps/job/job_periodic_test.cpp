@@ -2,6 +2,8 @@
 
 #include <variant>
 
+#include "apps/job/orbits_job.hpp"
+#include "apps/job/periodic_job.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/catch.hpp"

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "apps/estimation/job_problem.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "identification/problem/estimate_setup.hpp"

@@ -4,6 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
+#include "apps/job/orbits_job.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/program/starting/model_listing.hpp"
 #include "apps/program/starting/starting_job.hpp"
@@ -196,7 +199,7 @@ TEST_CASE("every job in configs is read, and its complete form reads back", "[ap
         CHECK(job_text(*again.job, out) == text);
         CHECK(again.job->model.values == reading.job->model.values);
         CHECK(again.job->data.size() == reading.job->data.size());
-        REQUIRE(again.job->estimate.has_value() == reading.job->estimate.has_value());
+        REQUIRE(bool(again.job->estimate) == bool(reading.job->estimate));
         if (!reading.job->estimate) continue;
         REQUIRE(again.job->estimate->parameters.size() == reading.job->estimate->parameters.size());
         for (std::size_t i = 0; i < reading.job->estimate->parameters.size(); ++i) {

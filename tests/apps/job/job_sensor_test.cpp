@@ -4,6 +4,7 @@
 #include <numbers>
 #include <sstream>
 
+#include "apps/job/data_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "tests/apps/job/job_problems.hpp"

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/program/check/job_summary.hpp"
