@@ -99,7 +99,14 @@ private:
     /// What a key demands of others.
     static void add_rules(const KeySchema& entry, const ObjectSchema& form, Json& written, Json& rules) {
         if (entry.never_beside) written["dependentSchemas"][*entry.never_beside]["properties"][entry.key] = false;
-        if (entry.only_with && entry.only_with->values.empty()) {
+        if (entry.only_with && !entry.only_with->or_key.empty()) {
+            Json rule{
+                {"if",
+                 {{"anyOf", {{{"required", {entry.only_with->key}}}, {{"required", {entry.only_with->or_key}}}}}}}};
+            if (entry.required) rule["then"] = {{"required", {entry.key}}};
+            rule["else"] = {{"properties", {{entry.key, false}}}};
+            rules.push_back(std::move(rule));
+        } else if (entry.only_with && entry.only_with->values.empty()) {
             written["dependentRequired"][entry.key].push_back(entry.only_with->key);
             if (entry.required) written["dependentRequired"][entry.only_with->key].push_back(entry.key);
         } else if (entry.only_with) {

@@ -70,6 +70,7 @@ struct ValueSchema {
 struct Condition {
     std::string key;
     std::vector<std::string> values;  ///< empty: the key exists
+    std::string or_key = {};          ///< instead of which this one may exist; empty: none
 };
 
 struct KeySchema {
@@ -91,6 +92,10 @@ struct KeySchema {
     }
     KeySchema& with(std::string other, std::vector<std::string> values = {}) {
         only_with = Condition{std::move(other), std::move(values)};
+        return *this;
+    }
+    KeySchema& with_either(std::string one, std::string other) {
+        only_with = Condition{std::move(one), {}, std::move(other)};
         return *this;
     }
     KeySchema& needed_with(std::string other, std::vector<std::string> values = {}) {

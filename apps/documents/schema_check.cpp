@@ -106,6 +106,7 @@ private:
     static Holds holds(const Condition& condition, const JsonValue& object, const ObjectSchema& form) {
         const JsonMember* found = member(object, condition.key);
         if (condition.values.empty()) {
+            if (found == nullptr && !condition.or_key.empty()) found = member(object, condition.or_key);
             if (found == nullptr) return Holds::no;
             return found->value.flaw == JsonValue::Flaw::itself ? Holds::unclear : Holds::yes;
         }
@@ -122,6 +123,8 @@ private:
     }
 
     static std::string in_words_of(const Condition& condition) {
+        if (!condition.or_key.empty())
+            return fmt::format("\"{}\" or \"{}\", which are missing", condition.key, condition.or_key);
         if (condition.values.empty()) return fmt::format("\"{}\", which is missing", condition.key);
         std::string list;
         for (const std::string& each : condition.values)

@@ -71,6 +71,7 @@ private:
     }
 
     static std::string condition(const Condition& condition) {
+        if (!condition.or_key.empty()) return code(condition.key) + " or " + code(condition.or_key);
         if (condition.values.empty()) return code(condition.key);
         return fmt::format("`{}` {}", condition.key, choices(condition.values));
     }

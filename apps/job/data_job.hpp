@@ -18,6 +18,7 @@
 #include "identification/problem/experiment.hpp"
 #include "models/definition/input_signal.hpp"
 #include "models/definition/sensor.hpp"
+#include "orbits/records/record_part.hpp"
 #include "orbits/records/series.hpp"
 
 namespace orbid::apps {
@@ -58,15 +59,27 @@ struct ColumnJob {
 /// A recorded series: a text table (.csv, .tsv, .txt), or a file written by orbid (.h5, .hdf5), which describes its
 /// columns itself.
 struct FileJob {
-    std::filesystem::path path;  ///< absolute
+    std::vector<std::filesystem::path> paths;  ///< absolute; one, or all that match `pattern`, in the order of bytes
+    std::string pattern;                       ///< absolute, * and ? stand for letters; empty: one file
     orbits::Series::Sampling sampling = orbits::Series::Sampling::section;
     bool table = true;           ///< text with columns; false: HDF5, `columns` and the two names are empty
     std::string segment_column;  ///< empty: the whole file is one segment
     std::string time_column;     ///< samples need one
     std::string time_unit = "s";
     std::vector<ColumnJob> columns;  ///< in the order of the coordinates
+    double step = 0.0;               ///< [s] interval of samples in a table without a column of times; else 0
+    bool evenly_spaced = true;       ///< samples in equal steps; false: each at its own time
+    orbits::RecordPart part;         ///< what is read; `every` belongs to samples
     bool nan_is_missing = false;     ///< "nan" in a cell is a missing sample too, not only an empty cell
-    std::string sha256;              ///< expected, lower-case hex; empty: not given
+    std::string sha256;  ///< expected, lower-case hex; of several files: of the list of theirs; empty: not given
+
+    /// [B], of those that exist.
+    [[nodiscard]] double bytes() const;
+    /// Name of a segment of one of the files: its label; with a pattern the path from the folder in which the pattern
+    /// has its first * or ?, without extension, and "/label" where a column names the segments.
+    [[nodiscard]] std::string segment_name(const std::filesystem::path& path, const std::string& label) const;
+    /// A file, or the pattern of several, as messages name it.
+    [[nodiscard]] std::string shown() const { return pattern.empty() ? paths.front().string() : pattern; }
 };
 
 /// Measured inputs of the model, from the experiment's own table or a separate one.

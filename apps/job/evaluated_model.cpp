@@ -29,9 +29,7 @@ double rows(const DataJob& data) {
                    : static_cast<double>(simulation.count * simulation.trajectories);
     }
     // A row of a table takes some thirty bytes.
-    std::error_code error;
-    const auto size = std::filesystem::file_size(data.file->path, error);
-    return error ? 0.0 : static_cast<double>(size) / 30.0;
+    return data.file->bytes() / 30.0;
 }
 
 bool wants_compiled(const Job& job) {

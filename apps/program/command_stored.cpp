@@ -18,6 +18,7 @@
 #include "apps/report/run_comparison.hpp"
 #include "apps/results/summary_table.hpp"
 #include "apps/stages/progress.hpp"
+#include "apps/stages/recorded_series.hpp"
 #include "apps/stored_run/forecast.hpp"
 #include "apps/stored_run/prediction_job.hpp"
 #include "apps/stored_run/prediction_results.hpp"
@@ -129,7 +130,7 @@ int predict_run(const CommandCall& call) {
         OutputFolder folder(out, document, job_text(job.stored, out, versions()), call.has("force"));
         Experiment record;
         record.series = recorded_series(job.stored, 0);
-        record.inputs = by_segment(load_inputs(job.stored, job.stored.data[0]), record.series.segments.size());
+        record.inputs = by_segment(load_inputs(job.stored, job.stored.data[0]), record.series.segments);
         Progress progress(call.has("quiet"), call.console.error, call.console.error_terminal);
         progress.begin("predict", 0.0, "");
         const Forecast result = forecast(job, record);

@@ -10,6 +10,7 @@
 #include "apps/job/estimate_job.hpp"
 #include "apps/results/counted_noun.hpp"
 #include "apps/stages/periodic_stage.hpp"
+#include "apps/stages/recorded_series.hpp"
 #include "models/arithmetic/splitmix64.hpp"
 #include "orbits/records/series_file.hpp"
 #include "orbits/simulation/virtual_experiment.hpp"
@@ -112,20 +113,13 @@ orbits::Series read_stored(const std::filesystem::path& file, SeriesOutput forma
     return orbits::read_csv(file, layout);
 }
 
-/// A coordinate as the sensor of an experiment reads it.
-orbits::SeriesCoordinate series_coordinate(const Job& job, const DataJob& data, std::size_t index) {
-    const auto coordinates = job.model.system->coordinates();
-    return {std::string(coordinates[index].name), std::string(coordinates[index].unit),
-            models::reads_angle(data.sensor, coordinates, index)};
-}
-
 /// A series without data: what the coordinates of a simulated series are called.
 orbits::Series empty_series(const Job& job, const DataJob& data) {
     orbits::Series series;
     series.sampling = data.sampling();
     series.phase = job.section_phase;
     for (std::size_t i = 0; i < job.model.system->coordinates().size(); ++i)
-        series.coordinates.push_back(series_coordinate(job, data, i));
+        series.coordinates.push_back(read_coordinate(job, data, i));
     return series;
 }
 
@@ -145,7 +139,7 @@ Experiment simulated(const Workspace& work, std::size_t index) {
         work.document, {"/model", "/seed", "/section", "/flow", place + "/simulate", place + "/inputs",
                         place + "/interpolation", place + "/sensor", place + "/parameters"});
 
-    const Inputs inputs = load_inputs(job, data);
+    const LabelledInputs inputs = load_inputs(job, data);
     if (stored && std::filesystem::exists(file)) {
         // An unreadable file of ours is one to be replaced, unless a later stage alone was asked for.
         std::optional<Origin> origin;
@@ -159,7 +153,7 @@ Experiment simulated(const Workspace& work, std::size_t index) {
                 read_stored(file, job.series_output, empty_series(job, data), job.section_plane.has_value()),
                 origin->captured,
                 {}};
-            experiment.inputs = by_segment(inputs, experiment.series.segments.size());
+            experiment.inputs = by_segment(inputs, experiment.series.segments);
             work.progress.reused("simulate", fmt::format("{} from {}", counted(experiment.series.size(), "point"),
                                                          file.filename().string()));
             return experiment;
@@ -175,7 +169,7 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     auto run = run_experiment();
     if (!run.complete) throw orbits::DataError(fmt::format("{}: cannot be simulated: {}", data.name, run.message));
     Experiment experiment{std::move(run.series), captures(data.name, run.events), {}};
-    experiment.inputs = by_segment(inputs, experiment.series.segments.size());
+    experiment.inputs = by_segment(inputs, experiment.series.segments);
     experiment.series.origin = origin_text(wanted, experiment.captured);
     if (stored) {
         work.folder.store(file.filename().string(), [&](const std::filesystem::path& temporary) {
@@ -194,67 +188,20 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     return experiment;
 }
 
-/// Header of the column with the sds of a coordinate's readings; empty: none is asked for.
-std::string sd_column(const Job& job, std::size_t experiment, Eigen::Index coordinate) {
-    const auto& observed = job.data[experiment].observe;
-    if (!job.estimate || std::count(observed.begin(), observed.end(), coordinate) == 0) return {};
-    const auto column_of = [&](const auto& residual) -> std::string {
-        if (!residual || std::count(residual->data.begin(), residual->data.end(), experiment) == 0) return {};
-        for (const ErrorJob& error : residual->errors)
-            if (error.coordinate == coordinate) return error.sd_column;
-        return {};
-    };
-    const std::string column = column_of(job.estimate->series);
-    return column.empty() ? column_of(job.estimate->waveform) : column;
-}
-
 Experiment measured(const Workspace& work, std::size_t index) {
     const DataJob& data = work.job.data[index];
     work.progress.begin("read");
     const RunStop::AtOnce leaving(work.stop);
     Experiment experiment;
     experiment.series = recorded_series(work.job, index, work.asking());
-    experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments.size());
+    experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments);
     work.progress.end(fmt::format("{} in {} from {}", counted(experiment.series.size(), "point"),
                                   counted(experiment.series.segments.size(), "segment"),
-                                  data.file->path.filename().string()));
+                                  std::filesystem::path(data.file->shown()).filename().string()));
     return experiment;
 }
 
 }  // namespace
-
-orbits::Series recorded_series(const Job& job, std::size_t index, const std::function<bool()>& interrupted) {
-    const DataJob& data = job.data[index];
-    const FileJob& file = *data.file;
-    if (file.table) {
-        orbits::TableLayout layout;
-        layout.sampling = file.sampling;
-        layout.segment = file.segment_column;
-        layout.time = file.time_column;
-        layout.time_unit = file.time_unit;
-        layout.nan_is_missing = file.nan_is_missing;
-        layout.phase = job.section_phase;
-        layout.minimum_points = 2;
-        layout.interrupted = interrupted;
-        for (const ColumnJob& column : file.columns)
-            layout.coordinates.push_back({series_coordinate(job, data, static_cast<std::size_t>(column.coordinate)),
-                                          column.column, column.unit, static_cast<double>(column.sign), column.offset,
-                                          sd_column(job, index, column.coordinate)});
-        return orbits::read_csv(file.path, layout);
-    }
-    orbits::Series series = orbits::read_hdf5(file.path, 2);
-    if (series.sampling != file.sampling)
-        throw orbits::DataError(
-            fmt::format("{}: holds {}, but the job says \"kind\": \"{}\"", file.path.string(),
-                        file.sampling == orbits::Series::Sampling::section ? "samples" : "sections",
-                        file.sampling == orbits::Series::Sampling::section ? "section" : "samples"));
-    for (const auto& coordinate : series.coordinates) {
-        if (job.model.system->coordinate_index(coordinate.name) < 0)
-            throw orbits::DataError(fmt::format("{}: coordinate \"{}\" is none of model {}", file.path.string(),
-                                                coordinate.name, job.model.system->name()));
-    }
-    return series;
-}
 
 std::optional<orbits::Series> simulated_series(const Job& job, std::size_t index, const std::filesystem::path& folder) {
     const auto file = folder / series_file_name(job, index);

@@ -25,12 +25,6 @@ struct Experiment {
 /// @throws orbits::DataError when a file cannot be read or used, StaleFile as reusable() does.
 [[nodiscard]] std::vector<Experiment> load_data(const Workspace& work);
 
-/// The record of an experiment that the job reads from a file.
-/// @param interrupted  asked while reading text
-/// @throws orbits::DataError when the file cannot be read or does not fit the job's kind and model; models::Stopped.
-[[nodiscard]] orbits::Series recorded_series(const Job& job, std::size_t experiment,
-                                             const std::function<bool()>& interrupted = {});
-
 /// The record of a simulated experiment stored in `folder`; nothing if not stored. Its fingerprint is not checked: it
 /// belongs to job.json in the same folder.
 /// @throws orbits::DataError when the file cannot be read.

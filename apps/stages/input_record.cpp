@@ -1,5 +1,7 @@
 #include "apps/stages/input_record.hpp"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include "apps/job/data_job.hpp"
@@ -18,6 +20,7 @@ orbits::TableLayout input_layout(const Job& job, const DataJob& data) {
     layout.time_unit = input.file ? input.time_unit : data.file->time_unit;
     // One record, but for inputs beside the readings of several segments.
     if (!input.file) layout.segment = data.file->segment_column;
+    layout.step = input.file ? 0.0 : data.file->step;
     layout.equidistant = false;
     layout.complete = true;
     layout.minimum_points = 2;
@@ -33,34 +36,48 @@ orbits::TableLayout input_layout(const Job& job, const DataJob& data) {
     return layout;
 }
 
+std::shared_ptr<const models::InputSignal> signal(const orbits::Segment& segment, const std::filesystem::path& file,
+                                                  models::InputSignal::Interpolation interpolation) {
+    const auto points = static_cast<std::size_t>(segment.times.size());
+    const auto count = static_cast<std::size_t>(segment.values.rows());
+    try {
+        return std::make_shared<models::InputSignal>(std::span<const double>(segment.times.data(), points),
+                                                     std::span<const double>(segment.values.data(), count * points),
+                                                     count, interpolation);
+    } catch (const models::DataError& error) {
+        throw orbits::DataError(fmt::format("{}, segment {}: {}", file.string(), segment.label, error.what()));
+    }
+}
+
 }  // namespace
 
-Inputs load_inputs(const Job& job, const DataJob& data) {
+LabelledInputs load_inputs(const Job& job, const DataJob& data) {
     if (!data.inputs) return {};
-    const std::filesystem::path& file = data.inputs->file ? *data.inputs->file : data.file->path;
-    const orbits::Series record = orbits::read_csv(file, input_layout(job, data));
-    Inputs inputs;
-    for (const orbits::Segment& segment : record.segments) {
-        const auto points = static_cast<std::size_t>(segment.times.size());
-        const auto count = static_cast<std::size_t>(segment.values.rows());
-        try {
-            inputs.push_back(std::make_shared<models::InputSignal>(
-                std::span<const double>(segment.times.data(), points),
-                std::span<const double>(segment.values.data(), count * points), count, data.inputs->interpolation));
-        } catch (const models::DataError& error) {
-            throw orbits::DataError(fmt::format("{}, segment {}: {}", file.string(), segment.label, error.what()));
+    const orbits::TableLayout layout = input_layout(job, data);
+    const std::vector<std::filesystem::path> own{data.inputs->file.value_or("")};
+    LabelledInputs inputs;
+    for (const std::filesystem::path& file : data.inputs->file ? own : data.file->paths) {
+        for (const orbits::Segment& segment : orbits::read_csv(file, layout).segments) {
+            const std::string label = data.inputs->file ? segment.label : data.file->segment_name(file, segment.label);
+            inputs.emplace_back(label, signal(segment, file, data.inputs->interpolation));
         }
     }
     return inputs;
 }
 
-std::shared_ptr<const models::System> system_with(const Job& job, const Inputs& inputs) {
-    return inputs.empty() ? job.model.system : job.model.system->with_input(inputs.front());
+std::shared_ptr<const models::System> system_with(const Job& job, const LabelledInputs& inputs) {
+    return inputs.empty() ? job.model.system : job.model.system->with_input(inputs.front().second);
 }
 
-Inputs by_segment(const Inputs& inputs, std::size_t segments) {
-    if (inputs.size() != 1) return inputs;
-    return Inputs(segments, inputs.front());
+Inputs by_segment(const LabelledInputs& inputs, const std::vector<orbits::Segment>& segments) {
+    Inputs result;
+    if (inputs.empty()) return result;
+    for (const orbits::Segment& segment : segments) {
+        const auto own = std::find_if(inputs.begin(), inputs.end(),
+                                      [&segment](const auto& entry) { return entry.first == segment.label; });
+        result.push_back(own != inputs.end() ? own->second : inputs.front().second);
+    }
+    return result;
 }
 
 }  // namespace orbid::apps

@@ -122,7 +122,8 @@ void describe_table(const ModelJob& model, const std::filesystem::path& file, Js
 Json experiment_entry(const StoredRun& run, const Json& like, const std::filesystem::path& data,
                       const std::filesystem::path& inputs) {
     Json entry = like;
-    for (const char* key : {"file", "sha256", "simulate", "segments", "free", "initial_state"})
+    for (const char* key :
+         {"file", "files", "sha256", "simulate", "segments", "free", "initial_state", "window", "rows"})
         entry.erase(key);
     const bool simulated = like.contains("simulate");
     if (simulated) entry["kind"] = like["simulate"].contains("samples") ? "samples" : "section";

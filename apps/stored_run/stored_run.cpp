@@ -10,6 +10,7 @@
 #include "apps/job/data_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/stages/data_stage.hpp"
+#include "apps/stages/recorded_series.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/records/text_table.hpp"
 

@@ -68,8 +68,12 @@ void validate_layout(const TableLayout& layout) {
                   column.sign);
         refuse_if(!std::isfinite(column.offset), "column of {}: offset must be a finite number", name);
     }
-    refuse_if(layout.sampling == Series::Sampling::samples && layout.time.empty(),
-              "table layout: samples need a column of times");
+    const bool samples = layout.sampling == Series::Sampling::samples;
+    refuse_if(samples && layout.time.empty() && !(layout.step > 0.0),
+              "table layout: samples need a column of times, or their step");
+    refuse_if(layout.step != 0.0 && !(samples && layout.time.empty() && layout.step > 0.0),
+              "table layout: a step of {} s: must be > 0, for samples without a column of times", layout.step);
+    validate_part(layout.part, layout.sampling, !layout.time.empty() || samples);
     if (!(layout.time_tolerance > 0.0 && layout.time_tolerance < 1.0)) {
         throw std::invalid_argument(
             fmt::format("table layout: time tolerance is {}, must lie in (0, 1)", layout.time_tolerance));
@@ -167,68 +171,104 @@ void find_columns(const TextTable& table, const TableLayout& layout, Columns& co
     if (!layout.time.empty()) columns.time = table.column(layout.time);
 }
 
-void add_row(const TextTable& table, const std::vector<std::string_view>& cells, const Columns& columns,
-             const TableLayout& layout, bool with_sds, Rows& rows) {
-    for (const Reading& reading : columns.coordinates) {
-        rows.values.push_back(cell_value(table, cells[reading.column], reading, layout));
-        if (!with_sds) continue;
-        const std::string_view sd = reading.sd ? cells[*reading.sd] : std::string_view();
-        rows.deviations.push_back(deviation_of(table, sd, reading, rows.values.back()));
+/// Reads row after row into segments.
+class TableReading {
+public:
+    TableReading(const std::filesystem::path& file, const TableLayout& layout)
+        : layout_(layout), columns_(conversions(layout)), table_(file), choice_(layout.part) {
+        find_columns(table_, layout, columns_);
+        with_sds_ = columns_.with_sds();
+        series_.sampling = layout.sampling;
+        series_.phase = layout.phase;
+        for (const CoordinateColumn& column : layout.coordinates)
+            series_.coordinates.push_back(column.coordinate);
     }
-    if (columns.time) {
-        const double time = table.number(cells[*columns.time], *columns.time) * columns.time_factor;
-        if (!std::isfinite(time)) table.fail(*columns.time, "a time must be a finite number");
-        rows.times.push_back(time);
+
+    Series read() {
+        std::size_t row = 0;
+        while (table_.next(cells_)) {
+            if (row % 1024 == 0) models::stop_if_asked(layout_.interrupted);
+            follow_segment(row++ == 0);
+            if (choice_.reaches(row)) add_row();
+            ++row_of_segment_;
+        }
+        end_segment();
+        refuse_too_few(row);
+        return std::move(series_);
     }
-    rows.lines.push_back(table.line());
-}
+
+private:
+    void follow_segment(bool first) {
+        if (!columns_.segment || (!first && cells_[*columns_.segment] == label_)) return;
+        end_segment();
+        label_ = cells_[*columns_.segment];
+        if (label_.empty()) table_.fail(*columns_.segment, "is empty; every row needs a segment label");
+        if (!labels_.insert(label_).second)
+            table_.fail(
+                *columns_.segment,
+                fmt::format("segment \"{}\" comes back after another one; the rows of a segment must follow each "
+                            "other, a new piece needs a new label",
+                            label_));
+    }
+
+    void add_row() {
+        double time = static_cast<double>(row_of_segment_) * layout_.step;
+        if (columns_.time) time = table_.number(cells_[*columns_.time], *columns_.time) * columns_.time_factor;
+        if (!std::isfinite(time)) table_.fail(*columns_.time, "a time must be a finite number");
+        first_time_ = std::min(first_time_, time);
+        last_time_ = std::max(last_time_, time);
+        if (!choice_.takes(time)) return;
+        for (const Reading& reading : columns_.coordinates) {
+            rows_.values.push_back(cell_value(table_, cells_[reading.column], reading, layout_));
+            if (!with_sds_) continue;
+            const std::string_view sd = reading.sd ? cells_[*reading.sd] : std::string_view();
+            rows_.deviations.push_back(deviation_of(table_, sd, reading, rows_.values.back()));
+        }
+        if (columns_.time || layout_.step > 0.0) rows_.times.push_back(time);
+        rows_.lines.push_back(table_.line());
+    }
+
+    void end_segment() {
+        points_ += rows_.lines.size();
+        if (!rows_.lines.empty()) {
+            if (columns_.time) check_times(table_, *columns_.time, rows_, layout_);
+            close_segment(series_, label_, rows_);
+        }
+        choice_.begin_segment();
+        row_of_segment_ = 0;
+    }
+
+    void refuse_too_few(std::size_t rows) const {
+        if (rows == 0)
+            throw DataError(fmt::format("{}: has a header but no rows; at least {} are needed", table_.file(),
+                                        std::max<std::size_t>(layout_.minimum_points, 1)));
+        if (points_ == 0) throw DataError(nothing_left(table_.file(), layout_.part, rows, first_time_, last_time_));
+        if (points_ < layout_.minimum_points)
+            throw DataError(fmt::format("{}: has {} points, at least {} are needed", table_.file(), points_,
+                                        layout_.minimum_points));
+    }
+
+    const TableLayout& layout_;
+    Columns columns_;
+    TextTable table_;
+    RowChoice choice_;
+    Series series_;
+    bool with_sds_ = false;
+    std::vector<std::string_view> cells_;
+    std::unordered_set<std::string> labels_;
+    std::string label_ = "0";
+    Rows rows_;  ///< of the present segment
+    std::size_t row_of_segment_ = 0;
+    std::size_t points_ = 0;  ///< of the segments before
+    double first_time_ = std::numeric_limits<double>::infinity();
+    double last_time_ = -std::numeric_limits<double>::infinity();
+};
 
 }  // namespace
 
 Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
     validate_layout(layout);
-    Columns columns = conversions(layout);
-    TextTable table(file);
-    find_columns(table, layout, columns);
-    Series series;
-    series.sampling = layout.sampling;
-    series.phase = layout.phase;
-    for (const CoordinateColumn& column : layout.coordinates)
-        series.coordinates.push_back(column.coordinate);
-
-    const bool with_sds = columns.with_sds();
-    std::vector<std::string_view> cells;
-    std::unordered_set<std::string> labels;
-    std::string label = "0";
-    Rows rows;
-    std::size_t points = 0;
-    const auto finish = [&] {
-        if (columns.time) check_times(table, *columns.time, rows, layout);
-        close_segment(series, label, rows);
-    };
-    for (; table.next(cells); ++points) {
-        if (points % 1024 == 0) models::stop_if_asked(layout.interrupted);
-        if (columns.segment && (points == 0 || cells[*columns.segment] != label)) {
-            if (points > 0) finish();
-            label = cells[*columns.segment];
-            if (label.empty()) table.fail(*columns.segment, "is empty; every row needs a segment label");
-            if (!labels.insert(label).second)
-                table.fail(
-                    *columns.segment,
-                    fmt::format("segment \"{}\" comes back after another one; the rows of a segment must follow each "
-                                "other, a new piece needs a new label",
-                                label));
-        }
-        add_row(table, cells, columns, layout, with_sds, rows);
-    }
-    if (points == 0)
-        throw DataError(fmt::format("{}: has a header but no rows; at least {} are needed", table.file(),
-                                    std::max<std::size_t>(layout.minimum_points, 1)));
-    finish();
-    if (points < layout.minimum_points)
-        throw DataError(
-            fmt::format("{}: has {} points, at least {} are needed", table.file(), points, layout.minimum_points));
-    return series;
+    return TableReading(file, layout).read();
 }
 
 std::string read_origin(const std::filesystem::path& file) {

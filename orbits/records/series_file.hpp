@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "orbits/records/data_error.hpp"
+#include "orbits/records/record_part.hpp"
 #include "orbits/records/series.hpp"
 
 #pragma GCC visibility push(default)
@@ -28,8 +29,10 @@ struct TableLayout {
     Series::Sampling sampling = Series::Sampling::section;
     std::vector<CoordinateColumn> coordinates;  ///< at least one; different coordinates
     std::string segment;                        ///< column of segment labels; empty = the whole file is one segment
-    std::string time;  ///< column of times; samples need it, sections may have one (times of crossings)
+    std::string time;  ///< column of times; samples need one or a step, sections may have one (times of crossings)
     std::string time_unit = "s";
+    double step = 0.0;               ///< [s] interval of samples without a column of times, the first at 0; else 0
+    RecordPart part = {};            ///< what is read
     bool nan_is_missing = false;     ///< a cell "nan" is a missing sample like an empty one, instead of an error
     double phase = 0.0;              ///< [rad] becomes Series::phase
     std::size_t minimum_points = 1;  ///< fewer rows than this are an error
@@ -51,9 +54,9 @@ struct TableLayout {
 /// @throws DataError naming file, line and column: file missing, a folder, unreadable or without rows; column missing
 ///         (with the nearest that exists) or named twice; wrong number of cells; a cell that is no number, nan or
 ///         infinite; a sd of a present reading that is empty or not > 0; a segment label that recurs; times not
-///         ascending or not equidistant; too few points.
+///         ascending or not equidistant; no row in the part; too few points.
 /// @throws std::invalid_argument for an invalid layout: no coordinate, one twice, sign other than +-1, offset not
-///         finite, unknown unit, samples without time column.
+///         finite, unknown unit, samples without times, a window of a record without times, `every` of sections.
 [[nodiscard]] Series read_csv(const std::filesystem::path& file, const TableLayout& layout);
 
 /// Writes "segment", for timed series "t", and one column per coordinate. Numbers are the shortest decimals that read

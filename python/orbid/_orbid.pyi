@@ -326,7 +326,8 @@ class Series:
     def __len__(self) -> int: ...
 
 def read_csv(file: Path, columns: Mapping[str, Union[str, Keys]], coordinates: Optional[Coordinates] = None, *,
-             segment: str = "", time: str = "", time_unit: str = "s", sampling: str = ..., nan_is_missing: bool = False,
+             segment: str = "", time: str = "", time_unit: str = "s", step: float = 0.0, sampling: str = ...,
+             window: Sequence[float] = ..., rows: Sequence[int] = ..., every: int = 1, nan_is_missing: bool = False,
              phase: float = 0.0, minimum_points: int = 1, time_tolerance: float = 0.05, equidistant: bool = True,
              complete: bool = False) -> Series: ...
 def read_hdf5(file: Path, *, minimum_points: int = 1) -> Series: ...

@@ -44,13 +44,37 @@ std::vector<orbits::CoordinateColumn> columns(py::handle description, const py::
     return result;
 }
 
+/// "window", "rows", "every".
+orbits::RecordPart record_part(NamedArguments& given) {
+    orbits::RecordPart part;
+    const auto need_two = [](Eigen::Index count, const char* name) {
+        if (count != 2) throw py::value_error(std::string("read_csv: ") + name + ": needs (first, last)");
+    };
+    if (given.has("window")) {
+        const Eigen::VectorXd ends = given.vector("window");
+        need_two(ends.size(), "window");
+        part.begin = ends[0];
+        part.end = ends[1];
+    }
+    if (given.has("rows")) {
+        const std::vector<long long> ends = given.integers("rows", 1);
+        need_two(static_cast<Eigen::Index>(ends.size()), "rows");
+        part.first_row = static_cast<std::size_t>(ends[0]);
+        part.last_row = static_cast<std::size_t>(ends[1]);
+    }
+    given.take({{"every", part.every, 1}});
+    return part;
+}
+
 std::shared_ptr<Series> read_csv(const std::filesystem::path& file, const py::object& described,
                                  const py::object& coordinates, const py::kwargs& keywords) {
     NamedArguments given("read_csv", keywords);
     orbits::TableLayout layout;
     layout.coordinates = columns(described, coordinates);
     given.take({{"segment", layout.segment}, {"time", layout.time}});
-    layout.sampling = sampling(given, !layout.time.empty());
+    given.take({{"step", layout.step}});
+    layout.sampling = sampling(given, !layout.time.empty() || layout.step > 0.0);
+    layout.part = record_part(given);
     given.take({{"time_unit", layout.time_unit},
                 {"nan_is_missing", layout.nan_is_missing},
                 {"phase", layout.phase},
@@ -71,12 +95,15 @@ void written(const std::filesystem::path& file, const std::shared_ptr<Series>& s
 }  // namespace
 
 void bind_series_files(py::module_& module) {
-    module.def("read_csv", &read_csv, py::arg("file"), py::arg("columns"), py::arg("coordinates") = py::none(),
-               "A Series from a table in text with a header line.\n\n"
-               "columns: dict from coordinates to columns, or to dicts with column, unit, sign, offset, sd: value =\n"
-               "sign * (column * unit - offset). coordinates: a System or a list as for Series, for units and angles.\n"
-               "segment, time: columns; time_unit (\"s\"), sampling, nan_is_missing, phase, minimum_points,\n"
-               "time_tolerance (0.05), equidistant (True), complete (False). DataError names file, line and column.");
+    module.def(
+        "read_csv", &read_csv, py::arg("file"), py::arg("columns"), py::arg("coordinates") = py::none(),
+        "A Series from a table in text with a header line.\n\n"
+        "columns: dict from coordinates to columns, or to dicts with column, unit, sign, offset, sd: value =\n"
+        "sign * (column * unit - offset). coordinates: a System or a list as for Series, for units and angles.\n"
+        "segment, time: columns; time_unit (\"s\"), step [s] of samples without times, sampling,\n"
+        "nan_is_missing, phase, minimum_points. window (first, last) [s], rows (first, last) from 1, every: the\n"
+        "part that is read.\n"
+        "time_tolerance (0.05), equidistant (True), complete (False). DataError names file, line and column.");
     module.def(
         "read_hdf5",
         [](const std::filesystem::path& file, std::size_t minimum_points) {

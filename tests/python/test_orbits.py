@@ -234,6 +234,12 @@ def test_segments_times_and_files(tmp_path):
         orbid.read_csv(tmp_path / "broken.csv", {"phi": "phi", "w": "w"})
     with pytest.raises(orbid.DataError):
         orbid.read_hdf5(tmp_path / "missing.h5")
+    (tmp_path / "bare.csv").write_text("phi\n" + "\n".join(str(k) for k in range(10)) + "\n")
+    part = orbid.read_csv(tmp_path / "bare.csv", {"phi": "phi"}, step=0.5, window=(1, 4), rows=(1, 8), every=2)
+    assert part.sampling == "samples" and part.segments[0].times.tolist() == [1.0, 2.0, 3.0]
+    assert np.ravel(part.segments[0].values).tolist() == [2.0, 4.0, 6.0]
+    with pytest.raises(ValueError, match="window: needs"):
+        orbid.read_csv(tmp_path / "bare.csv", {"phi": "phi"}, step=0.5, window=(1,))
     with pytest.raises(TypeError, match="did you mean 'offset'"):
         orbid.read_csv(tmp_path / "record.csv", {"phi": {"column": "phi", "ofset": 1.0}})
     with pytest.raises(TypeError):

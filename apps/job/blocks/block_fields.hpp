@@ -33,6 +33,8 @@ namespace orbid::apps::describe {
 [[nodiscard]] SimulationJob simulation_without_noise(const Job& job);
 /// "file" and what is said of it, "inputs" and "interpolation".
 void add_file_fields(FieldTable<DataJob>& table);
+/// Which part of a file is read: "window", "rows", "every", "spacing".
+[[nodiscard]] const FieldTable<FileJob>& record_part_fields();
 /// The columns that orbid writes, for a table of which "columns" says nothing.
 void take_default_columns(const Job& job, FileJob& file);
 [[nodiscard]] Field<DataJob> sensor_field();

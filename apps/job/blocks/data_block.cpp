@@ -112,7 +112,7 @@ const FieldTable<DataJob>& data_fields() {
 }
 
 ValueSchema data_block() {
-    return named("experiment", object(keys_of(data_fields()), {"simulate", "file"}));
+    return named("experiment", object(keys_of(data_fields()), {"simulate", "file", "files"}));
 }
 
 }  // namespace describe
@@ -138,6 +138,9 @@ DataJob read_experiment(const ValueReader& value, const std::string& default_nam
     ObjectReader object(value);
     read_fields(object, describe::data_fields(), data, job);
     if (data.file && data.file->table && !object.find("columns")) describe::take_default_columns(job, *data.file);
+    if (data.file && data.file->table && data.file->part.windowed() && data.file->time_column.empty() &&
+        data.file->step == 0.0)
+        object.report("window", "needs the times of the record: name their column in \"columns\", or use \"rows\"");
     data.observe = describe::readable_coordinates(job, data);
     if (const auto observe = object.find("observe")) describe::read_observe(*observe, job, data);
     const auto inputs = job.model.system ? job.model.system->inputs() : std::span<const models::Coordinate>{};

@@ -21,7 +21,7 @@ bool may_be_written(const KeySchema& key, const Json& object) {
     if (key.never_beside && object.contains(*key.never_beside)) return false;
     if (!key.only_with) return true;
     const auto other = object.find(key.only_with->key);
-    if (other == object.end()) return false;
+    if (other == object.end()) return !key.only_with->or_key.empty() && object.contains(key.only_with->or_key);
     return key.only_with->values.empty() ||
            (other->is_string() && is_in(other->get<std::string>(), key.only_with->values));
 }

@@ -115,7 +115,9 @@ template <class Block>
 void read_fields(ObjectReader& object, const FieldTable<Block>& fields, Block& block, const Job& job = no_job()) {
     visit_fields(fields, &Field<Block>::later_than, [&](const Field<Block>& one) {
         const auto& other = one.key.only_with;
-        if (other && other->values.empty() && !object.find(other->key)) return;
+        if (other && other->values.empty() && !object.find(other->key) &&
+            (other->or_key.empty() || !object.find(other->or_key)))
+            return;
         if (const auto value = object.find(one.key.key)) one.read(*value, job, block);
     });
 }

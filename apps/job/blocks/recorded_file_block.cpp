@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cctype>
 
+#include <glob.h>
+
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/data_job.hpp"
@@ -100,8 +102,10 @@ void read_columns(const ValueReader& value, const Job& job, FileJob& file) {
               [](const ColumnJob& a, const ColumnJob& b) { return a.coordinate < b.coordinate; });
     if (job.model.system && file.columns.empty() && value.is(JsonValue::Kind::object))
         value.report("must name the column of at least one coordinate of the model");
-    if (file.sampling == Sampling::samples && file.time_column.empty())
-        value.report("samples need the column of the time: \"time\": \"t\"");
+    if (file.sampling == Sampling::samples && file.time_column.empty() && file.step == 0.0)
+        value.report("samples need the column of the time: \"time\": \"t\"; or their \"step\" beside \"file\"");
+    if (file.step > 0.0 && !file.time_column.empty())
+        value.report("has a column of the time beside \"step\": leave one of them out");
 }
 
 Json columns_of_table(const FileJob& file, const Writing& at) {
@@ -117,35 +121,81 @@ void check_sampling(const ValueReader& value, const Job& job, FileJob& file) {
                                  job.model.name));
 }
 
+void read_step(const ValueReader& value, const Job&, FileJob& file) {
+    value.read(file.step);
+    if (file.table && file.sampling == Sampling::samples) return;
+    value.report("belongs to samples in a table in text");
+    file.step = 0.0;
+}
+
 /// What else is said of a file.
 const FieldTable<FileJob>& recorded_file_fields() {
     static const FieldTable<FileJob> table{
-        text_field(key("sha256", sha256(), "Of the file: refused if it has changed.").with("file"), &FileJob::sha256),
+        text_field(key("sha256", sha256(), "Of the file: refused if it has changed.").with_either("file", "files"),
+                   &FileJob::sha256),
         choice_field(key("kind", {}, "One reading per period of the forcing, or samples in time.")
-                         .with("file")
+                         .with_either("file", "files")
                          .required_always(),
                      sampling_names, &FileJob::sampling)
             .with_rule(check_sampling),
+        Field<FileJob>{
+            key("step", above(0.0), "Interval of samples in a table without a column of the time.")
+                .in("s")
+                .with_either("file", "files"),
+            read_step,
+            [](const FileJob& file, const Writing&) { return file.step > 0.0 ? Json(file.step) : left_out(); }},
         Field<FileJob>{key("columns", entries(column(), "a coordinate of the model", keys_of(table_fields())),
                            "Which column of a table is what; unless given those that orbid writes.")
-                           .with("file"),
+                           .with_either("file", "files"),
                        read_columns, columns_of_table}
             .written_if([](const FileJob& file) { return file.table; }),
-        word_field(key("missing", {}, "What marks a missing sample; \"nan\": that word too.").with("file"),
-                   {{false, "empty"}, {true, "nan"}}, &FileJob::nan_is_missing)};
+        word_field(
+            key("missing", {}, "What marks a missing sample; \"nan\": that word too.").with_either("file", "files"),
+            {{false, "empty"}, {true, "nan"}}, &FileJob::nan_is_missing)};
     return table;
+}
+
+void take_type(const ValueReader& value, FileJob& file) {
+    const std::string type = extension(file.paths.front());
+    file.table = type == ".csv" || type == ".tsv" || type == ".txt";
+    if (!file.table && type != ".h5" && type != ".hdf5")
+        value.report(fmt::format("files end in .csv, .tsv, .txt, .h5 or .hdf5, not in \"{}\"", type));
+    for (const auto& path : file.paths)
+        if (extension(path) != type)
+            value.report_data(
+                fmt::format("matches files of several types: {} and {}", file.paths.front().string(), path.string()));
 }
 
 void read_recorded_file(const ValueReader& value, const Job& job, DataJob& data) {
     data.simulation.reset();
     FileJob& file = data.file.emplace();
     const auto path = read_path(value, job);
-    if (!path) return;
-    file.path = *path;
-    const std::string type = extension(*path);
-    file.table = type == ".csv" || type == ".tsv" || type == ".txt";
-    if (!file.table && type != ".h5" && type != ".hdf5")
-        value.report(fmt::format("files end in .csv, .tsv, .txt, .h5 or .hdf5, not in \"{}\"", type));
+    file.paths = {path.value_or("")};
+    if (path) take_type(value, file);
+}
+
+/// Files whose paths match a pattern, in the order of bytes.
+std::vector<std::filesystem::path> matching(const std::string& pattern) {
+    glob_t found{};
+    std::vector<std::filesystem::path> paths;
+    if (::glob(pattern.c_str(), 0, nullptr, &found) == 0) paths.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
+    ::globfree(&found);
+    std::erase_if(paths, [](const auto& path) { return !std::filesystem::is_regular_file(path); });
+    std::sort(paths.begin(), paths.end());
+    return paths;
+}
+
+void read_recorded_files(const ValueReader& value, const Job& job, DataJob& data) {
+    data.simulation.reset();
+    FileJob& file = data.file.emplace();
+    file.paths = {""};
+    const auto text = value.text();
+    if (!text) return;
+    file.pattern = (job.source.parent_path() / *text).lexically_normal().string();
+    const auto paths = matching(file.pattern);
+    if (paths.empty()) return value.report_data(fmt::format("no file matches \"{}\"", file.pattern));
+    file.paths = paths;
+    take_type(value, file);
 }
 
 /// Of "inputs", beside the inputs themselves.
@@ -203,10 +253,21 @@ void add_file_fields(FieldTable<DataJob>& table) {
                      interpolation_names, &InputJob::interpolation)};
     table.push_back({key("file", file_name(), "Recorded data: .csv, .tsv, .txt, .h5 or .hdf5, relative to the job."),
                      read_recorded_file, [](const DataJob& data, const Writing& at) {
-                         return data.file ? Json(path_text(data.file->path, at.folder)) : left_out();
+                         return data.file && data.file->pattern.empty()
+                                    ? Json(path_text(data.file->paths.front(), at.folder))
+                                    : left_out();
+                     }});
+    table.push_back({key("files", file_name(),
+                         "Several such files by a pattern with * and ?, each a segment that is named after its file."),
+                     read_recorded_files, [](const DataJob& data, const Writing& at) {
+                         return data.file && !data.file->pattern.empty()
+                                    ? Json(path_text(data.file->pattern, at.folder))
+                                    : left_out();
                      }});
     add_fields_of(
         table, recorded_file_fields(), [](auto& data) -> auto& { return *data.file; });
+    add_fields_of(
+        table, record_part_fields(), [](auto& data) -> auto& { return *data.file; });
     table.push_back({key("inputs", entries(column(), "an input of the model", keys_of(input_file_fields())),
                          "Columns of the measured inputs that the model reads."),
                      read_inputs, inputs_document});
@@ -217,7 +278,7 @@ void add_file_fields(FieldTable<DataJob>& table) {
 void take_default_columns(const Job& job, FileJob& file) {
     file.segment_column = "segment";
     const bool autonomous = job.model.is(models::Kind::autonomous);
-    if (file.sampling == Sampling::samples || autonomous) file.time_column = "t";
+    if ((file.sampling == Sampling::samples && file.step == 0.0) || autonomous) file.time_column = "t";
     if (!job.model.system) return;
     for (const models::Coordinate& coordinate : job.model.system->coordinates()) {
         const auto index = static_cast<Eigen::Index>(file.columns.size());

@@ -9,6 +9,7 @@
 #include "apps/job/orbits_job.hpp"
 #include "apps/results/cycle_reader.hpp"
 #include "apps/stages/data_stage.hpp"
+#include "apps/stages/recorded_series.hpp"
 #include "apps/stages/searched_section.hpp"
 #include "identification/problem/problem_residuals.hpp"
 #include "orbits/records/data_error.hpp"
@@ -47,10 +48,10 @@ DataCheck check_data(const Job& job) {
     std::vector<Experiment> data(job.data.size());
     for (std::size_t i = 0; i < job.data.size(); ++i) {
         attempt([&] {
-            Inputs inputs = load_inputs(job, job.data[i]);
+            const LabelledInputs inputs = load_inputs(job, job.data[i]);
             if (!job.data[i].file) return;
             data[i].series = recorded_series(job, i);
-            data[i].inputs = by_segment(inputs, data[i].series.segments.size());
+            data[i].inputs = by_segment(inputs, data[i].series.segments);
             check.records[i] = {data[i].series.size(), data[i].series.segments.size()};
         });
     }

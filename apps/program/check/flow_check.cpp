@@ -15,6 +15,7 @@
 #include "apps/results/counted_noun.hpp"
 #include "apps/results/summary_table.hpp"
 #include "apps/stages/data_stage.hpp"
+#include "apps/stages/recorded_series.hpp"
 #include "models/trajectories/odeint/odeint_kernel.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/simulation/initial_state.hpp"

@@ -19,8 +19,9 @@ constexpr double bytes_per_megabyte = 1e6;
 
 std::string data_line(const Job& job, const DataJob& data) {
     if (data.file) {
-        const double size = static_cast<double>(std::filesystem::file_size(data.file->path)) / bytes_per_megabyte;
-        return fmt::format("  read       {}: {} ({:.3g} MB)\n", data.name, data.file->path.string(), size);
+        const std::string count = data.file->pattern.empty() ? "" : counted(data.file->paths.size(), "file") + ", ";
+        return fmt::format("  read       {}: {} ({}{:.3g} MB)\n", data.name, data.file->shown(), count,
+                           data.file->bytes() / bytes_per_megabyte);
     }
     const SimulationJob& simulation = *data.simulation;
     const bool section = simulation.sampling == orbits::Series::Sampling::section;
@@ -41,9 +42,10 @@ std::string input_line(const Job& job, const DataJob& data) {
     std::vector<std::string_view> names;
     for (const models::Coordinate& input : job.model.system->inputs())
         names.push_back(input.name);
-    return fmt::format("  inputs     {}: {} from {}, {}\n", data.name, fmt::join(names, ", "),
-                       (data.inputs->file ? *data.inputs->file : data.file->path).filename().string(),
-                       models::name(data.inputs->interpolation));
+    return fmt::format(
+        "  inputs     {}: {} from {}, {}\n", data.name, fmt::join(names, ", "),
+        std::filesystem::path(data.inputs->file ? data.inputs->file->string() : data.file->shown()).filename().string(),
+        models::name(data.inputs->interpolation));
 }
 
 std::string periods_text(const std::vector<int>& periods) {

@@ -98,7 +98,7 @@ private:
     }
 
     void reading(std::size_t index) {
-        const auto size = static_cast<double>(std::filesystem::file_size(job_.data[index].file->path));
+        const auto size = job_.data[index].file->bytes();
         const std::size_t segments = data_.records[index] ? data_.records[index]->segments : 0;
         add("read", fmt::format("{:.0f} points in {} segment{}", points(index), segments, segments == 1 ? "" : "s"),
             points(index) * n_ * bytes, size * seconds_per_byte);

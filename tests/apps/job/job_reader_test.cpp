@@ -210,7 +210,7 @@ TEST_CASE("every job in configs is read, and its complete form reads back", "[ap
             CHECK(a.upper == b.upper);
             CHECK(a.scale == b.scale);
         }
-        if (reading.job->data[0].file) CHECK(again.job->data[0].file->path == reading.job->data[0].file->path);
+        if (reading.job->data[0].file) CHECK(again.job->data[0].file->paths == reading.job->data[0].file->paths);
     }
     CHECK(count >= 4);
 }

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+
+#include "apps/job/job.hpp"
+#include "orbits/records/series.hpp"
+
+namespace orbid::apps {
+
+/// A coordinate as the sensor of an experiment reads it.
+[[nodiscard]] orbits::SeriesCoordinate read_coordinate(const Job& job, const DataJob& data, std::size_t index);
+
+/// The record of an experiment that the job reads from a file.
+/// @param interrupted  asked while reading text
+/// @throws orbits::DataError when the file cannot be read or does not fit the job's kind and model; models::Stopped.
+[[nodiscard]] orbits::Series recorded_series(const Job& job, std::size_t experiment,
+                                             const std::function<bool()>& interrupted = {});
+
+}  // namespace orbid::apps
