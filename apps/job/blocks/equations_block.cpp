@@ -238,6 +238,7 @@ void read_equation_names(const std::optional<ValueReader>& name, const std::opti
     }
     if (!parameters) return;
     for (const auto& [word, item] : parameters->members()) {
+        if (word == "from") continue;
         block.at[Part::parameter].push_back(item);
         EquationText::Parameter& parameter = block.text.parameters.emplace_back();
         parameter.name = word;

@@ -1,5 +1,6 @@
 #include "apps/job/blocks/model_block.hpp"
 
+#include "apps/documents/atomic_file.hpp"
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
 
@@ -56,7 +57,10 @@ const FieldTable<ModelBlock>& model_fields() {
              }},
             // A number; of equations in the job also with what else is known of the parameter.
             Field<ModelBlock>{
-                key("parameters", entries(number() | object(keys_of(equation_parameter_fields())), "a parameter"),
+                key("parameters",
+                    entries(number() | object(keys_of(equation_parameter_fields())), "a parameter",
+                            {key("from", file_name(),
+                                 "A result.json: the values of that run, for all parameters that this one shares.")}),
                     "Data are simulated at these values, and fixed parameters keep them; those left out have the "
                     "defaults of the model.")
                     .needed_with("equations"),
@@ -115,6 +119,52 @@ void resolve_model(const ValueReader& name_value, const std::optional<ValueReade
     job.model.values = job.model.system->default_parameters();
 }
 
+/// The parameters that the run of a result.json shares with this model: its estimates, and what its job had fixed.
+/// Those of single experiments are left out.
+nlohmann::json values_of_run(const ValueReader& from, const Job& job) {
+    using Json = nlohmann::json;
+    Json values = Json::object();
+    const auto file = read_path(from, job);
+    if (!file || !std::filesystem::is_regular_file(*file)) return values;
+    const auto take = [&](const std::filesystem::path& path, const char* format, const Json::json_pointer& place) {
+        Json document = Json::parse(read_whole_file(path), nullptr, false);
+        const bool known = document.is_object() && document.value("format", Json()) == format;
+        if (!known) from.report_data(fmt::format("\"{}\" is no file of the format {}", path.string(), format));
+        if (!known || !document.contains(place)) return known;
+        for (const auto& [name, value] : document[place].items())
+            values[name] = value.is_object() ? value.value("value", Json()) : value;
+        return true;
+    };
+    const auto beside = file->parent_path() / "job.json";
+    if (std::filesystem::exists(beside) && !take(beside, "orbid-job/1", "/model/parameters"_json_pointer)) return {};
+    if (!take(*file, "orbid-result/1", "/parameters"_json_pointer)) return {};
+    std::erase_if(values.get_ref<Json::object_t&>(), [&job](const auto& entry) {
+        return job.model.system->parameter_index(entry.first) < 0 || !entry.second.is_number();
+    });
+    if (values.empty())
+        from.report_data(fmt::format("\"{}\" has no parameter of the model {}", file->string(), job.model.name));
+    return values;
+}
+
+void take_values_of_run(const ValueReader& parameters, Job& job) {
+    if (!job.model.system) return;
+    for (const auto& [key, from] : parameters.members()) {
+        if (key != "from") continue;
+        const nlohmann::json values = values_of_run(from, job);
+        for (const auto& [name, value] : values.items())
+            job.model.values[job.model.system->parameter_index(name)] = value.get<double>();
+    }
+}
+
+void take_own_values(const ValueReader& parameters, Job& job) {
+    for (const auto& [name, member] : parameters.members()) {
+        if (name == "from") continue;
+        const auto index = parameter_named(name, member, job);
+        if (!index) continue;
+        if (const auto number = read_parameter_value(member, *index, job)) job.model.values[*index] = *number;
+    }
+}
+
 }  // namespace
 
 void read_model(ObjectReader& root, Job& job) {
@@ -131,11 +181,11 @@ void read_model(ObjectReader& root, Job& job) {
         if (const auto data = root.find("data")) block.text.used_outside = names_in_sensors(data->value());
         // What is no text, name or number cannot be understood further.
         if (value->sound() && value->problem_count() == before) describe::use_equations(*equations, block, job);
+        if (parameters) take_values_of_run(*parameters, job);
     } else {
         if (name) resolve_model(*name, object.find("variant"), object.find("size"), job);
-        if (parameters)
-            for (const ParameterValue& entry : read_parameter_values(*parameters, job))
-                job.model.values[entry.parameter] = entry.value;
+        if (parameters) take_values_of_run(*parameters, job);
+        if (parameters) take_own_values(*parameters, job);
     }
     object.finish();
 }
