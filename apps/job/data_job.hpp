@@ -90,6 +90,7 @@ struct InputJob {
     std::string time_unit = "s";
     std::vector<ColumnJob> columns;  ///< one per input of the model, in its order; `coordinate` is the input's index
     models::InputSignal::Interpolation interpolation = models::InputSignal::Interpolation::linear;
+    double delay = 0.0;  ///< [s] between an input and its effect: the model reads u(t - delay)
 };
 
 using InitialValueJob = identification::InitialValue;

@@ -137,7 +137,7 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     const std::string place = work.document["data"].is_array() ? fmt::format("/data/{}", index) : "/data";
     const Fingerprint wanted = stage_fingerprint(
         work.document, {"/model", "/seed", "/section", "/flow", place + "/simulate", place + "/inputs",
-                        place + "/interpolation", place + "/sensor", place + "/parameters"});
+                        place + "/interpolation", place + "/delay", place + "/sensor", place + "/parameters"});
 
     const LabelledInputs inputs = load_inputs(job, data);
     if (stored && std::filesystem::exists(file)) {

@@ -37,13 +37,14 @@ orbits::TableLayout input_layout(const Job& job, const DataJob& data) {
 }
 
 std::shared_ptr<const models::InputSignal> signal(const orbits::Segment& segment, const std::filesystem::path& file,
-                                                  models::InputSignal::Interpolation interpolation) {
+                                                  const InputJob& input) {
+    const Eigen::VectorXd times = segment.times.array() + input.delay;
     const auto points = static_cast<std::size_t>(segment.times.size());
     const auto count = static_cast<std::size_t>(segment.values.rows());
     try {
-        return std::make_shared<models::InputSignal>(std::span<const double>(segment.times.data(), points),
+        return std::make_shared<models::InputSignal>(std::span<const double>(times.data(), points),
                                                      std::span<const double>(segment.values.data(), count * points),
-                                                     count, interpolation);
+                                                     count, input.interpolation);
     } catch (const models::DataError& error) {
         throw orbits::DataError(fmt::format("{}, segment {}: {}", file.string(), segment.label, error.what()));
     }
@@ -59,7 +60,7 @@ LabelledInputs load_inputs(const Job& job, const DataJob& data) {
     for (const std::filesystem::path& file : data.inputs->file ? own : data.file->paths) {
         for (const orbits::Segment& segment : orbits::read_csv(file, layout).segments) {
             const std::string label = data.inputs->file ? segment.label : data.file->segment_name(file, segment.label);
-            inputs.emplace_back(label, signal(segment, file, data.inputs->interpolation));
+            inputs.emplace_back(label, signal(segment, file, *data.inputs));
         }
     }
     return inputs;

@@ -250,7 +250,12 @@ Json inputs_document(const DataJob& data, const Writing& at) {
 void add_file_fields(FieldTable<DataJob>& table) {
     static const FieldTable<InputJob> interpolation{
         choice_field(key("interpolation", {}, "Of the inputs between their samples.").with("inputs"),
-                     interpolation_names, &InputJob::interpolation)};
+                     interpolation_names, &InputJob::interpolation),
+        field(key("delay", number(), "The model reads the inputs of so much earlier; may be negative.")
+                  .in("s")
+                  .with("inputs"),
+              &InputJob::delay)
+            .written_if([](const InputJob& input) { return input.delay != 0.0; })};
     table.push_back({key("file", file_name(), "Recorded data: .csv, .tsv, .txt, .h5 or .hdf5, relative to the job."),
                      read_recorded_file, [](const DataJob& data, const Writing& at) {
                          return data.file && data.file->pattern.empty()

@@ -33,11 +33,12 @@ double acceleration(double t) {
 }
 
 /// A record of the ground from -0.1 s to 2.1 s, in g and milliseconds; `gap`: a row without a value.
-Path write_ground(const Path& folder, int gap = -1) {
+Path write_ground(const Path& folder, int gap = -1, double later_ms = 0.0) {
     std::string text = "ms,acc\n";
     for (int k = 0; k <= 440; ++k) {
         const double t = -0.1 + 0.005 * k;
-        text += k == gap ? fmt::format("{},\n", 1e3 * t) : fmt::format("{},{}\n", 1e3 * t, acceleration(t) / 9.80665);
+        text += k == gap ? fmt::format("{},\n", 1e3 * t)
+                         : fmt::format("{},{}\n", 1e3 * t + later_ms, acceleration(t) / 9.80665);
     }
     return tests::write_text(folder / "ground.csv", text);
 }
@@ -194,6 +195,31 @@ TEST_CASE("a measured ground moves the strut as the harmonic one it was taken fr
     CHECK(tests::orbid_with({"run", measured, "--out", folder.path() / "out"}).code == 2);
     CHECK(tests::orbid_with({"run", measured, "--out", folder.path() / "out", "--force"}).code == 0);
     CHECK(std::abs(table(folder.path() / "out" / "series.csv").back()[2] - by_input.back()[2]) > 1e-3);
+}
+
+TEST_CASE("a delayed input is the input of a later clock", "[apps][run]") {
+    const tests::TemporaryFolder folder;
+    const auto strut = [&](const std::string& name, double later_ms, const std::string& more) {
+        write_ground(folder.path(), -1, later_ms);
+        const auto job =
+            tests::write_text(folder.path() / (name + ".json"), job_with(simulated + ", " + ground + more));
+        const auto run = tests::orbid_with({"run", job});
+        CAPTURE(run.error);
+        REQUIRE(run.code == 0);
+        return table(folder.path() / name / "series.csv");
+    };
+    const auto now = strut("now", 0.0, "");
+    const auto delayed = strut("delayed", 0.0, R"(, "delay": 0.05)");
+    const auto later = strut("later", 50.0, "");
+    REQUIRE(delayed.size() == 201);
+    double worst = 0.0, moved = 0.0;
+    for (std::size_t k = 0; k < 201; ++k) {
+        worst = std::max(worst, std::abs(delayed[k][2] - later[k][2]));
+        moved = std::max(moved, std::abs(delayed[k][2] - now[k][2]));
+    }
+    // The instants differ by rounding.
+    CHECK(worst < 1e-11);
+    CHECK(moved > 1e-3);
 }
 
 TEST_CASE("damping is estimated from a record with its ground in the same table", "[apps][run]") {
