@@ -14,6 +14,8 @@
 
 #include <fmt/format.h>
 
+#include "models/system/stopped.hpp"
+
 namespace orbid::apps {
 namespace {
 
@@ -94,6 +96,17 @@ void write_all(int descriptor, std::string_view bytes, const std::filesystem::pa
     }
 }
 
+/// Sends a large file to the disk piece by piece and asks in between. Nothing is promised: fsync follows.
+void sync_in_blocks(int descriptor, const std::function<bool()>& interrupted) {
+    constexpr off_t block = 1 << 24;
+    const off_t size = interrupted ? ::lseek(descriptor, 0, SEEK_END) : 0;
+    for (off_t start = 0; start < size; start += block) {
+        models::stop_if_asked(interrupted);
+        ::sync_file_range(descriptor, start, block,
+                          SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER);
+    }
+}
+
 }  // namespace
 
 void write_atomically(const std::filesystem::path& path, std::string_view bytes) {
@@ -107,11 +120,13 @@ void write_atomically(const std::filesystem::path& path, std::string_view bytes)
 }
 
 void write_atomically(const std::filesystem::path& path,
-                      const std::function<void(const std::filesystem::path& temporary)>& writer) {
+                      const std::function<void(const std::filesystem::path& temporary)>& writer,
+                      const std::function<bool()>& interrupted) {
     Temporary temporary(path);
     writer(temporary.path());
     {
         const Descriptor file(::open(temporary.path().c_str(), O_RDONLY | O_CLOEXEC));
+        if (file.value() >= 0) sync_in_blocks(file.value(), interrupted);
         if (file.value() < 0 || ::fsync(file.value()) != 0) fail("write", path, errno);
     }
     temporary.rename_to(path);

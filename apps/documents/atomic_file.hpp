@@ -18,9 +18,11 @@ void write_atomically(const std::filesystem::path& path, std::string_view bytes)
 /// ends in the final file name, so that its extension still gives the format.
 ///
 /// Exceptions of `writer` pass on after the temporary is removed.
-/// @throws std::runtime_error naming path and reason when the file cannot be synced or renamed.
+/// @param interrupted  asked while the file goes to the disk: the file is given up if it says so
+/// @throws std::runtime_error naming path and reason when the file cannot be synced or renamed; models::Stopped.
 void write_atomically(const std::filesystem::path& path,
-                      const std::function<void(const std::filesystem::path& temporary)>& writer);
+                      const std::function<void(const std::filesystem::path& temporary)>& writer,
+                      const std::function<bool()>& interrupted = {});
 
 /// Removes temporaries that a killed program left in a folder: those of ended processes, and any untouched for more
 /// than a day (another process may have that number by then). A folder that cannot be read is ignored.

@@ -163,9 +163,11 @@ int write_report(const CommandCall& call) {
     });
 }
 
-void store_report(OutputFolder& folder, std::ostream& complaints) {
+void store_report(OutputFolder& folder, std::ostream& complaints, const std::function<bool()>& stopped) {
     try {
-        folder.store("report.html", report_html(read_stored_run(folder.file(""))));
+        StoredRun run = read_stored_run(folder.file(""));
+        run.interrupted = stopped;
+        folder.store("report.html", report_html(run));
     } catch (const StoredRunRefused& error) {
         complaints << "report.html: " << error.what() << '\n';
     } catch (const orbits::DataError& error) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <iosfwd>
 #include <string>
 #include <vector>
@@ -27,7 +28,9 @@ namespace orbid::apps {
 
 /// Stores report.html of a finished run beside its results. `complaints` tells what cannot be reported; the stored
 /// results stay valid.
-void store_report(OutputFolder& folder, std::ostream& complaints);
+/// @param stopped  asked while records are read
+/// @throws models::Stopped
+void store_report(OutputFolder& folder, std::ostream& complaints, const std::function<bool()>& stopped = {});
 
 /// Formats of plots.
 [[nodiscard]] std::vector<std::string> plot_formats();

@@ -189,7 +189,14 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
         return interrupted;
     }
     store_times(folder, progress, options);
-    store_report(folder, console.error);
+    // Results are stored; of a long record the report takes seconds, and is left out when somebody waits for the end.
+    const RunStop report_stop(interruption);
+    try {
+        store_report(folder, console.error, [&report_stop] { return report_stop.now(); });
+    } catch (const models::Stopped&) {
+        console.error << "report.html: left out, since the run was stopped; orbid report makes it\n";
+        return interrupted;
+    }
     return code;
 }
 

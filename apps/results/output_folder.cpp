@@ -134,10 +134,11 @@ void OutputFolder::store(const std::string& name, std::string_view bytes) {
 }
 
 void OutputFolder::store(const std::string& name,
-                         const std::function<void(const std::filesystem::path& temporary)>& writer) {
+                         const std::function<void(const std::filesystem::path& temporary)>& writer,
+                         const std::function<bool()>& interrupted) {
     const std::lock_guard lock(mutex_);
     claim();
-    write_atomically(file(name), writer);
+    write_atomically(file(name), writer, interrupted);
 }
 
 }  // namespace orbid::apps

@@ -58,8 +58,9 @@ public:
     /// held another job (`force`), its results are then removed, except series and cycles: their fingerprints show
     /// whether they fit.
     void store(const std::string& name, std::string_view bytes);
-    /// The same for writers that need a path.
-    void store(const std::string& name, const std::function<void(const std::filesystem::path& temporary)>& writer);
+    /// The same for writers that need a path; see write_atomically for `interrupted`.
+    void store(const std::string& name, const std::function<void(const std::filesystem::path& temporary)>& writer,
+               const std::function<bool()>& interrupted = {});
 
 private:
     void claim();

@@ -106,10 +106,11 @@ Origin origin_of(const std::string& text) {
 }
 
 orbits::Series read_stored(const std::filesystem::path& file, SeriesOutput format, const orbits::Series& shape,
-                           bool timed) {
-    if (format != SeriesOutput::csv) return orbits::read_hdf5(file);
+                           bool timed, const std::function<bool()>& interrupted) {
+    if (format != SeriesOutput::csv) return orbits::read_hdf5(file, 1, interrupted);
     orbits::TableLayout layout = orbits::table_layout(shape);
     if (timed) layout.time = std::string("t");
+    layout.interrupted = interrupted;
     return orbits::read_csv(file, layout);
 }
 
@@ -149,10 +150,11 @@ Experiment simulated(const Workspace& work, std::size_t index) {
             origin = Origin{};
         }
         if (reusable(work, Stage::simulate, file, origin->fingerprint, wanted)) {
-            Experiment experiment{
-                read_stored(file, job.series_output, empty_series(job, data), job.section_plane.has_value()),
-                origin->captured,
-                {}};
+            const RunStop::AtOnce leaving(work.stop);
+            Experiment experiment{read_stored(file, job.series_output, empty_series(job, data),
+                                              job.section_plane.has_value(), work.asking()),
+                                  origin->captured,
+                                  {}};
             experiment.inputs = by_segment(inputs, experiment.series.segments);
             work.progress.reused("simulate", fmt::format("{} from {}", counted(experiment.series.size(), "point"),
                                                          file.filename().string()));
@@ -163,8 +165,9 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     work.progress.begin("simulate");
     const auto run_experiment = [&] {
         const RunStop::AtOnce leaving(work.stop);
-        return orbits::simulate(*system_with(job, inputs), data.with_own(job.model.values),
-                                simulation_options(job, index));
+        auto options = simulation_options(job, index);
+        options.interrupted = work.asking();
+        return orbits::simulate(*system_with(job, inputs), data.with_own(job.model.values), options);
     };
     auto run = run_experiment();
     if (!run.complete) throw orbits::DataError(fmt::format("{}: cannot be simulated: {}", data.name, run.message));
@@ -172,13 +175,13 @@ Experiment simulated(const Workspace& work, std::size_t index) {
     experiment.inputs = by_segment(inputs, experiment.series.segments);
     experiment.series.origin = origin_text(wanted, experiment.captured);
     if (stored) {
-        work.folder.store(file.filename().string(), [&](const std::filesystem::path& temporary) {
-            if (job.series_output == SeriesOutput::csv) {
-                orbits::write_csv(temporary, experiment.series);
-            } else {
-                orbits::write_hdf5(temporary, experiment.series);
-            }
-        });
+        // A simulation that is not stored is repeated: nothing is lost.
+        const RunStop::AtOnce leaving(work.stop);
+        const auto write = job.series_output == SeriesOutput::csv ? orbits::write_csv : orbits::write_hdf5;
+        work.folder.store(
+            file.filename().string(),
+            [&](const std::filesystem::path& temporary) { write(temporary, experiment.series, work.asking()); },
+            work.asking());
     }
     work.progress.end(fmt::format("{} in {}", counted(experiment.series.size(), "point"),
                                   counted(experiment.series.segments.size(), "segment")));
@@ -203,10 +206,12 @@ Experiment measured(const Workspace& work, std::size_t index) {
 
 }  // namespace
 
-std::optional<orbits::Series> simulated_series(const Job& job, std::size_t index, const std::filesystem::path& folder) {
+std::optional<orbits::Series> simulated_series(const Job& job, std::size_t index, const std::filesystem::path& folder,
+                                               const std::function<bool()>& interrupted) {
     const auto file = folder / series_file_name(job, index);
     if (job.series_output == SeriesOutput::none || !std::filesystem::exists(file)) return std::nullopt;
-    return read_stored(file, job.series_output, empty_series(job, job.data[index]), job.section_plane.has_value());
+    return read_stored(file, job.series_output, empty_series(job, job.data[index]), job.section_plane.has_value(),
+                       interrupted);
 }
 
 std::vector<Experiment> load_data(const Workspace& work) {

@@ -29,6 +29,7 @@ struct Experiment {
 /// belongs to job.json in the same folder.
 /// @throws orbits::DataError when the file cannot be read.
 [[nodiscard]] std::optional<orbits::Series> simulated_series(const Job& job, std::size_t experiment,
-                                                             const std::filesystem::path& folder);
+                                                             const std::filesystem::path& folder,
+                                                             const std::function<bool()>& interrupted = {});
 
 }  // namespace orbid::apps

@@ -51,9 +51,10 @@ orbits::TableLayout table_layout(const Job& job, std::size_t index, const std::f
     return layout;
 }
 
-orbits::Series stored_by_orbid(const Job& job, const FileJob& file, const std::filesystem::path& path) {
+orbits::Series stored_by_orbid(const Job& job, const FileJob& file, const std::filesystem::path& path,
+                               const std::function<bool()>& interrupted) {
     using orbits::Series;
-    Series series = orbits::read_hdf5(path, 2);
+    Series series = orbits::read_hdf5(path, 2, interrupted);
     if (series.sampling != file.sampling)
         throw orbits::DataError(fmt::format("{}: holds {}, but the job says \"kind\": \"{}\"", path.string(),
                                             file.sampling == Series::Sampling::section ? "samples" : "sections",
@@ -90,7 +91,8 @@ orbits::Series recorded_series(const Job& job, std::size_t index, const std::fun
     const orbits::TableLayout layout = table_layout(job, index, interrupted);
     std::optional<orbits::Series> joined;
     for (const std::filesystem::path& path : file.paths) {
-        orbits::Series series = file.table ? orbits::read_csv(path, layout) : stored_by_orbid(job, file, path);
+        orbits::Series series =
+            file.table ? orbits::read_csv(path, layout) : stored_by_orbid(job, file, path, interrupted);
         for (orbits::Segment& segment : series.segments)
             segment.label = file.segment_name(path, segment.label);
         if (joined) {

@@ -12,7 +12,7 @@ namespace orbid::apps {
 [[nodiscard]] orbits::SeriesCoordinate read_coordinate(const Job& job, const DataJob& data, std::size_t index);
 
 /// The record of an experiment that the job reads from a file.
-/// @param interrupted  asked while reading text
+/// @param interrupted  asked while reading
 /// @throws orbits::DataError when the file cannot be read or does not fit the job's kind and model; models::Stopped.
 [[nodiscard]] orbits::Series recorded_series(const Job& job, std::size_t experiment,
                                              const std::function<bool()>& interrupted = {});

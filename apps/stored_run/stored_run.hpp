@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -36,6 +37,7 @@ struct StoredRun {
     std::optional<Json> invariants;       ///< invariants.json
     std::optional<Json> timing;           ///< timing.json
     std::optional<Json> prediction;       ///< prediction.json, orbid-prediction/1: of `orbid predict`
+    std::function<bool()> interrupted;    ///< asked while records are read; if it says so, models::Stopped is thrown
 
     /// "title" of the job; may be empty.
     [[nodiscard]] std::string title() const;

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "models/system/stopped.hpp"
 #include "orbits/records/refusal.hpp"
 #include "orbits/records/series_file.hpp"
 
@@ -51,7 +52,7 @@ std::string header_of(const Series& series) {
 
 }  // namespace
 
-void write_csv(const std::filesystem::path& file, const Series& series) {
+void write_csv(const std::filesystem::path& file, const Series& series, const std::function<bool()>& interrupted) {
     struct Closer {
         void operator()(std::FILE* stream) const { std::fclose(stream); }
     };
@@ -61,6 +62,7 @@ void write_csv(const std::filesystem::path& file, const Series& series) {
     if (!stream) throw DataError(fmt::format("{}: cannot be opened for writing", file.string()));
     bool good = true;
     const auto flush = [&](fmt::memory_buffer& text) {
+        models::stop_if_asked(interrupted);
         good = good && std::fwrite(text.data(), 1, text.size(), stream.get()) == text.size();
         text.clear();
     };

@@ -1,8 +1,13 @@
 #pragma once
 
+#include <algorithm>
+#include <functional>
 #include <utility>
+#include <vector>
 
 #include <hdf5.h>
+
+#include "models/system/stopped.hpp"
 
 namespace orbid::orbits {
 
@@ -73,6 +78,7 @@ inline constexpr Hdf5Function<decltype(::H5Sget_simple_extent_ndims)> H5Sget_sim
     "H5Sget_simple_extent_ndims"};
 inline constexpr Hdf5Function<decltype(::H5Sget_simple_extent_npoints)> H5Sget_simple_extent_npoints{
     "H5Sget_simple_extent_npoints"};
+inline constexpr Hdf5Function<decltype(::H5Sselect_hyperslab)> H5Sselect_hyperslab{"H5Sselect_hyperslab"};
 inline constexpr Hdf5Function<decltype(::H5Tclose)> H5Tclose{"H5Tclose"};
 inline constexpr Hdf5Function<decltype(::H5Tcopy)> H5Tcopy{"H5Tcopy"};
 inline constexpr Hdf5Function<decltype(::H5Tget_class)> H5Tget_class{"H5Tget_class"};
@@ -113,6 +119,32 @@ private:
     hid_t id_ = -1;
     herr_t (*close_)(hid_t) = nullptr;
 };
+
+/// Reads or writes a dataset of numbers some 16 MB at a time, in order, and asks in between.
+/// @param shape  of the dataset, the first extent is divided
+/// @return false as soon as a transfer fails.
+/// @throws models::Stopped
+template <class Number, class Transfer>
+[[nodiscard]] bool transfer_in_blocks(const Hdf5Handle& dataset, const std::vector<hsize_t>& shape, Number* numbers,
+                                      const std::function<bool()>& interrupted, const Transfer& transfer) {
+    constexpr hsize_t block = 1 << 21;
+    const hsize_t row = shape.size() > 1 ? shape[1] : 1;
+    const hsize_t rows = std::max<hsize_t>(block / std::max<hsize_t>(row, 1), 1);
+    const Hdf5Handle file_space(H5Dget_space(dataset.id()), H5Sclose);
+    std::vector<hsize_t> start(shape.size(), 0);
+    std::vector<hsize_t> count = shape;
+    for (; start[0] < shape[0]; start[0] += rows) {
+        models::stop_if_asked(interrupted);
+        count[0] = std::min(rows, shape[0] - start[0]);
+        const Hdf5Handle memory_space(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr),
+                                      H5Sclose);
+        if (H5Sselect_hyperslab(file_space.id(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) < 0 ||
+            transfer(dataset.id(), H5T_NATIVE_DOUBLE, memory_space.id(), file_space.id(), H5P_DEFAULT,
+                     numbers + start[0] * row) < 0)
+            return false;
+    }
+    return true;
+}
 
 /// Keeps HDF5 from printing its error stack while it exists: our exceptions describe the error.
 class Hdf5Silence {

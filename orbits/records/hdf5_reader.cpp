@@ -17,7 +17,8 @@ constexpr const char* known_format = "orbid-series/1";
 /// Objects are read through this: every failure names file, object and rule.
 class Reader {
 public:
-    explicit Reader(std::string file) : file_(std::move(file)) {}
+    Reader(std::string file, const std::function<bool()>& interrupted)
+        : file_(std::move(file)), interrupted_(interrupted) {}
 
     [[noreturn]] void fail(const std::string& what) const { throw DataError(fmt::format("{}: {}", file_, what)); }
 
@@ -118,7 +119,7 @@ public:
         const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
         if (H5Tget_class(type.id()) != H5T_FLOAT) fail(fmt::format("dataset \"{}\" must hold floating numbers", path));
         if (values.empty()) return;
-        if (H5Dread(dataset.id(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
+        if (!transfer_in_blocks(dataset, shape(dataset), values.data(), interrupted_, H5Dread))
             fail(fmt::format("dataset \"{}\" cannot be read; the file is damaged", path));
     }
 
@@ -135,6 +136,7 @@ private:
     }
 
     std::string file_;
+    const std::function<bool()>& interrupted_;
 };
 
 void read_header(const Reader& read, hid_t file, Series& series) {
@@ -199,8 +201,9 @@ Segment read_segment(const Reader& read, hid_t file, std::size_t index, Eigen::I
 
 }  // namespace
 
-Series read_hdf5(const std::filesystem::path& file, std::size_t minimum_points) {
-    const Reader read(file.string());
+Series read_hdf5(const std::filesystem::path& file, std::size_t minimum_points,
+                 const std::function<bool()>& interrupted) {
+    const Reader read(file.string(), interrupted);
     std::error_code error;
     const auto status = std::filesystem::status(file, error);
     if (!std::filesystem::exists(status)) read.fail("no such file");

@@ -14,7 +14,8 @@ namespace {
 /// Objects are created through this: every failure names file and object.
 class Writer {
 public:
-    explicit Writer(std::string file) : file_(std::move(file)) {}
+    Writer(std::string file, const std::function<bool()>& interrupted)
+        : file_(std::move(file)), interrupted_(interrupted) {}
 
     Hdf5Handle checked(hid_t id, herr_t (*close)(hid_t), const std::string& object) const {
         if (id < 0) fail(object);
@@ -63,7 +64,7 @@ public:
         Hdf5Handle made = checked(
             H5Dcreate2(group, name.c_str(), H5T_IEEE_F64LE, space.id(), H5P_DEFAULT, properties.id(), H5P_DEFAULT),
             H5Dclose, name);
-        check(H5Dwrite(made.id(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, data), name);
+        if (!transfer_in_blocks(made, shape, data, interrupted_, H5Dwrite)) fail(name);
         return made;
     }
 
@@ -94,6 +95,7 @@ private:
     }
 
     std::string file_;
+    const std::function<bool()>& interrupted_;
 };
 
 void validate_series(const Series& series) {
@@ -114,10 +116,10 @@ void validate_series(const Series& series) {
 
 }  // namespace
 
-void write_hdf5(const std::filesystem::path& file, const Series& series) {
+void write_hdf5(const std::filesystem::path& file, const Series& series, const std::function<bool()>& interrupted) {
     validate_series(series);
     const Hdf5Silence silence;
-    const Writer write(file.string());
+    const Writer write(file.string(), interrupted);
     const bool sampled = series.sampling == Series::Sampling::samples;
 
     const hid_t created = H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);

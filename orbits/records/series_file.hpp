@@ -64,9 +64,10 @@ struct TableLayout {
 /// read_csv with table_layout(series) reads it back bit for bit.
 ///
 /// Writes into `file` directly. For an atomic write pass a temporary name, then rename.
+/// @param interrupted  asked every megabyte or so, here and below; if it says so, models::Stopped is thrown
 /// @throws DataError when the file cannot be written; std::invalid_argument for infinite values, labels or names with
 ///         line breaks, or names that are used twice.
-void write_csv(const std::filesystem::path& file, const Series& series);
+void write_csv(const std::filesystem::path& file, const Series& series, const std::function<bool()>& interrupted = {});
 
 /// Series::origin of a file that write_csv or write_hdf5 wrote, told apart by the ending ".csv".
 /// Empty when the file does not state its origin.
@@ -80,7 +81,8 @@ void write_csv(const std::filesystem::path& file, const Series& series);
 ///
 /// @throws DataError naming the file and the object in it: file missing or a folder, not HDF5, another format, an
 ///         attribute or a dataset missing or of the wrong shape or type, infinite values, fewer than minimum_points.
-[[nodiscard]] Series read_hdf5(const std::filesystem::path& file, std::size_t minimum_points = 1);
+[[nodiscard]] Series read_hdf5(const std::filesystem::path& file, std::size_t minimum_points = 1,
+                               const std::function<bool()>& interrupted = {});
 
 /// Writes format "orbid-series/1":
 ///
@@ -92,7 +94,7 @@ void write_csv(const std::filesystem::path& file, const Series& series);
 /// Nothing in the file depends on the time of writing: equal series give equal bytes. Writes directly, as write_csv.
 /// @throws DataError when the file cannot be written; std::invalid_argument for a series whose parts have different
 ///         shapes.
-void write_hdf5(const std::filesystem::path& file, const Series& series);
+void write_hdf5(const std::filesystem::path& file, const Series& series, const std::function<bool()>& interrupted = {});
 
 }  // namespace orbid::orbits
 

@@ -11,6 +11,7 @@
 
 #include "estimator/interface/random_stream.hpp"
 #include "models/system/argument_check.hpp"
+#include "models/system/stopped.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/section_record.hpp"
 
@@ -92,6 +93,28 @@ void validate(const models::System& system, const VirtualExperimentOptions& opti
     }
 }
 
+/// Replaces states by what the sensor reads of them, and asks in between. The blocks are multiples of the lanes in
+/// which states may flow together.
+/// @param rate  of the phase [rad/s]
+/// @return ok, or why a state cannot be read.
+models::FlowStatus read_in_blocks(const models::System& system, const Eigen::VectorXd& theta,
+                                  const VirtualExperimentOptions& options, double rate, StateRecord::Piece& piece) {
+    constexpr Eigen::Index block = 1 << 16;
+    for (Eigen::Index start = 0; start < piece.states.cols(); start += block) {
+        models::stop_if_asked(options.interrupted);
+        const Eigen::Index count = std::min(block, piece.states.cols() - start);
+        std::vector<double> phases(static_cast<std::size_t>(count), options.phase);
+        if (piece.times.size() > 0)
+            for (Eigen::Index k = 0; k < count; ++k)
+                phases[static_cast<std::size_t>(k)] += rate * piece.times[start + k];
+        auto part = piece.states.middleCols(start, count);
+        const auto read = system.readings(options.sensor, part, phases, theta, std::nullopt, options.flow);
+        if (read.status != models::FlowStatus::ok) return read.status;
+        part = read.readings;
+    }
+    return models::FlowStatus::ok;
+}
+
 double rounded(double value, const models::Sensor& sensor) {
     const bool rounds = sensor.rounding == models::Sensor::Rounding::nearest && sensor.step > 0.0;
     return rounds ? sensor.step * std::round(value / sensor.step) : value;
@@ -99,7 +122,8 @@ double rounded(double value, const models::Sensor& sensor) {
 
 /// Adds the errors of one segment's readings and rounds them (mathematics.md, "Instrument").
 void add_reading_errors(Readings& readings, const models::Sensor& sensor, const Eigen::VectorXd& noise,
-                        const Eigen::VectorXd& correlation, estimator::RandomStream stream) {
+                        const Eigen::VectorXd& correlation, estimator::RandomStream stream,
+                        const std::function<bool()>& interrupted) {
     const bool difference = sensor.type == models::Sensor::Type::angle_difference;
     const auto angle = static_cast<Eigen::Index>(sensor.angle);
     const auto rate = static_cast<Eigen::Index>(sensor.rate);
@@ -115,6 +139,7 @@ void add_reading_errors(Readings& readings, const models::Sensor& sensor, const 
         return last[i];
     };
     for (Eigen::Index k = 0; k < readings.cols(); ++k) {
+        if (k % 65536 == 0) models::stop_if_asked(interrupted);
         const double later = difference ? readings(angle, k) + sensor.delay * readings(rate, k) : 0.0;
         for (Eigen::Index i = 0; i < readings.rows(); ++i)
             if (!(difference && i == rate)) readings(i, k) += correlated(i, k);
@@ -199,21 +224,19 @@ VirtualExperiment simulate(const models::System& system, const Eigen::VectorXd& 
     const double rate = samples != nullptr ? phase_rate(system, theta) : 0.0;
     for (std::size_t s = 0; s < record.pieces.size(); ++s) {
         StateRecord::Piece& piece = record.pieces[s];
-        std::vector<double> phases(static_cast<std::size_t>(piece.states.cols()), options.phase);
-        for (Eigen::Index k = 0; k < piece.times.size(); ++k)
-            phases[static_cast<std::size_t>(k)] += rate * piece.times[k];
-        auto read = system.readings(options.sensor, piece.states, phases, theta, std::nullopt, options.flow);
-        if (read.status != models::FlowStatus::ok) {
+        const models::FlowStatus status = read_in_blocks(system, theta, options, rate, piece);
+        if (status != models::FlowStatus::ok) {
             experiment.complete = false;
             experiment.message += fmt::format("{}segment {} cannot be read: {}", experiment.message.empty() ? "" : "; ",
-                                              s, models::description(read.status));
+                                              s, models::description(status));
             continue;
         }
-        series.segments.push_back({std::to_string(s), std::move(read.readings), std::move(piece.times), {}});
+        series.segments.push_back({std::to_string(s), std::move(piece.states), std::move(piece.times), {}});
     }
     oneapi::tbb::parallel_for(std::size_t{0}, series.segments.size(), [&](std::size_t s) {
         add_reading_errors(series.segments[s].values, options.sensor, options.noise, options.noise_correlation,
-                           estimator::RandomStream(options.seed, estimator::RandomPurpose::reading_noise, s));
+                           estimator::RandomStream(options.seed, estimator::RandomPurpose::reading_noise, s),
+                           options.interrupted);
     });
     return experiment;
 }

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -64,6 +65,7 @@ struct VirtualExperimentOptions {
     Eigen::VectorXd noise_correlation;
     std::uint64_t seed = 0;
     models::FlowOptions flow;
+    std::function<bool()> interrupted{};  ///< asked while states are read; System::with_stop() asks while they flow
 };
 
 /// An interruption of a trajectory, or a restart.

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "models/system/stopped.hpp"
 #include "tests/apps/program/temporary_folder.hpp"
 #include "tests/catch.hpp"
 
@@ -25,6 +26,21 @@ TEST_CASE("a file is written whole and replaces the one before", "[apps]") {
     apps::write_atomically(path, bytes);
     CHECK(apps::read_whole_file(path) == bytes);
     CHECK(folder.entries() == 1);
+}
+
+TEST_CASE("a large file is given up on its way to the disk", "[apps]") {
+    const TemporaryFolder folder;
+    const auto path = folder.path() / "series.h5";
+    apps::write_atomically(path, std::string_view("before"));
+    const auto large = [](const std::filesystem::path& temporary) {
+        std::ofstream(temporary) << std::string(std::size_t{1} << 26, 'x');
+    };
+    int asked = 0;
+    CHECK_THROWS_AS(apps::write_atomically(path, large, [&asked] { return ++asked == 3; }), models::Stopped);
+    CHECK(apps::read_whole_file(path) == "before");
+    CHECK(folder.entries() == 1);
+    apps::write_atomically(path, large, [] { return false; });
+    CHECK(std::filesystem::file_size(path) == std::size_t{1} << 26);
 }
 
 TEST_CASE("a writer that fails leaves nothing behind and the old file as it was", "[apps]") {
