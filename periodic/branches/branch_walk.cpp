@@ -207,7 +207,7 @@ private:
         step_ *= std::clamp(factor, 0.3, largest_growth);
     }
 
-    void add(WalkPoint point) { result_.points.push_back(std::move(point)); }
+    void add(WalkPoint point) { result_.points.push_back(described(std::move(point))); }
 
     /// Locates the bifurcations on the way; true when the branch ends in one.
     bool note_events(const Events& events, const CurvePoint& there) {
@@ -271,6 +271,14 @@ private:
 };
 
 }  // namespace
+
+WalkPoint described(WalkPoint point) {
+    const CurveSetting& setting = point.point.curve->setting();
+    point.orbit = reported(point.point);
+    point.amplitude = amplitude_of(setting.system, setting.theta_at(point.point.parameter()),
+                                   point.point.curve->mesh_at(point.point.y), setting.solver.flow);
+    return point;
+}
 
 Walk walked(const CurvePoint& start, const ParameterRange& range, const ContinuationOptions& options, double first_step,
             std::size_t most) {

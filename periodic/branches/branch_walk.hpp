@@ -26,7 +26,13 @@ struct WalkPoint {
     Bifurcation bifurcation = Bifurcation::none;
     double parameter_error = 0.0;
     double arclength = 0.0;  ///< since the start of the walk
+    // Computed while the flow may still be asked for, so that a branch that is left is whole so far:
+    PeriodicOrbit orbit = {};
+    OrbitAmplitude amplitude = {};
 };
+
+/// The point with its orbit as it is reported, and how far the coordinates move along it.
+[[nodiscard]] WalkPoint described(WalkPoint point);
 
 struct Walk {
     std::vector<WalkPoint> points;  ///< the start not among them

@@ -111,17 +111,6 @@ std::optional<CurvePoint> first_point(const CurveSetting& setting, const Startin
     return with_fitting_nodes(point);
 }
 
-/// How far the coordinates move along an orbit; empty if the flow is left after a stop was requested.
-OrbitAmplitude amplitude_at(const CurvePoint& point) {
-    const CurveSetting& setting = point.curve->setting();
-    try {
-        return amplitude_of(setting.system, setting.theta_at(point.parameter()), point.curve->mesh_at(point.y),
-                            setting.solver.flow);
-    } catch (const models::Stopped&) {
-        return {};
-    }
-}
-
 /// A branch ended at this bifurcation when it was followed from elsewhere.
 bool ends_at(const BranchSwitch& start, const Followed& branch) {
     // Both were located, but along the other branch the parameter is stationary, and the place known to the root of
@@ -170,8 +159,8 @@ public:
         for (const Followed& followed : followed_) {
             Branch branch{setting_.parameter, {}, followed.first, followed.last, followed.origin};
             for (const WalkPoint& at : followed.points)
-                branch.points.push_back({at.point.parameter(), at.arclength, reported(at.point), at.point.unstable(),
-                                         at.bifurcation, at.parameter_error, amplitude_at(at.point)});
+                branch.points.push_back({at.point.parameter(), at.arclength, at.orbit, at.point.unstable(),
+                                         at.bifurcation, at.parameter_error, at.amplitude});
             result.push_back(std::move(branch));
         }
         return result;
@@ -186,6 +175,7 @@ private:
         const int first = options_.direction != 0 ? options_.direction : 1;
         CurvePoint ahead = start;
         if ((ahead.parameter_slope() > 0.0) != (first > 0)) ahead.tangent = -ahead.tangent;
+        WalkPoint middle = described({ahead});
         Walk forwards = walked(ahead, range_, options_, options_.first_step, options_.maximum_points - 1);
         Walk backwards;
         backwards.end = BranchEnd::start;
@@ -193,8 +183,12 @@ private:
             forwards.points.size() + 1 < options_.maximum_points) {
             CurvePoint back = ahead;
             back.tangent = -back.tangent;
-            backwards = walked(back, range_, options_, options_.first_step,
-                               options_.maximum_points - 1 - forwards.points.size());
+            try {
+                backwards = walked(back, range_, options_, options_.first_step,
+                                   options_.maximum_points - 1 - forwards.points.size());
+            } catch (const models::Stopped&) {
+                backwards.end = BranchEnd::interrupted;  // in its first step: the other half is whole
+            }
         }
         result.first = backwards.end;
         result.last = forwards.end;
@@ -205,7 +199,8 @@ private:
             point.point.tangent = -point.point.tangent;
         }
         result.points = std::move(backwards.points);
-        result.points.push_back({ahead, Bifurcation::none, 0.0, length});
+        middle.arclength = length;
+        result.points.push_back(std::move(middle));
         result.append(forwards.points, length);
         return result;
     }
@@ -235,8 +230,8 @@ private:
             if (known) continue;
             Followed result{{}, BranchEnd::other_branch, BranchEnd::point_limit, Branch::Origin{branch, index}};
             const double length = start.first.curve->norm(start.first.y - start.origin.y);
-            result.points.push_back({start.origin, Bifurcation::none, 0.0, 0.0});
-            result.points.push_back({start.first, Bifurcation::none, 0.0, length});
+            result.points.push_back(described({start.origin, Bifurcation::none, 0.0, 0.0}));
+            result.points.push_back(described({start.first, Bifurcation::none, 0.0, length}));
             if (options_.maximum_points > 2) {
                 Walk walk = walked(start.first, range_, options_, length, options_.maximum_points - 2);
                 result.append(walk.points, length);

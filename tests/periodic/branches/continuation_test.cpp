@@ -4,11 +4,13 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include <tbb/global_control.h>
 
 #include "models/catalogue/registry.hpp"
+#include "models/system/stopped.hpp"
 #include "tests/catch.hpp"
 #include "tests/periodic/orbit/branch_maps.hpp"
 #include "tests/periodic/orbit/closed_form_system.hpp"
@@ -351,6 +353,41 @@ TEST_CASE("a diagram that is asked to stop has the branches until then", "[perio
     CHECK(part.branches[0].last == BranchEnd::interrupted);
     CHECK(part.branches[0].points.size() >= 2);
     CHECK(part.branches[0].points.size() < whole.branches[0].points.size());
+}
+
+TEST_CASE("a stop in the first step backwards keeps the half of the branch before", "[periodic]") {
+    int asked = 0, limit = 0;
+    const auto plain = models::make_system("duffing");
+    const auto system = plain->with_stop([&] { return ++asked > limit; });
+    VectorXd theta = plain->default_parameters();
+    ContinuationOptions options;
+    options.parameter = plain->parameter_index("gamma");
+    theta(options.parameter) = 0.02;
+    options.lower = 0.01;
+    options.upper = 0.03;
+    StartingSolution start;
+    start.points = Eigen::Vector2d(1.0, 0.0);
+    options.direction = 1;
+    limit = 1 << 30;
+    const BifurcationDiagram ahead = follow_branches(*system, theta, start, options);
+    REQUIRE(ahead.branches.size() == 1);
+    // As many questions are answered as the half ahead needs.
+    options.direction = 0;
+    limit = std::exchange(asked, 0);
+    const BifurcationDiagram part = follow_branches(*system, theta, start, options);
+    REQUIRE(part.branches.size() == 1);
+    CHECK(part.branches[0].first == BranchEnd::interrupted);
+    CHECK(part.branches[0].points.size() == ahead.branches[0].points.size());
+    CHECK(part.branches[0].points.back().orbit.points == ahead.branches[0].points.back().orbit.points);
+    // A few more, and the half backwards has points of its own, each described.
+    limit += limit / 2;
+    asked = 0;
+    const BifurcationDiagram more = follow_branches(*system, theta, start, options);
+    REQUIRE(more.branches.size() == 1);
+    CHECK(more.branches[0].first == BranchEnd::interrupted);
+    CHECK(more.branches[0].points.size() > part.branches[0].points.size());
+    for (const BranchPoint& point : more.branches[0].points)
+        CHECK(point.amplitude.half_range.size() == 2);
 }
 
 }  // namespace continuation_test
