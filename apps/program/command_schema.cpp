@@ -28,7 +28,7 @@ Json parameter_schema(const models::Parameter& parameter) {
 /// What the block "model" may hold beside the name of a registered model: its variants, size, and the parameters of
 /// any of its variants.
 Json model_rule(const models::ModelEntry& entry) {
-    Json parameters = Json::object();
+    Json parameters{{"from", true}};  // described with the block
     std::vector<std::string_view> variants = entry.variants;
     if (variants.empty()) variants.emplace_back();
     for (const std::string_view variant : variants) {

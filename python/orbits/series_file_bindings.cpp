@@ -83,13 +83,14 @@ std::shared_ptr<Series> read_csv(const std::filesystem::path& file, const py::ob
                 {"equidistant", layout.equidistant},
                 {"complete", layout.complete}});
     given.finish();
-    return std::make_shared<Series>(computed_interruptibly([&] { return orbits::read_csv(file, layout); }));
+    return std::make_shared<Series>(computed_interruptibly(layout, [&] { return orbits::read_csv(file, layout); }));
 }
 
 template <auto write>
 void written(const std::filesystem::path& file, const std::shared_ptr<Series>& series) {
     const py::gil_scoped_release unlocked;
-    write(file, *series);
+    // A stop would leave half a file.
+    write(file, *series, {});
 }
 
 }  // namespace
@@ -107,8 +108,11 @@ void bind_series_files(py::module_& module) {
     module.def(
         "read_hdf5",
         [](const std::filesystem::path& file, std::size_t minimum_points) {
-            return std::make_shared<Series>(
-                computed_interruptibly([&] { return orbits::read_hdf5(file, minimum_points); }));
+            struct {
+                std::function<bool()> interrupted;
+            } asked;
+            return std::make_shared<Series>(computed_interruptibly(
+                asked, [&] { return orbits::read_hdf5(file, minimum_points, asked.interrupted); }));
         },
         py::arg("file"), py::kw_only(), py::arg("minimum_points") = 1,
         "The Series that write_hdf5() wrote, to the bit.");
