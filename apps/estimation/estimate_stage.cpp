@@ -184,10 +184,10 @@ public:
     }
     /// What the best stage says beyond its estimate, stored before what may take long, and again with it.
     void estimated(const IdentificationResult& result) override {
-        // What is there is described, however long it takes.
-        if (stopped()) work_.stop.finish();
         const StageRun& best = *result.best;
         ResultContext& context = outcome_.context;
+        // A description that takes long after a stop is left: the estimate alone is stored then.
+        work_.stop.shows(interrupted_result(result.estimate, context));
         context.evidence.reason = "there is no estimate";
         if (!cycles_.cycles.empty()) count_cycles(cycles_, context);
         const orbits::CycleSearch& search = cycles_.cycles.empty() ? problem_.measured.search : cycles_;
@@ -256,9 +256,8 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     work.stop.shows(interrupted_result({}, outcome.context));
 
     const IdentificationResult result = identify(problem, identification_options(work.job), observer);
-    // What is there is described, however long it takes.
-    if (work.interruption.asked()) work.stop.finish();
     outcome.estimate = result.estimate;
+    work.stop.shows(interrupted_result(outcome.estimate, outcome.context));
     const bool estimated = result.best != nullptr;
     if (estimated) {
         outcome.context.strategy.matching = result.matching;

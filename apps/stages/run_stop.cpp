@@ -12,7 +12,7 @@ constexpr std::int64_t patience_ns = 200'000'000;
 }  // namespace
 
 bool RunStop::now() const {
-    if (finishing_ || !interruption_.asked_often()) return false;
+    if (!interruption_.asked_often()) return false;
     if (at_once_ > 0) return true;
     const std::int64_t now =
         std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())

@@ -21,8 +21,6 @@ public:
 
     /// The computation that asks is to throw models::Stopped.
     [[nodiscard]] bool now() const;
-    /// From now on nothing is left any more: the run describes what it has come to.
-    void finish() { finishing_ = true; }
 
     /// The content of result.json if the run is left from now on; empty: none.
     void shows(std::string result) { result_ = std::move(result); }
@@ -43,7 +41,6 @@ public:
 private:
     const Interruption& interruption_;
     std::atomic<int> at_once_{0};
-    std::atomic<bool> finishing_{false};
     mutable std::atomic<std::int64_t> noticed_{0};  ///< [ns] of the steady clock; 0: not yet
     std::string result_;
 };
