@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "models/definition/parameter.hpp"
+#include "models/system/stopped.hpp"
 
 namespace orbid::apps {
 
@@ -30,7 +31,8 @@ void wrap(std::vector<double>& values, const orbits::SeriesCoordinate& coordinat
 
 }  // namespace
 
-SectionPoints section_points(const orbits::Series& series, Eigen::Index x, Eigen::Index y) {
+SectionPoints section_points(const orbits::Series& series, Eigen::Index x, Eigen::Index y,
+                             const std::function<bool()>& interrupted) {
     if (series.sampling != orbits::Series::Sampling::section)
         throw std::invalid_argument("section plot: the series holds samples, must be a section");
     SectionPoints points{
@@ -39,6 +41,7 @@ SectionPoints section_points(const orbits::Series& series, Eigen::Index x, Eigen
         {}};
     for (const orbits::Segment& segment : series.segments) {
         for (Eigen::Index k = 0; k < segment.values.cols(); ++k) {
+            if (k % 65536 == 0) models::stop_if_asked(interrupted);
             if (!std::isfinite(segment.values(x, k)) || !std::isfinite(segment.values(y, k))) continue;
             points.x.push_back(segment.values(x, k));
             points.y.push_back(segment.values(y, k));

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstddef>
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -21,9 +22,10 @@ struct SectionPoints {
 };
 
 /// Two coordinates of a section series. Points where one of them is missing are left out.
-/// @throws std::invalid_argument when the series is not a section.
+/// @throws std::invalid_argument when the series is not a section; models::Stopped.
 /// @throws std::out_of_range when x or y is no coordinate.
-[[nodiscard]] SectionPoints section_points(const orbits::Series& series, Eigen::Index x = 0, Eigen::Index y = 1);
+[[nodiscard]] SectionPoints section_points(const orbits::Series& series, Eigen::Index x = 0, Eigen::Index y = 1,
+                                           const std::function<bool()>& interrupted = {});
 
 /// The points of all periodic orbits of one period.
 struct PeriodPoints {

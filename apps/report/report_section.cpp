@@ -9,6 +9,7 @@
 #include "apps/report/report_chapter.hpp"
 #include "apps/report/report_points.hpp"
 #include "apps/results/summary_table.hpp"
+#include "models/system/stopped.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
@@ -118,6 +119,7 @@ ReportChapter section_chapter(const ReportSource& source) {
     std::string words;
     try {
         chart = section_chart(source.run);
+        models::stop_if_asked(source.run.interrupted);
         if (!chart.views.empty()) {
             const std::size_t count = density_points(chart);
             words = fmt::format("{} of the section, darker where they are dense{}.", grouped_count(count, "point"),

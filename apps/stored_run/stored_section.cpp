@@ -16,7 +16,7 @@ std::optional<SectionPoints> section_points(const StoredRun& run) {
     if (job.orbits && !job.orbits->file) searched = searched_section(job, *record);
     const orbits::Series& series = searched ? searched->series() : *record;
     if (series.sampling != orbits::Series::Sampling::section || series.dimension() < 2) return std::nullopt;
-    return section_points(series);
+    return section_points(series, 0, 1, run.interrupted);
 }
 
 }  // namespace orbid::apps

@@ -40,10 +40,11 @@ std::optional<FlowStart> of_transition(const IdentificationProblem& problem, std
     flow.theta = binding.values(start);
     flow.free = binding.parameter;
     const Experiment& data = problem.experiments[experiment];
+    const auto systems = systems_with(problem.system, data.inputs);
     const auto list =
-        orbits::transitions(*problem.system, flow.theta, *data.series, data.sensor, data.fitted_segments(), 1, 1, seed);
+        orbits::transitions(systems, flow.theta, *data.series, data.sensor, data.fitted_segments(), 1, 1, seed);
     if (list.empty()) return std::nullopt;
-    if (!data.inputs.empty()) flow.system = problem.system->with_input(data.inputs[list.front().segment]);
+    flow.system = data.inputs.empty() ? problem.system : systems[list.front().segment];
     flow.state = list.front().from;
     flow.phase = list.front().phase;
     flow.durations = {list.front().duration};

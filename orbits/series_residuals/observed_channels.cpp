@@ -80,11 +80,24 @@ void ObservedChannels::check_form(const ErrorForm& form, const models::Sensor& s
 }
 
 std::vector<std::shared_ptr<const models::System>> ObservedChannels::with_inputs(
-    const std::vector<std::shared_ptr<const models::InputSignal>>& signals) const {
+    const std::vector<std::shared_ptr<const models::InputSignal>>& signals, const models::Sensor& sensor) const {
     require(signals.empty() || !system_.inputs().empty(), "model {} reads no measured inputs", system_.name());
     require(signals.size() == (system_.inputs().empty() ? 0 : series_.segments.size()),
             "model {} reads measured inputs: {} signals for {} segments", system_.name(), signals.size(),
             series_.segments.size());
+    // Rounding of times is forgiven, as the flow does.
+    constexpr double slack = 1e-12;
+    const double delay = sensor.type == models::Sensor::Type::angle_difference ? sensor.delay : 0.0;
+    for (std::size_t s = 0; s < signals.size(); ++s) {
+        const Segment& segment = series_.segments[s];
+        if (segment.times.size() == 0) continue;
+        const double first = segment.times[0];
+        const double last = segment.times[segment.times.size() - 1] + delay;
+        const double room = slack * (std::abs(first) + std::abs(last));
+        require(signals[s]->first_time() <= first + room && last <= signals[s]->last_time() + room,
+                "segment {}: the measured inputs cover [{}, {}] s, not the [{}, {}] s that are read", segment.label,
+                signals[s]->first_time(), signals[s]->last_time(), first, last);
+    }
     std::vector<std::shared_ptr<const models::System>> systems;
     for (const auto& signal : signals)
         systems.push_back(system_.with_input(signal));

@@ -42,9 +42,10 @@ public:
     void choose_segments(std::vector<std::size_t>& segments) const;
     /// Refuses errors relative to the size of an angle.
     void check_form(const ErrorForm& form, const models::Sensor& sensor, Eigen::Index coordinate) const;
-    /// The systems with their inputs, one per segment of the series; none for a model that reads no inputs.
+    /// The systems with their inputs, one per segment of the series; none for a model that reads no inputs. The inputs
+    /// must cover what the sensor reads.
     [[nodiscard]] std::vector<std::shared_ptr<const models::System>> with_inputs(
-        const std::vector<std::shared_ptr<const models::InputSignal>>& signals) const;
+        const std::vector<std::shared_ptr<const models::InputSignal>>& signals, const models::Sensor& sensor) const;
     /// @return the known sd > 0 of a reading.
     double known_sd(const Segment& segment, Eigen::Index row, Eigen::Index sample) const;
     /// The errors of a coordinate. Their scale is found from the readings unless `scales` has one.

@@ -119,21 +119,7 @@ void SeriesResidual::check_covariances() const {
 }
 
 void SeriesResidual::give_inputs() {
-    const auto& signals = options_.inputs;
-    with_inputs_ = channels().with_inputs(signals);
-    // Rounding of times is forgiven, as the flow does.
-    constexpr double slack = 1e-12;
-    for (std::size_t s = 0; s < signals.size(); ++s) {
-        const Segment& segment = series_.segments[s];
-        if (segment.times.size() == 0) continue;
-        const bool difference = options_.sensor.type == models::Sensor::Type::angle_difference;
-        const double first = segment.times[0];
-        const double last = segment.times[segment.times.size() - 1] + (difference ? options_.sensor.delay : 0.0);
-        const double room = slack * (std::abs(first) + std::abs(last));
-        require(signals[s]->first_time() <= first + room && last <= signals[s]->last_time() + room,
-                fmt::format("segment {}: the measured inputs cover [{}, {}] s, not the [{}, {}] s that are read",
-                            segment.label, signals[s]->first_time(), signals[s]->last_time(), first, last));
-    }
+    with_inputs_ = channels().with_inputs(options_.inputs, options_.sensor);
 }
 
 void SeriesResidual::choose_coordinates() {

@@ -116,7 +116,7 @@ std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<c
     data->instant_sensor = options.sensor;
     if (options.sensor.type == models::Sensor::Type::angle_difference)
         data->instant_sensor.type = models::Sensor::Type::state;
-    data->systems = channels.with_inputs(options.inputs);
+    data->systems = channels.with_inputs(options.inputs, options.sensor);
     if (options.inputs.empty()) data->systems.push_back(system);
     data->omega_slopes = frequency_slopes(*system, binding);
     data->binding = std::move(binding);

@@ -43,7 +43,6 @@ bool says_more(const InitialValueJob& initial) {
 void check_nodes(const ValueReader& at, const Job& job, const SeriesResidualJob& series) {
     for (const std::size_t index : series.data) {
         const DataJob& data = job.data[index];
-        if (data.inputs) at.report(fmt::format("\"{}\" has measured inputs: use \"interval\": \"segment\"", data.name));
         if (data.sensor.type == models::Sensor::Type::function)
             at.report(fmt::format("\"{}\" is read by formulas: use \"interval\": \"segment\"", data.name));
         if (std::any_of(data.initial_state.begin(), data.initial_state.end(), says_more))

@@ -11,6 +11,7 @@
 #include "apps/results/branch_file.hpp"
 #include "apps/stored_run/stored_record.hpp"
 #include "apps/stored_run/stored_section.hpp"
+#include "models/system/stopped.hpp"
 
 /// Charts of sections, their periodic points, and branches of these.
 namespace orbid::apps {
@@ -112,6 +113,7 @@ Chart section_chart(const StoredRun& run) {
     SectionPicture picture{std::move(*points), {}, "The section of the record and its periodic points by period", ""};
     const Json& cycles = block_at(run.cycles, "cycles");
     if (!cycles.empty() && run.cycles->at("coordinates").size() >= 2) picture.periods = points_by_period(cycles);
+    models::stop_if_asked(run.interrupted);
     return section_chart(picture);
 }
 

@@ -234,8 +234,8 @@ TEST_CASE("damping is estimated from a record with its ground in the same table"
     for (const auto& row : table(folder.path() / "harmonic" / "series.csv"))
         text += fmt::format("{},{},{},{}\n", row[0], row[1], row[2], -acceleration(row[1]) + 0.5);
     tests::write_text(folder.path() / "run.csv", text);
-    const auto with = [&](const std::string& estimate) {
-        return tests::write_text(folder.path() / "job.json",
+    const auto with = [&](const std::string& estimate, const std::string& name = "job.json") {
+        return tests::write_text(folder.path() / name,
                                  R"({ "model": { "name": "landing_gear_damper", "variant": "measured_base" },
       "data": { "name": "roll", "file": "run.csv", "kind": "samples",
         "columns": { "segment": "run", "time": "t", "stroke": "stroke" },
@@ -257,6 +257,20 @@ TEST_CASE("damping is estimated from a record with its ground in the same table"
     }
     REQUIRE(result["prediction"].size() == 2);
     CHECK(result["prediction"][1]["rms"]["stroke"].get<double>() < 2e-4);
+    // The same with nodes along the record: exact matching has the same minimum.
+    const auto nodes = with(R"({ "parameters": { "c_compression": { "start": 1.5e4 }, "c_rebound": { "start": 8e4 } },
+                                "residuals": [ { "type": "series", "interval": 30 } ] })",
+                            "nodes.json");
+    const auto shooting = tests::orbid_with({"run", nodes, "--out", folder.path() / "nodes"});
+    CAPTURE(shooting.error);
+    REQUIRE(shooting.code == 0);
+    const auto matched = tests::read_json(folder.path() / "nodes" / "result.json");
+    CHECK(matched["parameters"].size() == 2);
+    for (const auto& [name, found] : matched["parameters"].items()) {
+        CAPTURE(name);
+        const auto& whole = result["parameters"][name];
+        CHECK(std::abs(found["value"].get<double>() - whole["value"].get<double>()) < 0.2 * whole["sd"].get<double>());
+    }
 
     // A gap in the ground names its line; a record that ends too early its segment.
     const std::string whole = text;
