@@ -10,13 +10,13 @@
 
 namespace orbid::apps {
 
-// Exit codes of the program, see interfaces.md.
+// Exit codes of the program, see docs/command_line.md.
 inline constexpr int success = 0;
 inline constexpr int no_valid_answer = 1;
 inline constexpr int wrong_call = 2;
 inline constexpr int unusable_data = 3;
 inline constexpr int not_stored = 4;
-inline constexpr int interrupted = 130;
+inline constexpr int ended_by_signal = 130;
 
 /// An invalid command line; the message gives the reason and the word. Exit code 2.
 class CommandLineError : public std::invalid_argument {

@@ -21,7 +21,7 @@ namespace {
 
 /// Whether a run with this exit code has stored a result; otherwise that in the folder is of another job.
 bool was_run(int exit_code) {
-    return exit_code == success || exit_code == no_valid_answer || exit_code == interrupted;
+    return exit_code == success || exit_code == no_valid_answer || exit_code == ended_by_signal;
 }
 
 std::vector<JobProblem> problems_of(const JobReading& reading, const std::filesystem::path& source) {

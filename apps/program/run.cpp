@@ -77,7 +77,7 @@ bool is_section_search(const Job& job) {
 int exit_code(const estimator::Estimate& estimate) {
     if (estimate.status == estimator::EstimateStatus::converged)
         return too_few_used(estimate.counts) ? no_valid_answer : success;
-    return estimate.status == estimator::EstimateStatus::interrupted ? interrupted : no_valid_answer;
+    return estimate.status == estimator::EstimateStatus::interrupted ? ended_by_signal : no_valid_answer;
 }
 
 /// result.json of a run that is left before its estimate.
@@ -141,7 +141,7 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
         const auto& sample = outcome.context.posterior.sample;
         if (sample && sample->status == estimator::SampleStatus::failed) code = std::max(code, no_valid_answer);
     } else if (work.interruption.asked()) {
-        code = interrupted;
+        code = ended_by_signal;
     }
     return code;
 }
@@ -178,7 +178,7 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
     RunStop stop(interruption);
     const Workspace work{job, options, document, progress, interruption, folder, stop};
     job.model.system = job.model.system->with_stop(work.asking());
-    int code = interrupted;
+    int code = ended_by_signal;
     try {
         code = with_thread_limit(options.threads, console,
                                  [&] { return run_stages(work, console, is_coloured(color, console.out_terminal)); });
@@ -186,7 +186,7 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
         if (!stop.result().empty()) folder.store("result.json", stop.result());
         progress.end("interrupted");
         store_times(folder, progress, options);
-        return interrupted;
+        return ended_by_signal;
     }
     store_times(folder, progress, options);
     // Results are stored; of a long record the report takes seconds, and is left out when somebody waits for the end.
@@ -195,7 +195,7 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
         store_report(folder, console.error, [&report_stop] { return report_stop.now(); });
     } catch (const models::Stopped&) {
         console.error << "report.html: left out, since the run was stopped; orbid report makes it\n";
-        return interrupted;
+        return ended_by_signal;
     }
     return code;
 }

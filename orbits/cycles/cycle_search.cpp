@@ -5,6 +5,8 @@
 #include <memory>
 #include <stdexcept>
 
+#include <fmt/format.h>
+
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/local_maps/manifold_map.hpp"
@@ -126,6 +128,15 @@ std::string symbolic_code(const Partition& partition, const Eigen::MatrixXd& poi
     return code;
 }
 
+/// @param tried  starts of this period
+std::string why_missing(int period, std::size_t tried) {
+    if (tried == 0)
+        return fmt::format("no cycle of period {}: the record nowhere comes back near itself after {} section{}",
+                           period, period, period == 1 ? "" : "s");
+    return fmt::format("no cycle of period {}: of {} near return{} none closed on a cycle", period, tried,
+                       tried == 1 ? "" : "s");
+}
+
 }  // namespace
 
 void check_search(const CycleSearchOptions& options, Eigen::Index dimension) {
@@ -171,8 +182,13 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
     std::sort(periods.begin(), periods.end());
     periods.erase(std::unique(periods.begin(), periods.end()), periods.end());
     for (const int period : periods) {
+        const std::size_t tried = result.candidates, remarks = result.remarks.size();
         std::vector<CycleCandidate> drafts = finder->find(period, result);
-        if (drafts.empty()) result.missing.push_back(period);
+        if (drafts.empty()) {
+            result.missing.push_back(period);
+            if (result.remarks.size() == remarks)
+                result.remarks.push_back(why_missing(period, result.candidates - tried));
+        }
         for (CycleCandidate& draft : drafts) {
             if (timing && std::isnan(draft.time)) time_cycle(section, *timing, draft);
             const double sd = draft.largest_sd();
