@@ -21,14 +21,20 @@ Fingerprint cycles_fingerprint(const Workspace& work) {
     const std::string data = work.document.contains("data") && work.document["data"].is_array()
                                  ? fmt::format("/data/{}", orbits.data)
                                  : "/data";
-    return stage_fingerprint(
-        work.document, {"/model", "/seed", "/section", "/flow", data + "/simulate", data + "/file", data + "/sha256",
-                        data + "/columns", data + "/missing", data + "/sensor", data + "/parameters", "/orbits"});
+    return stage_fingerprint(work.document, {"/model", "/seed", "/section", "/flow", data + "/simulate", data + "/file",
+                                             data + "/files", data + "/sha256", data + "/columns", data + "/missing",
+                                             data + "/step", data + "/window", data + "/rows", data + "/every",
+                                             data + "/spacing", data + "/sensor", data + "/parameters", "/orbits"});
 }
 
+/// With the reason, where the search has noted it among its remarks.
 void say_missing(const Workspace& work, const orbits::CycleSearch& search) {
-    for (const int period : search.missing)
-        work.progress.say(fmt::format("no cycle of period {} was found", period));
+    for (const int period : search.missing) {
+        const std::string plain = fmt::format("no cycle of period {} was found", period);
+        const auto reason = std::find_if(search.remarks.begin(), search.remarks.end(),
+                                         [&](const std::string& remark) { return remark.starts_with(plain + ":"); });
+        work.progress.say(reason != search.remarks.end() ? *reason : plain);
+    }
 }
 
 /// Periods asked for of which a list from a file has none.
@@ -109,7 +115,7 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
     work.progress.end(fmt::format("{} cycles from {} candidates", search.cycles.size(), search.candidates));
     say_missing(work, search);
     for (const std::string& remark : search.remarks)
-        work.progress.say(remark);
+        if (!remark.starts_with("no cycle of period ")) work.progress.say(remark);
     return search;
 }
 

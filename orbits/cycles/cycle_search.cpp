@@ -131,9 +131,10 @@ std::string symbolic_code(const Partition& partition, const Eigen::MatrixXd& poi
 /// @param tried  starts of this period
 std::string why_missing(int period, std::size_t tried) {
     if (tried == 0)
-        return fmt::format("no cycle of period {}: the record nowhere comes back near itself after {} section{}",
-                           period, period, period == 1 ? "" : "s");
-    return fmt::format("no cycle of period {}: of {} near return{} none closed on a cycle", period, tried,
+        return fmt::format(
+            "no cycle of period {} was found: the record nowhere comes back near itself after {} section{}", period,
+            period, period == 1 ? "" : "s");
+    return fmt::format("no cycle of period {} was found: of {} near return{} none closed on a cycle", period, tried,
                        tried == 1 ? "" : "s");
 }
 

@@ -168,6 +168,26 @@ TEST_CASE("several files by a pattern are segments of one record", "[apps][job][
     CHECK_THAT(missing.error, tests::ContainsSubstring("/data/files: no file matches"));
 }
 
+TEST_CASE("cycles of another part of the record are searched anew", "[apps][job][run]") {
+    const tests::TemporaryFolder folder;
+    const json simulated = json::parse(R"({ "model": { "name": "henon" },
+      "data": { "simulate": { "sections": 4000, "initial": [[0.1, 0.1]] } }, "output": { "series": "csv" } })");
+    std::filesystem::copy_file(run(folder.path(), "simulated", simulated) / "series.csv", folder.path() / "run.csv");
+    const auto cycles = [&](const json& part) {
+        json job = json::parse(R"({ "model": { "name": "henon" }, "orbits": { "periods": [1, 2] },
+          "data": { "file": "run.csv", "kind": "section", "columns": { "x": "x", "y": "y" } } })");
+        job["data"].update(part);
+        const auto outcome = orbid_with(
+            {"run", tests::write_job(folder.path() / "job.json", job), "--out", folder.path() / "out", "--force"});
+        CAPTURE(outcome.error);
+        REQUIRE(outcome.code == 0);
+        return tests::read_json(folder.path() / "out" / "cycles.json")["cycles"][0]["recurrences"].get<int>();
+    };
+    const int all = cycles(json::object());
+    CHECK(cycles({{"rows", {1, 2000}}}) < all);
+    CHECK(cycles(json::object()) == all);
+}
+
 TEST_CASE("a prediction reads all of a record, and as many samples as the fit", "[apps][job][predict]") {
     const tests::TemporaryFolder folder;
     write_record(folder.path());

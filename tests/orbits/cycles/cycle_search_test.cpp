@@ -282,6 +282,9 @@ TEST_CASE("a shuffled series has no cycles", "[orbits][cycles]") {
         CHECK(search.cycles.empty());
         CHECK(search.missing == options.periods);
         CHECK(search.candidates > 100);  // there were recurrences enough to be fooled by
+        REQUIRE(search.remarks.size() == options.periods.size());
+        CHECK_THAT(search.remarks[0], tests::ContainsSubstring("no cycle of period 1 was found: of ") &&
+                                          tests::ContainsSubstring(" near returns none closed on a cycle"));
         CHECK(search.rejected == search.candidates);
     }
 }
